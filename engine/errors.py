@@ -1,0 +1,56 @@
+"""What can be wrong with a system document, said with the place where it is wrong.
+
+::
+
+    EngineError
+    ├── DiagramError      a block, port, connection, parameter or size
+    ├── ExpressionError   a parameter expression
+    ├── SignalError       a command signal
+    └── IllPosedError     an algebraic loop without a solution
+"""
+
+from __future__ import annotations
+
+Path = tuple[str | int, ...]
+
+
+class EngineError(Exception):
+    """A document that the engine refuses.
+
+    Parameters
+    ----------
+    message : str
+        ``<name> must be <rule> <unit>, got <value>``.
+    at : tuple of str or int
+        Path from the root of the document, e.g. ``("blocks", "motor", "area")``.
+    """
+
+    def __init__(self, message: str, *, at: Path = ()) -> None:
+        super().__init__(message)
+        self.message = message
+        self.at = at
+
+    def within(self, *prefix: str | int) -> EngineError:
+        """Return this error with ``prefix`` put before its path."""
+        self.at = (*prefix, *self.at)
+        return self
+
+
+class DiagramError(EngineError):
+    """A block, port, connection, parameter or size is wrong."""
+
+
+class ExpressionError(EngineError):
+    """A parameter expression cannot be read or evaluated."""
+
+
+class SignalError(EngineError):
+    """A command signal's parameters are wrong; ``at`` counts from the signal."""
+
+
+class IllPosedError(EngineError):
+    """An algebraic loop has no (unique) solution; ``ports`` names the outputs on it."""
+
+    def __init__(self, message: str, *, at: Path = (), ports: tuple[str, ...] = ()) -> None:
+        super().__init__(message, at=at)
+        self.ports = ports

@@ -1,0 +1,60 @@
+"""A linear system with internal delays, in the form that every exact response starts from.
+
+    x' = A x + B1 u + B2 w,   y = C1 x + D11 u + D12 w,   z = C2 x + D21 u + D22 w,   w_i(t) = z_i(t - delay_i)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+"""float64, or complex128 where a parameter carries an infinitesimal in its imaginary part."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearSystem:
+    """State space with delay channels (n states, m delays, named inputs and outputs).
+
+    Shapes: ``a`` (n, n), ``b1`` (n, inputs), ``b2`` (n, m), ``c1`` (outputs, n), ``c2`` (m, n), ``d11``
+    (outputs, inputs), ``d12`` (outputs, m), ``d21`` (m, inputs), ``d22`` (m, m), ``delays`` (m,) in s, all > 0, ``x0`` (n,).
+
+    References
+    ----------
+    The linear fractional form of delay systems: P. Gahinet and L. Shampine, "Software for modeling and
+    analysis of linear systems with delays", American Control Conference 2004.
+    """
+
+    a: Array
+    b1: Array
+    b2: Array
+    c1: Array
+    c2: Array
+    d11: Array
+    d12: Array
+    d21: Array
+    d22: Array
+    delays: Array
+    x0: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return int(self.a.shape[0])
+
+    @classmethod
+    def delay_free(
+        cls, a: Array, b: Array, c: Array, d: Array, *, inputs: tuple[str, ...] = ("u",), outputs: tuple[str, ...] = ("y",)
+    ) -> LinearSystem:
+        """Return x' = A x + B u, y = C x + D u as a system without delay channels, from rest."""
+        n, n_in, n_out = a.shape[0], d.shape[1], d.shape[0]
+        return cls(
+            a=a, b1=b, c1=c, d11=d,
+            b2=np.zeros((n, 0)), c2=np.zeros((0, n)), d12=np.zeros((n_out, 0)), d21=np.zeros((0, n_in)),
+            d22=np.zeros((0, 0)), delays=np.zeros(0), x0=np.zeros(n), inputs=inputs, outputs=outputs,
+        )  # fmt: skip
