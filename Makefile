@@ -1,0 +1,63 @@
+# Everything a person does here, by name. `make help` lists it.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo serve test check format proof bench openapi catalogue lock clean
+
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-10s %s\n' "$$name" "$$what"; done
+
+# The stamp is newer than what it depends on exactly when the environment is complete: a second `make` installs nothing.
+$(INSTALLED): requirements.lock pyproject.toml
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11) and "Python 3.11 or newer is needed, $(PYTHON) is " + sys.version.split()[0])'
+	@test -x $(BIN)/python || "$(PYTHON)" -m venv $(VENV) || { echo 'No virtual environment: on Debian, apt install python3.11-venv'; exit 1; }
+	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'
+	@$(BIN)/python -m pip install --quiet --require-hashes --only-binary :all: -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+setup: $(INSTALLED)  ## install everything into .venv, from locked versions
+
+demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
+	@$(BIN)/python examples/demo.py
+
+serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
+	@$(BIN)/servotune serve
+
+test: check  ## every check and every test
+	@$(BIN)/pytest -q
+
+check: setup  ## format, lint, types and import contracts
+	@$(BIN)/ruff format --check --quiet .
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/mypy --no-error-summary
+	@$(BIN)/lint-imports --no-logo
+
+format: setup  ## let ruff put the code into form
+	@$(BIN)/ruff format --quiet .
+	@$(BIN)/ruff check --fix --quiet .
+
+proof: setup  ## the random-system properties at full size (long; the same code that `make test` runs small)
+	@$(BIN)/pytest -q tests/property tests/reference --hypothesis-profile=proof
+
+bench: setup  ## this engine beside python-control: time, ratio and accuracy
+	@$(BIN)/python -m bench.step_loop
+
+openapi: setup  ## write openapi/openapi.json from the code
+	@$(BIN)/servotune openapi > openapi/openapi.json
+
+catalogue: setup  ## write docs/catalogue/ from the code
+	@$(BIN)/python -m docs.catalogue.generate
+
+lock: setup  ## resolve the newest versions that pyproject.toml allows into requirements.lock
+	@$(BIN)/uv pip compile pyproject.toml --all-extras --python-version 3.11 --generate-hashes --upgrade --quiet \
+		--no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
+
+clean:  ## remove the environment, caches and what the demo wrote
+	@rm -rf $(VENV) dist .demo demo-report.html .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
