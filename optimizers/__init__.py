@@ -1,0 +1,1 @@
+"""How to choose parameters: problems, methods, results and their certificates, on top of the engine alone."""
