@@ -1,0 +1,287 @@
+"""Parameter expressions such as ``=kp/20``: parsed by a grammar of their own, never run as code.
+
+::
+
+    sum     = product { ("+" | "-") product }
+    product = unary { ("*" | "/") unary }
+    unary   = ("+" | "-") unary | power
+    power   = atom [ "**" unary ]                      right-associative, binds tighter than a sign on its left
+    atom    = number | name | "pi" | function "(" sum ")" | "(" sum ")"
+
+Every operation is analytic, so that an infinitesimal in the imaginary part of a parameter comes out as the exact
+derivative (complex step: Squire and Trapp, SIAM Review 40, 1998), and acts entry by entry on a batch of values.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from engine.errors import ExpressionError
+from engine.parameters import Scalar
+
+MAX_LENGTH: Final = 1000
+MAX_DEPTH: Final = 50
+
+Values = Sequence[Scalar]
+_Evaluate = Callable[[Values], Scalar]
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_.]*)|(?P<symbol>\*\*|[-+*/()]))"
+)
+
+
+class _NotAnalytic(ValueError):
+    """A function is asked for a value where it has none, or no derivative; the text says which."""
+
+
+def _positive(value: Scalar, name: str) -> Scalar:
+    if isinstance(value, np.ndarray):
+        return np.where(value.real > 0, value, np.nan)
+    if value.real <= 0:
+        raise _NotAnalytic(f"{name} needs a value > 0, got {value.real:g}")
+    return value
+
+
+def _sqrt(value: Scalar) -> Scalar:
+    if isinstance(value, np.ndarray):
+        return np.sqrt(np.where((value.real > 0) | (value == 0), value, np.nan))
+    if value == 0:
+        return value
+    if value.real < 0:
+        raise _NotAnalytic(f"sqrt needs a value >= 0, got {value.real:g}")
+    value = _positive(value, "the derivative of sqrt")
+    return cmath.sqrt(value) if isinstance(value, complex) else math.sqrt(value)
+
+
+def _log(value: Scalar) -> Scalar:
+    value = _positive(value, "log")
+    if isinstance(value, np.ndarray):
+        return np.asarray(np.log(value))
+    return cmath.log(value) if isinstance(value, complex) else math.log(value)
+
+
+def _elementary(numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]) -> Callable[[Scalar], Scalar]:
+    def apply(value: Scalar) -> Scalar:
+        if isinstance(value, np.ndarray):
+            return np.asarray(numpy(value))
+        return analytic(value) if isinstance(value, complex) else real(value)
+
+    return apply
+
+
+def _power(base: Scalar, exponent: Scalar) -> Scalar:
+    if isinstance(base, np.ndarray) or isinstance(exponent, np.ndarray):
+        base, exponent = np.asarray(base), np.asarray(exponent)
+        whole = (exponent == np.rint(exponent.real)) & ((exponent.real >= 0) | (base != 0))
+        return np.asarray(np.where(whole | (base.real > 0), base, np.nan) ** exponent)
+    whole = exponent == int(exponent.real)
+    if base.real < 0 and not whole:
+        raise _NotAnalytic(f"a negative number ({base.real:g}) has no power {exponent.real:g}")
+    if base.real == 0 and not (whole and exponent.real >= 0) and not (base == 0 and exponent.imag == 0):
+        raise _NotAnalytic(f"0 ** {exponent.real:g} has no derivative")
+    result: Scalar = base**exponent
+    return result
+
+
+FUNCTIONS: Final[Mapping[str, Callable[[Scalar], Scalar]]] = {
+    "sqrt": _sqrt,
+    "exp": _elementary(np.exp, math.exp, cmath.exp),
+    "log": _log,
+    "sin": _elementary(np.sin, math.sin, cmath.sin),
+    "cos": _elementary(np.cos, math.cos, cmath.cos),
+}
+RESERVED: Final = frozenset({*FUNCTIONS, "pi"})
+"""Names with a meaning of their own, which no parameter may have."""
+
+_OPERATORS: Final[Mapping[str, Callable[[Any, Any], Scalar]]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expression:
+    """A parsed expression; ``names`` are the parameters it needs, in the order in which `evaluate` takes their values."""
+
+    text: str
+    names: tuple[str, ...]
+    compute: _Evaluate
+
+    @property
+    def is_name(self) -> bool:
+        """Whether the expression is nothing but one parameter."""
+        return len(self.names) == 1 and self.text.lstrip("=").strip() == self.names[0]
+
+    def evaluate(self, values: Values) -> Scalar:
+        """Return the value of the expression.
+
+        Parameters
+        ----------
+        values : sequence of float, complex or ndarray (B,)
+            One value for each of ``names``. With arrays, entries without a value become NaN and nothing is raised.
+
+        Raises
+        ------
+        ExpressionError
+            If a single value does not exist or is not finite: division by zero, log(0), overflow, ...
+        """
+        try:
+            result = self.compute(values)
+        except ZeroDivisionError:
+            raise ExpressionError(f"expression '{self.text}' divides by zero") from None
+        except OverflowError:
+            raise ExpressionError(f"expression '{self.text}' must be finite, but overflows") from None
+        except _NotAnalytic as error:
+            raise ExpressionError(f"expression '{self.text}' has no value: {error}") from None
+        if not isinstance(result, np.ndarray) and not cmath.isfinite(result):
+            raise ExpressionError(f"expression '{self.text}' must be finite, got {result.real:g}")
+        return result
+
+
+def parse(text: str) -> Expression:
+    """Parse ``text``, with or without its leading ``=``.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is not an expression; the message says at which character.
+
+    Examples
+    --------
+    >>> parse("=kp/20 + sqrt(4)").evaluate([10.0])
+    2.5
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"expression must be at most {MAX_LENGTH} characters long, got {len(text)}")
+    return _Parser(text).expression()
+
+
+class _Parser:
+    """Recursive descent; what it returns are nested closures over a list of values."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._names: dict[str, int] = {}
+        self._depth = 0
+        self._position = 1 if text.startswith("=") else 0
+        self._advance()
+
+    def expression(self) -> Expression:
+        compute = self._sum()
+        if self._kind != "end":
+            raise self._error(f"unexpected '{self._token}'")
+        return Expression(text=self._text, names=tuple(self._names), compute=compute)
+
+    def _error(self, what: str) -> ExpressionError:
+        return ExpressionError(f"expression '{self._text}' cannot be read: {what} at character {self._start + 1}")
+
+    def _advance(self) -> None:
+        match = _TOKEN.match(self._text, self._position)
+        if match is not None and match.lastgroup is not None:
+            self._kind, self._token = match.lastgroup, match.group(match.lastgroup)
+            self._start, self._position = match.start(match.lastgroup), match.end()
+            return
+        rest = self._text[self._position :]
+        self._start = self._position + len(rest) - len(rest.lstrip())
+        self._kind, self._token = "end", "end of the expression"
+        if rest.strip():
+            raise self._error(f"unexpected '{rest.strip()[0]}'")
+
+    def _take(self, *symbols: str) -> str | None:
+        if self._kind == "symbol" and self._token in symbols:
+            token = self._token
+            self._advance()
+            return token
+        return None
+
+    def _sum(self) -> _Evaluate:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._error(f"nesting must be at most {MAX_DEPTH} deep")
+        left = self._chain(self._product, "+", "-")
+        self._depth -= 1
+        return left
+
+    def _product(self) -> _Evaluate:
+        return self._chain(self._unary, "*", "/")
+
+    def _chain(self, operand: Callable[[], _Evaluate], *symbols: str) -> _Evaluate:
+        # A long chain is evaluated in a loop: nested closures would recurse once for each of its terms.
+        first = operand()
+        rest: list[tuple[Callable[[Any, Any], Scalar], _Evaluate]] = []
+        while (symbol := self._take(*symbols)) is not None:
+            rest.append((_OPERATORS[symbol], operand()))
+        if not rest:
+            return first
+
+        def compute(values: Values) -> Scalar:
+            result = first(values)
+            for apply, term in rest:
+                result = apply(result, term(values))
+            return result
+
+        return compute
+
+    def _unary(self) -> _Evaluate:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._error(f"nesting must be at most {MAX_DEPTH} deep")
+        symbol = self._take("+", "-")
+        operand = self._power() if symbol is None else self._unary()
+        self._depth -= 1
+        return (lambda values: -operand(values)) if symbol == "-" else operand
+
+    def _power(self) -> _Evaluate:
+        base = self._atom()
+        if self._take("**") is None:
+            return base
+        exponent = self._unary()
+        return lambda values: _power(base(values), exponent(values))
+
+    def _atom(self) -> _Evaluate:
+        kind, token = self._kind, self._token
+        if kind == "number":
+            constant = float(token)
+            if not math.isfinite(constant):
+                raise self._error(f"{token} is too large")
+            self._advance()
+            return lambda values: constant
+        if kind == "name":
+            return self._name(token)
+        if self._take("("):
+            inner = self._sum()
+            if self._take(")") is None:
+                raise self._error(f"expected ')', got '{self._token}'")
+            return inner
+        raise self._error(f"expected a number, a name or '(', got '{token}'")
+
+    def _name(self, name: str) -> _Evaluate:
+        if name == "pi":
+            self._advance()
+            return lambda values: math.pi
+        if name in FUNCTIONS:
+            self._advance()
+            if self._take("(") is None:
+                raise self._error(f"expected '(' after {name}")
+            argument = self._sum()
+            if self._take(")") is None:
+                raise self._error(f"expected ')', got '{self._token}'")
+            function = FUNCTIONS[name]
+            return lambda values: function(argument(values))
+        start = self._start
+        self._advance()
+        if self._kind == "symbol" and self._token == "(":
+            self._start = start
+            raise self._error(f"unknown function '{name}' (known: {', '.join(FUNCTIONS)})")
+        index = self._names.setdefault(name, len(self._names))
+        return lambda values: values[index]

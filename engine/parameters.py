@@ -1,0 +1,73 @@
+"""What is known of a parameter: symbol, SI unit, default, bounds, natural scale and meaning."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Scale = Literal["linear", "log"]
+Shape = Literal["scalar", "list", "roots", "matrix", "text"]
+Scalar = float | complex | npt.NDArray[Any]
+"""One value, one value with an infinitesimal in its imaginary part, or a batch of values (B,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Param:
+    """Declaration of one parameter of an element or signal.
+
+    ``unit`` is a coherent SI unit ("" = a generic gain of any unit, "1" = a ratio). ``shape`` is "scalar", "list",
+    "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows) or "text" (one of ``choices`` where
+    these are given). A parameter without a default must be given, unless ``required`` is False: then it may be absent.
+    Only scalars have a parameter path and can be varied; entries of a list follow system parameters through expressions.
+    """
+
+    name: str
+    symbol: str
+    doc: str
+    unit: str = ""
+    default: Any = None
+    required: bool = True
+    lower: float = -math.inf
+    upper: float = math.inf
+    lower_open: bool = False
+    scale: Scale = "linear"
+    shape: Shape = "scalar"
+    choices: tuple[str, ...] = ()
+
+    def admits(self, value: Scalar) -> npt.NDArray[np.bool_]:
+        """Tell for every entry of ``value`` whether its real part is finite and within the bounds."""
+        real = np.real(value)
+        above = real > self.lower if self.lower_open else real >= self.lower
+        return np.isfinite(real) & above & (real <= self.upper)
+
+    def rule(self) -> str:
+        """Return the bounds as words, e.g. ``> 0 m**2``."""
+        parts = []
+        if math.isfinite(self.lower):
+            parts.append(f"{'>' if self.lower_open else '>='} {self.lower:g}")
+        if math.isfinite(self.upper):
+            parts.append(f"<= {self.upper:g}")
+        unit = self.unit if self.unit not in ("", "1") else ""
+        return " ".join(["finite" if not parts else " and ".join(parts), unit]).strip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterInfo:
+    """One addressable scalar of a diagram.
+
+    ``value`` is in SI; ``bound`` is True where an expression gives the value, so that it cannot be varied itself.
+    """
+
+    path: str
+    value: float
+    unit: str
+    lower: float
+    upper: float
+    scale: Scale
+    doc: str
+    bound: bool
+    lower_open: bool = False
