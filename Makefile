@@ -17,8 +17,8 @@ $(INSTALLED): requirements.lock pyproject.toml
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11) and "Python 3.11 or newer is needed, $(PYTHON) is " + sys.version.split()[0])'
 	@test -x $(BIN)/python || "$(PYTHON)" -m venv $(VENV) || { echo 'No virtual environment: on Debian, apt install python3.11-venv'; exit 1; }
 	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'
-	@$(BIN)/python -m pip install --quiet --require-hashes --only-binary :all: -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip install -qq --require-hashes --only-binary :all: -r requirements.lock
+	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
 	@touch $@
 
 setup: $(INSTALLED)  ## install everything into .venv, from locked versions

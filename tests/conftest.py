@@ -1,0 +1,25 @@
+"""The directory of a test decides its marker; hypothesis runs the same examples everywhere but in `make proof`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+TIERS = ("unit", "property", "reference", "contract", "integration")
+
+_quiet = [HealthCheck.too_slow, HealthCheck.filter_too_much]
+settings.register_profile("share", max_examples=25, deadline=None, derandomize=True, suppress_health_check=_quiet)
+settings.register_profile("proof", max_examples=2000, deadline=None, suppress_health_check=_quiet)
+settings.load_profile("share")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark every test by the first directory below tests/."""
+    root = Path(__file__).parent
+    for item in items:
+        tier = item.path.relative_to(root).parts[0]
+        if tier not in TIERS:
+            raise pytest.UsageError(f"{item.path} must be in one of {', '.join(TIERS)} below tests/, got {tier}")
+        item.add_marker(tier)
