@@ -1,0 +1,61 @@
+"""Servotune for scripts: connect to a service, then simulate, identify, validate and optimise servo drives through it.
+
+Examples
+--------
+::
+
+    import servotune
+
+    client = servotune.connect("http://127.0.0.1:8000", key="...")
+    reply = client.simulate(document, input={"port": "reference", "signal": {"kind": "step"}})
+    print(reply["variants"][0]["metrics"]["position"]["overshoot"])
+"""
+
+from __future__ import annotations
+
+from servotune.client import Client, connect
+from servotune.errors import (
+    ApiError,
+    ConflictError,
+    FieldError,
+    ForbiddenError,
+    InvalidRequestError,
+    JobCancelledError,
+    JobFailedError,
+    NotFoundError,
+    PreconditionFailedError,
+    ServerError,
+    ServiceUnreachableError,
+    ServotuneError,
+    TooLargeError,
+    TooManyRequestsError,
+    UnauthorizedError,
+    UnexpectedReplyError,
+    WaitTimeoutError,
+)
+from servotune.jobs import Job
+from servotune.progress import ProgressBar
+
+__all__ = [
+    "ApiError",
+    "Client",
+    "ConflictError",
+    "FieldError",
+    "ForbiddenError",
+    "InvalidRequestError",
+    "Job",
+    "JobCancelledError",
+    "JobFailedError",
+    "NotFoundError",
+    "PreconditionFailedError",
+    "ProgressBar",
+    "ServerError",
+    "ServiceUnreachableError",
+    "ServotuneError",
+    "TooLargeError",
+    "TooManyRequestsError",
+    "UnauthorizedError",
+    "UnexpectedReplyError",
+    "WaitTimeoutError",
+    "connect",
+]

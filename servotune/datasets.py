@@ -1,0 +1,140 @@
+"""Measured data: sent in segments that the service verifies one by one, so that a broken upload goes on where it stopped."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from servotune.errors import ConflictError
+from servotune.jobs import Job
+from servotune.progress import Observer
+from servotune.transport import Transport
+
+if TYPE_CHECKING:
+    from servotune.replies import ChannelData, Dataset
+
+SEGMENT_BYTES = 8 * 1024 * 1024
+"""Largest segment that the service takes."""
+
+_FLOAT64_BYTES = 8
+_COMMIT_ROUNDS = 3
+
+
+class Datasets:
+    """Recordings kept by the service."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+
+    def create(self, document: Mapping[str, Any]) -> Dataset:
+        """Announce a recording (name, format, channels or import description) and return it, still empty."""
+        return cast("Dataset", self._transport.post("/v1/datasets", document, creates=True))
+
+    def send(self, dataset: str, content: Path | bytes, *, progress: Observer | None = None) -> Dataset:
+        """Send the content of a dataset: only what the service does not have yet, then commit it and wait until it is read.
+
+        Call it again after a failure, even from another process: the segments that have arrived are not sent twice.
+
+        Parameters
+        ----------
+        dataset : str
+            Id of the dataset, from `create`.
+        content : pathlib.Path or bytes
+            The file; or raw samples, little-endian float64, all channels of a sample together.
+        progress : callable, optional
+            Told the fraction sent and a message.
+
+        Raises
+        ------
+        JobFailedError
+            The file could not be read as its import description says.
+        """
+        segment_bytes = _segment_bytes(self.get(dataset))
+        digests, whole = list[str](), hashlib.sha256()
+        for piece in _pieces(content, segment_bytes):
+            digests.append(hashlib.sha256(piece).hexdigest())
+            whole.update(piece)
+        manifest = {"segments": digests, "sha256": whole.hexdigest()}
+        for round_ in range(1, _COMMIT_ROUNDS + 1):
+            self._send_missing(dataset, content, digests, segment_bytes, progress)
+            try:
+                response = self._transport.send("POST", f"/v1/datasets/{dataset}/commit", json=manifest)
+            except ConflictError:
+                # The service lacks a segment that it had: sent again in the next round.
+                if round_ == _COMMIT_ROUNDS:
+                    raise
+                continue
+            if response.status_code == 202:
+                Job[Any](self._transport, self._transport.body(response)).wait(progress=False)
+            break
+        return self.get(dataset)
+
+    def upload(
+        self, document: Mapping[str, Any], content: Path | bytes, *, progress: Observer | None = None
+    ) -> Dataset:
+        """Create a dataset and send its content."""
+        return self.send(self.create(document)["id"], content, progress=progress)
+
+    def get(self, dataset: str) -> Dataset:
+        """Return what is known about a dataset."""
+        return cast("Dataset", self._transport.get(f"/v1/datasets/{dataset}"))
+
+    def list(self) -> Iterator[Dataset]:
+        """Yield the datasets of the service."""
+        return self._transport.items("/v1/datasets")
+
+    def delete(self, dataset: str) -> None:
+        """Delete a dataset with its samples."""
+        self._transport.send("DELETE", f"/v1/datasets/{dataset}", headers={"If-Match": "*"})
+
+    def channel(
+        self,
+        dataset: str,
+        name: str,
+        *,
+        start: float | None = None,
+        end: float | None = None,
+        points: int | None = None,
+    ) -> ChannelData:
+        """Return a channel's physical values between two times (s), thinned out for plots when `points` are fewer."""
+        asked = {"start": start, "end": end, "points": points}
+        params = {key: value for key, value in asked.items() if value is not None}
+        return cast("ChannelData", self._transport.get(f"/v1/datasets/{dataset}/channels/{name}", params=params))
+
+    def original(self, dataset: str) -> bytes:
+        """Return the bytes as they were sent."""
+        return self._transport.send("GET", f"/v1/datasets/{dataset}/original").content
+
+    def _send_missing(
+        self, dataset: str, content: Path | bytes, digests: Sequence[str], segment_bytes: int, progress: Observer | None
+    ) -> None:
+        path = f"/v1/datasets/{dataset}/segments"
+        present = {segment["sha256"] for segment in self._transport.items(path)}
+        for number, piece in enumerate(_pieces(content, segment_bytes)):
+            digest = digests[number]
+            if digest not in present:
+                headers = {"Content-Type": "application/octet-stream"}
+                self._transport.send("PUT", f"{path}/{digest}", content=piece, headers=headers)
+                present.add(digest)
+            if progress is not None:
+                progress((number + 1) / len(digests), f"segment {number + 1} of {len(digests)}")
+
+
+def _segment_bytes(dataset: Dataset) -> int:
+    """Return the largest segment that holds whole samples; a file may be cut anywhere."""
+    if dataset.get("format") != "raw":
+        return SEGMENT_BYTES
+    sample = _FLOAT64_BYTES * len(dataset.get("channels", ())) or _FLOAT64_BYTES
+    return SEGMENT_BYTES // sample * sample
+
+
+def _pieces(content: Path | bytes, size: int) -> Iterator[bytes]:
+    if isinstance(content, Path):
+        with content.open("rb") as file:
+            while piece := file.read(size):
+                yield piece
+    else:
+        for start in range(0, len(content), size):
+            yield content[start : start + size]

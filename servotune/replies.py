@@ -1,0 +1,306 @@
+"""The service's replies, typed: what `client` returns are plain dictionaries with these keys, SI units throughout."""
+
+from __future__ import annotations
+
+from typing import Any, NotRequired, Required, TypedDict
+
+
+class Metric(TypedDict):
+    """One measured quantity; `value` is None where the verdict says that there is none."""
+
+    value: float | None
+    unit: str
+    verdict: str
+    advice: NotRequired[str | None]
+    at: NotRequired[float | None]
+
+
+class Warned(TypedDict):
+    """One warning and the place of the document that it is about."""
+
+    pointer: str
+    detail: str
+
+
+class Stored(TypedDict):
+    """A stored system document and which revision it is."""
+
+    id: str
+    revision: int
+    created_at: str
+    document: dict[str, Any]
+
+
+class CatalogItem(TypedDict, total=False):
+    """One entry of the catalogue."""
+
+    kind: Required[str]
+    title: Required[str]
+    inputs: list[str]
+    outputs: list[str]
+    parameters: list[dict[str, Any]]
+    equation: str
+    definition: str
+    unit: str
+    source: str
+
+
+class SimulationVariant(TypedDict):
+    """The responses of one set of parameter values."""
+
+    parameters: dict[str, float]
+    verdict: str
+    time: list[float]
+    outputs: dict[str, list[float]]
+    metrics: dict[str, dict[str, Metric]]
+
+
+class Simulation(TypedDict):
+    """Responses to a command."""
+
+    variants: list[SimulationVariant]
+    warnings: NotRequired[list[Warned]]
+
+
+class Crossing(TypedDict):
+    """One crossing of the open loop and the margin there."""
+
+    frequency: float
+    value: float
+
+
+class Margins(TypedDict):
+    """Every crossing of the open loop."""
+
+    gain: list[Crossing]
+    phase: list[Crossing]
+    delay: list[Crossing]
+
+
+class Root(TypedDict):
+    """A complex number (rad/s)."""
+
+    real: float
+    imag: float
+
+
+class FrequencyVariant(TypedDict):
+    """The frequency response of one set of parameter values (rad/s, rad)."""
+
+    parameters: dict[str, float]
+    verdict: str
+    frequency: list[float]
+    magnitude: list[float]
+    phase: list[float]
+    real: list[float]
+    imag: list[float]
+    metrics: dict[str, Metric]
+    margins: NotRequired[Margins | None]
+    poles: list[Root]
+
+
+class FrequencyResponse(TypedDict):
+    """Frequency responses."""
+
+    variants: list[FrequencyVariant]
+    warnings: NotRequired[list[Warned]]
+
+
+class Elasticity(TypedDict):
+    """Relative change of a metric per relative change of a parameter, in the limit."""
+
+    value: float | None
+    one_sided: bool
+    verdict: str
+
+
+class Coefficient(TypedDict):
+    """Influence coefficient of eq. (4) at a finite relative change."""
+
+    value: float | None
+    change: float
+    initial: float | None
+    final: float | None
+    verdict: str
+
+
+class Strongest(TypedDict):
+    """The largest elasticity of each row and column."""
+
+    by_parameter: dict[str, str]
+    by_metric: dict[str, str]
+
+
+class Influence(TypedDict):
+    """How strongly parameters move metrics; `elasticities[metric][parameter]`."""
+
+    base: dict[str, Metric]
+    elasticities: dict[str, dict[str, Elasticity]]
+    coefficients: dict[str, dict[str, Coefficient]]
+    strongest: Strongest
+    warnings: NotRequired[list[Warned]]
+
+
+class Fit(TypedDict):
+    """How well simulated values follow measured ones (%)."""
+
+    fit_percent: float
+    relative_error_percent: float
+    vaf_percent: float
+    nrmse_percent: float
+
+
+class Estimate(TypedDict):
+    """An estimated parameter with its 95 % confidence interval."""
+
+    value: float
+    unit: str
+    lower95: float | None
+    upper95: float | None
+    start: float | None
+
+
+class FitReport(TypedDict):
+    """Fits on the part that estimated and on the part that did not, beside trivial models."""
+
+    estimation: dict[str, Fit]
+    validation: dict[str, Fit]
+    baselines: dict[str, Any]
+
+
+class Identification(TypedDict):
+    """The result of an identification."""
+
+    parameters: dict[str, Estimate]
+    offsets: dict[str, Any]
+    correlations: list[list[float]]
+    indistinguishable: list[str]
+    fit: FitReport
+    residuals: dict[str, Any]
+    status: str
+    advice: str
+
+
+class MeasuredCurves(TypedDict):
+    """Measured and simulated values over time (s)."""
+
+    time: list[float]
+    measured: list[float]
+    simulated: list[float]
+
+
+class OutputValidation(Fit):
+    """How one output compares with its recording."""
+
+    worst_interval: list[float]
+    baselines: dict[str, Any]
+    curves: MeasuredCurves
+
+
+class Validation(TypedDict):
+    """Measured against simulated, and the verdict."""
+
+    outputs: dict[str, OutputValidation]
+    verdict: str
+
+
+class GoalResult(TypedDict):
+    """A goal before and after an optimisation."""
+
+    metric: str
+    experiment: NotRequired[str | None]
+    output: NotRequired[str | None]
+    before: Metric
+    after: Metric
+    met: bool
+    active: bool
+    multiplier: float | None
+
+
+class CertifiedGoal(TypedDict):
+    """A goal at the optimum, computed exactly."""
+
+    goal: int
+    value: float | None
+    violation: float | None
+    scenario: int
+    at: dict[str, float] | None
+
+
+class Certificate(TypedDict):
+    """The optimum, computed again by the exact engine."""
+
+    valid: bool
+    worst_violation: float | None
+    goals: list[CertifiedGoal]
+
+
+class Evaluated(TypedDict):
+    """One point of the convergence history."""
+
+    evaluation: int
+    objective: float | None
+    violation: float | None
+
+
+class Map(TypedDict):
+    """Objective and violation over a grid, row-major with the first variable slowest."""
+
+    axes: dict[str, list[float]]
+    objective: list[float | None]
+    violation: list[float | None]
+
+
+class Optimization(TypedDict):
+    """The result of an optimisation."""
+
+    status: str
+    advice: str
+    best: dict[str, float]
+    goals: list[GoalResult]
+    certificate: Certificate
+    curves: dict[str, Any]
+    elasticities: dict[str, Any]
+    history: list[Evaluated]
+    evaluations: int
+    seconds: float
+    map: NotRequired[Map | None]
+    front: NotRequired[list[Any] | None]
+    system: dict[str, Any]
+
+
+class Dataset(TypedDict, total=False):
+    """A recording."""
+
+    id: Required[str]
+    status: Required[str]
+    name: str
+    format: str
+    channels: list[dict[str, Any]]
+    sample_rate: float
+    samples: int
+
+
+class ChannelData(TypedDict, total=False):
+    """Samples of a channel; with fewer `points` than samples, the smallest and largest value of each piece instead."""
+
+    unit: Required[str]
+    time: Required[list[float]]
+    values: list[float]
+    min: list[float]
+    max: list[float]
+
+
+class JobState(TypedDict):
+    """What the service knows about a job."""
+
+    id: str
+    kind: str
+    status: str
+    progress: float
+    message: NotRequired[str | None]
+    created_at: NotRequired[str | None]
+    started_at: NotRequired[str | None]
+    finished_at: NotRequired[str | None]
+    result: NotRequired[str | None]
+    error: NotRequired[dict[str, Any] | None]
