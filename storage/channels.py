@@ -1,0 +1,203 @@
+"""Samples of recorded channels, and a pyramid of minima and maxima that makes a plot of any length cheap.
+
+Level 0 holds the samples x[i]; level k >= 1 holds for each cell c the extremes over 16**k samples::
+
+    low_k[c] = min x[i],  high_k[c] = max x[i],   c 16**k <= i < (c+1) 16**k
+
+A level exists when the one below has at least 16 cells. Missing samples (NaN) are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from storage.blobs import get_bytes, put_bytes
+from storage.models import ChannelBlock
+
+#: Cells of one level that are joined to one cell of the next.
+FACTOR = 16
+#: Cells in one block, the unit of reading.
+BLOCK = 32768
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Envelope:
+    """The extremes of consecutive stretches of a channel; ``index`` (n,) is the first sample of each."""
+
+    index: NDArray[np.int64]
+    minimum: Float
+    maximum: Float
+
+
+def write_channels(session: Session, dataset_id: str, blocks: Iterable[Float], *, channel_count: int) -> int:
+    """Keep the samples of all channels, in place of any that were there, and return how many each channel has.
+
+    Parameters
+    ----------
+    blocks : iterable of array (n, channel_count)
+        The recording, piece after piece.
+
+    Raises
+    ------
+    ValueError
+        When a piece has another number of columns.
+    """
+    session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == dataset_id))
+    writers = [_Writer(session, dataset_id, channel) for channel in range(channel_count)]
+    count = 0
+    for block in blocks:
+        if block.ndim != 2 or block.shape[1] != channel_count:
+            raise ValueError(f"a block of samples must be (n, {channel_count}), got {block.shape}")
+        for writer, column in zip(writers, np.asarray(block, dtype=np.float64).T, strict=True):
+            writer.add(0, np.ascontiguousarray(column)[np.newaxis])
+        count += len(block)
+    for writer in writers:
+        writer.close()
+    session.flush()
+    return count
+
+
+class _Writer:
+    """Cuts one channel into blocks, level by level, while it streams in."""
+
+    def __init__(self, session: Session, dataset_id: str, channel: int) -> None:
+        self._session = session
+        self._dataset_id = dataset_id
+        self._channel = channel
+        self._blocks: list[Float] = []  # of each level, the cells that do not fill a block yet
+        self._cells: list[Float] = []  # of each level, the cells that do not fill one of the next level yet
+        self._numbers: list[int] = []
+
+    def add(self, level: int, cells: Float) -> None:
+        """Append cells (1, n) of samples or (2, n) of extremes to a level."""
+        if level == len(self._blocks):
+            self._blocks.append(cells[:, :0])
+            self._cells.append(cells[:, :0])
+            self._numbers.append(0)
+        pending = np.concatenate([self._blocks[level], cells], axis=1)
+        while pending.shape[1] >= BLOCK:
+            self._put(level, pending[:, :BLOCK])
+            pending = pending[:, BLOCK:]
+        self._blocks[level] = pending
+        cells = np.concatenate([self._cells[level], cells], axis=1)
+        whole = cells.shape[1] // FACTOR * FACTOR
+        self._cells[level] = cells[:, whole:]
+        if whole:
+            self.add(level + 1, _extremes(cells[:, :whole].reshape(len(cells), -1, FACTOR)))
+
+    def close(self) -> None:
+        """Write the blocks and cells that are not full."""
+        level = 0
+        while level < len(self._blocks):
+            if level + 1 < len(self._blocks) and self._cells[level].shape[1]:
+                self.add(level + 1, _extremes(self._cells[level][:, np.newaxis]))
+            if self._blocks[level].shape[1]:
+                self._put(level, self._blocks[level])
+            level += 1
+
+    def _put(self, level: int, cells: Float) -> None:
+        sha256 = put_bytes(self._session, cells.tobytes(), itemsize=8)
+        self._session.add(
+            ChannelBlock(
+                dataset_id=self._dataset_id,
+                channel=self._channel,
+                level=level,
+                number=self._numbers[level],
+                sha256=sha256,
+            )
+        )
+        self._numbers[level] += 1
+
+
+class ChannelReader:
+    """Reads one channel of ``count`` samples, fetching no more blocks than it needs."""
+
+    def __init__(self, session: Session, dataset_id: str, channel: int, *, count: int) -> None:
+        self._session = session
+        self._dataset_id = dataset_id
+        self._channel = channel
+        self._count = count
+
+    def samples(self, start: int, stop: int) -> Float:
+        """Return the samples start <= i < stop as recorded, shape (stop - start,)."""
+        self._check(start, stop)
+        return self._read(0, start, stop)[0]
+
+    def envelope(self, start: int, stop: int, *, points: int) -> Envelope:
+        """Return the extremes of at most ``points`` (>= 2) stretches that cover start <= i < stop.
+
+        Stretches begin at multiples of their length, so that they stay where they are while a plot is moved.
+        """
+        self._check(start, stop)
+        if points < 2:
+            raise ValueError(f"points must be >= 2, got {points}")
+        width = max(1, -(-(stop - start) // (points - 1)))
+        level = self._level_for(width)
+        cell = FACTOR**level
+        width = -(-width // cell) * cell
+        edges = np.arange(start // width, -(-stop // width) + 1) * width
+        edges = np.clip(edges, start, stop)
+        extremes = np.empty((2, len(edges) - 1))
+        whole = slice(int(edges[0] % width != 0), len(edges) - 1 - int(edges[-1] % width != 0))
+        if whole.start < whole.stop:
+            cells = self._read(level, int(edges[whole.start]) // cell, int(edges[whole.stop]) // cell)
+            extremes[:, whole] = _extremes(cells.reshape(len(cells), -1, width // cell))
+        for partial in {*range(whole.start), *range(max(whole.stop, 0), len(edges) - 1)}:
+            extremes[:, partial] = self._extremes_of(level, int(edges[partial]), int(edges[partial + 1]))
+        return Envelope(index=edges[:-1], minimum=extremes[0], maximum=extremes[1])
+
+    def _extremes_of(self, level: int, start: int, stop: int) -> Float:
+        """Return (low, high) over start <= i < stop: whole cells of this level, and of lower ones for the ends."""
+        cell = FACTOR**level
+        first, last = -(-start // cell), stop // cell
+        if level == 0 or first >= last:
+            return self._extremes_of(level - 1, start, stop) if level else _extremes(self._read(0, start, stop))
+        parts = [_extremes(self._read(level, first, last))]
+        if start < first * cell:
+            parts.append(self._extremes_of(level - 1, start, first * cell))
+        if last * cell < stop:
+            parts.append(self._extremes_of(level - 1, last * cell, stop))
+        low, high = np.stack(parts, axis=1)
+        return np.array([np.fmin.reduce(low), np.fmax.reduce(high)])
+
+    def _level_for(self, width: int) -> int:
+        """Return the highest level that exists and whose cells are not longer than ``width`` samples."""
+        level, cells = 0, self._count
+        while cells >= FACTOR and FACTOR ** (level + 1) <= width:
+            level, cells = level + 1, -(-cells // FACTOR)
+        return level
+
+    def _read(self, level: int, first: int, last: int) -> Float:
+        """Return the cells first <= c < last of a level, (1, n) samples or (2, n) extremes."""
+        rows = 2 if level else 1
+        if first == last:
+            return np.empty((rows, 0))
+        wanted = select(ChannelBlock.sha256).where(
+            ChannelBlock.dataset_id == self._dataset_id,
+            ChannelBlock.channel == self._channel,
+            ChannelBlock.level == level,
+            ChannelBlock.number.between(first // BLOCK, (last - 1) // BLOCK),
+        )
+        blocks = [
+            np.frombuffer(get_bytes(self._session, sha256), dtype=np.float64).reshape(rows, -1)
+            for sha256 in self._session.scalars(wanted.order_by(ChannelBlock.number)).all()
+        ]
+        offset = first // BLOCK * BLOCK
+        return np.concatenate(blocks, axis=1)[:, first - offset : last - offset]
+
+    def _check(self, start: int, stop: int) -> None:
+        if not 0 <= start <= stop <= self._count:
+            raise ValueError(f"start and stop must be in order within 0 ... {self._count}, got {start}, {stop}")
+
+
+def _extremes(cells: Float) -> Float:
+    """Return the lows and highs (2, ...) over the last axis; the first axis holds values, or lows and highs."""
+    return np.stack([np.fmin.reduce(cells[0], axis=-1), np.fmax.reduce(cells[-1], axis=-1)])

@@ -1,0 +1,97 @@
+"""What can go wrong with remembered things, said in the caller's words.
+
+::
+
+    StorageError
+    ├── NotFoundError             no such thing in this workspace
+    ├── RevisionConflictError     somebody else changed it first
+    ├── StateError                the thing is not in a state that allows this
+    ├── ChecksumError             bytes that are not what they claim to be
+    ├── MissingSegmentsError      a manifest that names segments never received
+    ├── InvalidCursorError        a page cursor that this list did not hand out
+    ├── DatabaseUrlError          a database this package cannot work with
+    └── IdempotencyError          a key used for another request, or one still running
+        ├── IdempotencyMismatchError
+        └── IdempotencyRunningError
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+
+#: What the driver raises when the database cannot be reached, is full, locked or read-only.
+UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError)
+
+
+class StorageError(Exception):
+    """A request that the storage refuses; ``message`` is a sentence for the user."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
+
+
+class NotFoundError(StorageError):
+    """There is no such thing in this workspace (or it has been deleted)."""
+
+    def __init__(self, kind: str, identifier: str) -> None:
+        super().__init__(f"{kind} {identifier!r} does not exist")
+        self.kind = kind
+        self.identifier = identifier
+
+
+class RevisionConflictError(StorageError):
+    """The document has changed since the revision that the caller knows."""
+
+    def __init__(self, identifier: str, *, expected: int, actual: int) -> None:
+        super().__init__(f"revision of {identifier!r} must be {actual}, got {expected}")
+        self.identifier = identifier
+        self.expected = expected
+        self.actual = actual
+
+
+class StateError(StorageError):
+    """The thing is in a state that does not allow this."""
+
+
+class ChecksumError(StorageError):
+    """Bytes whose SHA-256 is not the one that was promised."""
+
+    def __init__(self, what: str, *, expected: str, actual: str) -> None:
+        super().__init__(f"sha256 of {what} must be {expected}, got {actual}")
+        self.expected = expected
+        self.actual = actual
+
+
+class MissingSegmentsError(StorageError):
+    """A manifest names segments that have not been received."""
+
+    def __init__(self, dataset: str, missing: Sequence[str]) -> None:
+        super().__init__(f"dataset {dataset!r} lacks {len(missing)} of the segments in the manifest")
+        self.missing = tuple(missing)
+
+
+class InvalidCursorError(StorageError):
+    """A cursor must come from the ``next_cursor`` of the same list."""
+
+    def __init__(self, cursor: str) -> None:
+        super().__init__(f"cursor must be a next_cursor of this list, got {cursor!r}")
+
+
+class DatabaseUrlError(StorageError):
+    """The database URL names a database that this package cannot work with."""
+
+
+class IdempotencyError(StorageError):
+    """An idempotency key that cannot be used now."""
+
+
+class IdempotencyMismatchError(IdempotencyError):
+    """The key was used before with another request."""
+
+
+class IdempotencyRunningError(IdempotencyError):
+    """The first request with this key has not finished yet."""

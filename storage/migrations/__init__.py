@@ -1,0 +1,66 @@
+"""Brings the tables up to date, from inside the installed package.
+
+Our own tables come from the Alembic scripts beside this file; those of the job engine from the engine itself.
+Migrations go forward only; the way back is a backup.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine, text
+
+from storage.jobs import schema as job_schema
+
+#: Any fixed number: Postgres' name of the lock that migrating processes wait for.
+_LOCK = 0x5E4707E
+
+
+def configuration() -> Config:
+    """Return the Alembic configuration of this package."""
+    config = Config()
+    config.set_main_option("script_location", "storage:migrations")
+    return config
+
+
+def upgrade(engine: Engine, url: str) -> None:
+    """Run every migration that is still missing; safe when two processes start at once."""
+    config = configuration()
+    with _exclusively(engine):
+        with engine.begin() as connection:
+            if connection.dialect.name == "sqlite":
+                # Alembic's own statements would each commit by themselves: take the write lock now, for all of them.
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+        job_schema.upgrade(engine, url)
+
+
+def is_current(engine: Engine) -> bool:
+    """Return whether no migration is missing."""
+    with engine.connect() as connection:
+        return _heads(connection) and job_schema.is_current(engine)
+
+
+def _heads(connection: Connection) -> bool:
+    wanted = set(ScriptDirectory.from_config(configuration()).get_heads())
+    return set(MigrationContext.configure(connection).get_current_heads()) == wanted
+
+
+@contextmanager
+def _exclusively(engine: Engine) -> Iterator[None]:
+    """Hold Postgres' migration lock; SQLite has its own write lock."""
+    if engine.dialect.name == "sqlite":
+        yield
+        return
+    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        connection.execute(text("SELECT pg_advisory_lock(:lock)"), {"lock": _LOCK})
+        try:
+            yield
+        finally:
+            connection.execute(text("SELECT pg_advisory_unlock(:lock)"), {"lock": _LOCK})

@@ -1,0 +1,34 @@
+"""The tables. Importing this package makes ``Base.metadata`` complete."""
+
+from __future__ import annotations
+
+from storage.models.base import Base
+from storage.models.blob import Blob, BlobChunk
+from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
+from storage.models.idempotency import Idempotency
+from storage.models.job import Job, JobEvent, JobStatus, Worker
+from storage.models.result import Result, ResultArray
+from storage.models.system import System, SystemRevision
+from storage.models.workspace import DEFAULT_WORKSPACE, ApiKey, Workspace
+
+__all__ = [
+    "DEFAULT_WORKSPACE",
+    "ApiKey",
+    "Base",
+    "Blob",
+    "BlobChunk",
+    "ChannelBlock",
+    "Dataset",
+    "DatasetSegment",
+    "DatasetStatus",
+    "Idempotency",
+    "Job",
+    "JobEvent",
+    "JobStatus",
+    "Result",
+    "ResultArray",
+    "System",
+    "SystemRevision",
+    "Worker",
+    "Workspace",
+]

@@ -1,0 +1,31 @@
+"""Bytes kept once, under their SHA-256, in compressed chunks."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import ForeignKey
+from sqlalchemy.orm import Mapped, mapped_column
+
+from storage.models.base import Base, Sha256, Word, utc_now
+
+
+class Blob(Base):
+    """The head of a blob: ``sha256`` and ``size`` (bytes) are those of the content before compression."""
+
+    __tablename__ = "blob"
+
+    sha256: Mapped[str] = mapped_column(Sha256, primary_key=True)
+    size: Mapped[int]
+    created_at: Mapped[datetime] = mapped_column(default=utc_now)
+
+
+class BlobChunk(Base):
+    """One compressed piece of a blob; pieces count from 0."""
+
+    __tablename__ = "blob_chunk"
+
+    sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    encoding: Mapped[str] = mapped_column(Word)
+    data: Mapped[bytes]

@@ -1,0 +1,84 @@
+"""Long work: the job that a user sees, its events, and the workers that do it."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy.orm import Mapped, mapped_column
+
+from storage.models.base import Base, Id, Word, utc_now
+
+
+class JobStatus(StrEnum):
+    """The words of the contract; the last three are final."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def final(self) -> bool:
+        """Whether nothing happens any more."""
+        return self in {JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED}
+
+
+class Job(Base):
+    """Long work that was asked for.
+
+    ``attempts`` counts how often a worker began it; ``worker`` is who has it now; ``error`` is a problem
+    (type, title, detail). ``last_event`` numbers the events.
+    """
+
+    __tablename__ = "job"
+    __table_args__ = (
+        Index(None, "workspace_id", "created_at", "id"),
+        Index(None, "status"),
+        CheckConstraint("status IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", name="status"),
+    )
+
+    id: Mapped[str] = mapped_column(Id, primary_key=True)
+    workspace_id: Mapped[str] = mapped_column(ForeignKey("workspace.id"))
+    kind: Mapped[str] = mapped_column(Word)
+    status: Mapped[str] = mapped_column(Word, default=JobStatus.QUEUED)
+    progress: Mapped[float] = mapped_column(default=0.0)
+    message: Mapped[str] = mapped_column(default="")
+    body: Mapped[dict[str, Any]]
+    result_id: Mapped[str | None] = mapped_column(ForeignKey("result.id"), index=True)
+    error: Mapped[dict[str, Any] | None]
+    attempts: Mapped[int] = mapped_column(default=0)
+    worker: Mapped[str | None] = mapped_column(Word)
+    last_event: Mapped[int] = mapped_column(default=0)
+    created_at: Mapped[datetime] = mapped_column(default=utc_now)
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+
+
+class JobEvent(Base):
+    """Something that happened to a job; ids count from 1 within the job, without gaps."""
+
+    __tablename__ = "job_event"
+
+    job_id: Mapped[str] = mapped_column(ForeignKey("job.id", ondelete="CASCADE"), primary_key=True)
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    type: Mapped[str] = mapped_column(Word)
+    payload: Mapped[dict[str, Any]]
+    at: Mapped[datetime] = mapped_column(default=utc_now)
+
+
+class Worker(Base):
+    """A worker that lives as long as ``seen_at`` is fresh; ``token`` tells two holders of one name apart."""
+
+    __tablename__ = "worker"
+
+    id: Mapped[str] = mapped_column(Word, primary_key=True)
+    token: Mapped[str] = mapped_column(Word)
+    host: Mapped[str]
+    pid: Mapped[int]
+    slots: Mapped[int]
+    started_at: Mapped[datetime]
+    seen_at: Mapped[datetime] = mapped_column(index=True)

@@ -1,0 +1,24 @@
+"""One file per aggregate. A repository takes a session, sees one workspace only, and never commits."""
+
+from __future__ import annotations
+
+from storage.repositories.api_keys import ApiKeyRepository, authenticate
+from storage.repositories.datasets import DatasetRepository
+from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
+from storage.repositories.jobs import JobRepository
+from storage.repositories.results import ResultRepository
+from storage.repositories.systems import SystemRepository
+from storage.repositories.workers import WorkerRepository
+
+__all__ = [
+    "Answer",
+    "ApiKeyRepository",
+    "Claim",
+    "DatasetRepository",
+    "IdempotencyRepository",
+    "JobRepository",
+    "ResultRepository",
+    "SystemRepository",
+    "WorkerRepository",
+    "authenticate",
+]

@@ -1,0 +1,239 @@
+"""Recordings: received in verified segments, committed as a whole, read channel by channel."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from storage.blobs import iterate_bytes, put_bytes
+from storage.channels import ChannelReader, Envelope, Float, write_channels
+from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
+from storage.ids import new_id
+from storage.insertion import insert_if_absent
+from storage.models import Dataset, DatasetSegment, DatasetStatus
+from storage.models.base import Document
+from storage.pagination import Page, paginate
+
+#: The most bytes in one segment.
+MAX_SEGMENT = 8 * 1024 * 1024
+
+
+class DatasetRepository:
+    """The recordings of one workspace."""
+
+    def __init__(self, session: Session, workspace_id: str) -> None:
+        self._session = session
+        self._workspace_id = workspace_id
+
+    def create(
+        self,
+        *,
+        name: str,
+        format: str,  # noqa: A002 - the contract's word
+        channels: Sequence[Document] = (),
+        sample_rate: float | None = None,
+        start_time: datetime | None = None,
+        description: Document | None = None,
+        origin: Document | None = None,
+    ) -> Dataset:
+        """Open a recording for its segments; ``description`` tells how a file is read."""
+        dataset = Dataset(
+            id=new_id("ds"),
+            workspace_id=self._workspace_id,
+            name=name,
+            format=format,
+            status=DatasetStatus.OPEN,
+            channels=list(channels),
+            sample_rate=sample_rate,
+            start_time=start_time,
+            description=description,
+            origin=origin,
+        )
+        self._session.add(dataset)
+        self._session.flush()
+        return dataset
+
+    def get(self, identifier: str) -> Dataset:
+        """Return a recording; raise `NotFoundError` when it is not in this workspace."""
+        dataset = self._session.get(Dataset, identifier, populate_existing=True)
+        if dataset is None or dataset.workspace_id != self._workspace_id:
+            raise NotFoundError("dataset", identifier)
+        return dataset
+
+    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[Dataset]:
+        """Return the recordings of the workspace, newest first."""
+        rows = select(Dataset).where(Dataset.workspace_id == self._workspace_id)
+        return paginate(self._session, rows, Dataset, cursor=cursor, limit=limit)
+
+    def delete(self, identifier: str) -> None:
+        """Forget a recording."""
+        self._session.delete(self.get(identifier))
+        self._session.flush()
+
+    def put_segment(self, identifier: str, sha256: str, data: bytes) -> bool:
+        """Keep a segment; False when it was there already.
+
+        Raises
+        ------
+        ChecksumError
+            When ``data`` does not have this SHA-256; nothing is kept.
+        StateError
+            When the recording has been committed, or the segment is longer than `MAX_SEGMENT`.
+        """
+        self._lock(identifier, DatasetStatus.OPEN)
+        if len(data) > MAX_SEGMENT:
+            raise StateError(f"a segment must be at most {MAX_SEGMENT} bytes, got {len(data)}")
+        put_bytes(self._session, data, expected_sha256=sha256)
+        return insert_if_absent(self._session, DatasetSegment, dataset_id=identifier, sha256=sha256, size=len(data))
+
+    def segments(self, identifier: str) -> Sequence[DatasetSegment]:
+        """Return the segments that are there, in the order of their arrival."""
+        self.get(identifier)
+        rows = select(DatasetSegment).where(DatasetSegment.dataset_id == identifier)
+        return self._session.scalars(rows.order_by(DatasetSegment.created_at, DatasetSegment.sha256)).all()
+
+    def commit(self, identifier: str, *, segments: Sequence[str], sha256: str) -> Dataset:
+        """Close a recording: its bytes are these segments in this order; its status becomes ``parsing``.
+
+        A repeated commit with the same manifest changes nothing.
+
+        Raises
+        ------
+        MissingSegmentsError
+            When a segment of the manifest has not been received.
+        ChecksumError
+            When the segments together do not have this SHA-256.
+        StateError
+            When the recording was committed with another manifest.
+        """
+        dataset = self.get(identifier)
+        if dataset.status != DatasetStatus.OPEN and (dataset.manifest, dataset.sha256) == (list(segments), sha256):
+            return dataset
+        dataset = self._lock(identifier, DatasetStatus.OPEN)
+        sizes = {segment.sha256: segment.size for segment in self.segments(identifier)}
+        missing = [segment for segment in dict.fromkeys(segments) if segment not in sizes]
+        if missing:
+            raise MissingSegmentsError(identifier, missing)
+        whole = hashlib.sha256()
+        for segment in segments:
+            for chunk in iterate_bytes(self._session, segment):
+                whole.update(chunk)
+        if whole.hexdigest() != sha256:
+            raise ChecksumError(f"dataset {identifier!r}", expected=sha256, actual=whole.hexdigest())
+        dataset.manifest = list(segments)
+        dataset.sha256 = sha256
+        dataset.size = sum(sizes[segment] for segment in segments)
+        dataset.status = DatasetStatus.PARSING
+        self._session.flush()
+        return dataset
+
+    def original(self, identifier: str) -> Iterator[bytes]:
+        """Give the bytes of a committed recording, as they were received, piece by piece."""
+        dataset = self.get(identifier)
+        if dataset.manifest is None:
+            raise StateError(f"dataset {identifier!r} must be committed first, it is {dataset.status}")
+        for segment in dataset.manifest:
+            yield from iterate_bytes(self._session, segment)
+
+    def ingest_raw(self, identifier: str) -> Dataset:
+        """Read the channels of a committed ``raw`` recording: little-endian float64, the samples of all channels in turn.
+
+        Raises
+        ------
+        StateError
+            When the bytes are no whole number of samples.
+        """
+        dataset = self.get(identifier)
+        width = 8 * len(dataset.channels)
+        if not width or dataset.size is None or dataset.size % width:
+            raise StateError(
+                f"a raw recording of {len(dataset.channels)} channels must be whole samples of {width} bytes, "
+                f"got {dataset.size} bytes"
+            )
+        return self.write_channels(identifier, _samples(self.original(identifier), len(dataset.channels)))
+
+    def write_channels(
+        self,
+        identifier: str,
+        blocks: Iterable[NDArray[np.float64]],
+        *,
+        channels: Sequence[Document] | None = None,
+        sample_rate: float | None = None,
+        start_time: datetime | None = None,
+    ) -> Dataset:
+        """Keep the samples (pieces of shape (n, channels)) of a committed recording and make it ``ready``.
+
+        Values are those recorded; the scales and offsets in ``channels`` are applied by whoever reads them.
+        What a file says of its channels, sample rate or start replaces what was known before.
+        """
+        dataset = self._lock(identifier, DatasetStatus.PARSING)
+        if channels is not None:
+            dataset.channels = list(channels)
+        dataset.sample_rate = sample_rate if sample_rate is not None else dataset.sample_rate
+        dataset.start_time = start_time if start_time is not None else dataset.start_time
+        count = write_channels(self._session, identifier, blocks, channel_count=len(dataset.channels))
+        dataset.sample_count = count
+        dataset.status = DatasetStatus.READY
+        dataset.error = None
+        self._session.flush()
+        return dataset
+
+    def fail(self, identifier: str, error: Document) -> Dataset:
+        """Say why (a problem: type, title, detail) a committed recording cannot be read."""
+        dataset = self._lock(identifier, DatasetStatus.PARSING)
+        dataset.status = DatasetStatus.FAILED
+        dataset.error = error
+        self._session.flush()
+        return dataset
+
+    def read_channel(self, identifier: str, name: str, start: int = 0, stop: int | None = None) -> Float:
+        """Return the samples start <= i < stop of a channel as recorded."""
+        reader, count = self._reader(identifier, name)
+        return reader.samples(start, count if stop is None else stop)
+
+    def read_decimated(
+        self, identifier: str, name: str, start: int = 0, stop: int | None = None, *, points: int
+    ) -> Envelope:
+        """Return the exact minima and maxima of at most ``points`` stretches of a channel, as recorded."""
+        reader, count = self._reader(identifier, name)
+        return reader.envelope(start, count if stop is None else stop, points=points)
+
+    def _reader(self, identifier: str, name: str) -> tuple[ChannelReader, int]:
+        dataset = self.get(identifier)
+        if dataset.status != DatasetStatus.READY or dataset.sample_count is None:
+            raise StateError(f"dataset {identifier!r} must be ready, it is {dataset.status}")
+        names: list[Any] = [channel["name"] for channel in dataset.channels]
+        if name not in names:
+            raise NotFoundError("channel", name)
+        count = dataset.sample_count
+        return ChannelReader(self._session, identifier, names.index(name), count=count), count
+
+    def _lock(self, identifier: str, status: DatasetStatus) -> Dataset:
+        """Lock the recording's row, so that nobody commits or parses it at the same time, and check its status."""
+        self._session.execute(
+            update(Dataset)
+            .where(Dataset.id == identifier, Dataset.workspace_id == self._workspace_id)
+            .values(status=Dataset.status)
+            .execution_options(synchronize_session=False)
+        )
+        dataset = self.get(identifier)
+        if dataset.status != status:
+            raise StateError(f"dataset {identifier!r} must be {status}, it is {dataset.status}")
+        return dataset
+
+
+def _samples(pieces: Iterable[bytes], channel_count: int) -> Iterator[NDArray[np.float64]]:
+    """Turn little-endian float64 bytes into blocks (n, channel_count), also where pieces cut samples apart."""
+    rest = b""
+    for piece in pieces:
+        data = rest + piece
+        whole = len(data) // (8 * channel_count) * 8 * channel_count
+        rest = data[whole:]
+        yield np.frombuffer(data[:whole], dtype="<f8").reshape(-1, channel_count)

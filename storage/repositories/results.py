@@ -1,0 +1,116 @@
+"""Results: JSON documents whose arrays are kept as blobs.
+
+A numpy array anywhere in the body is kept once and replaced by ``{"$array": position}``; reading puts it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from storage.blobs import Array, get_array, put_array
+from storage.errors import NotFoundError
+from storage.ids import new_id
+from storage.models import Result, ResultArray
+from storage.models.base import Document
+from storage.pagination import Page, paginate
+
+_ARRAY = "$array"
+
+
+class ResultRepository:
+    """The results of one workspace."""
+
+    def __init__(self, session: Session, workspace_id: str) -> None:
+        self._session = session
+        self._workspace_id = workspace_id
+
+    def create(
+        self,
+        *,
+        kind: str,
+        body: Mapping[str, Any],
+        request: Document | None = None,
+        system_id: str | None = None,
+        system_revision: int | None = None,
+        versions: Mapping[str, str] | None = None,
+    ) -> Result:
+        """Keep a result; ``body`` is JSON that may hold numpy arrays anywhere."""
+        arrays: list[Array] = []
+        result = Result(
+            id=new_id("res"),
+            workspace_id=self._workspace_id,
+            kind=kind,
+            body=_take_arrays(body, arrays),
+            request=request,
+            system_id=system_id,
+            system_revision=system_revision,
+            versions=dict(versions or {}),
+        )
+        self._session.add(result)
+        self._session.flush()
+        for position, array in enumerate(arrays):
+            sha256 = put_array(self._session, array)
+            self._session.add(ResultArray(result_id=result.id, position=position, sha256=sha256))
+        self._session.flush()
+        return result
+
+    def get(self, identifier: str) -> Result:
+        """Return a result without its arrays; raise `NotFoundError` when it is not in this workspace."""
+        result = self._session.get(Result, identifier)
+        if result is None or result.workspace_id != self._workspace_id:
+            raise NotFoundError("result", identifier)
+        return result
+
+    def body(self, result: Result) -> Document:
+        """Return the body of a result with its arrays (read-only) in their places."""
+        rows = self._session.execute(
+            select(ResultArray.position, ResultArray.sha256).where(ResultArray.result_id == result.id)
+        )
+        arrays = {position: get_array(self._session, sha256) for position, sha256 in rows}
+        body = _put_arrays(result.body, arrays)
+        assert isinstance(body, dict)
+        return body
+
+    def page(self, *, kind: str | None = None, cursor: str | None = None, limit: int = 100) -> Page[Result]:
+        """Return the results of the workspace, newest first."""
+        rows = select(Result).where(Result.workspace_id == self._workspace_id)
+        if kind is not None:
+            rows = rows.where(Result.kind == kind)
+        return paginate(self._session, rows, Result, cursor=cursor, limit=limit)
+
+    def delete(self, identifier: str) -> None:
+        """Forget a result."""
+        self._session.delete(self.get(identifier))
+        self._session.flush()
+
+
+def _take_arrays(value: Any, arrays: list[Array]) -> Any:
+    match value:
+        case np.ndarray():
+            arrays.append(value)
+            return {_ARRAY: len(arrays) - 1}
+        case Mapping():
+            if _ARRAY in value:
+                raise ValueError(f"keys of a result must not be {_ARRAY!r}")
+            return {key: _take_arrays(item, arrays) for key, item in value.items()}
+        case list() | tuple():
+            return [_take_arrays(item, arrays) for item in value]
+        case _:
+            return value
+
+
+def _put_arrays(value: Any, arrays: Mapping[int, Array]) -> Any:
+    match value:
+        case {"$array": int(position)}:
+            return arrays[position]
+        case dict():
+            return {key: _put_arrays(item, arrays) for key, item in value.items()}
+        case list():
+            return [_put_arrays(item, arrays) for item in value]
+        case _:
+            return value

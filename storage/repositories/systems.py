@@ -1,0 +1,134 @@
+"""System documents with their revisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from storage.errors import NotFoundError, RevisionConflictError
+from storage.ids import new_id
+from storage.models import System, SystemRevision
+from storage.models.base import Document, utc_now
+from storage.pagination import Page, paginate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredSystem:
+    """A system document at one of its revisions; ``created_at`` is that of the system."""
+
+    id: str
+    name: str
+    revision: int
+    document: Document
+    schema_version: int
+    created_at: datetime
+    revised_at: datetime
+
+
+class SystemRepository:
+    """The system documents of one workspace."""
+
+    def __init__(self, session: Session, workspace_id: str) -> None:
+        self._session = session
+        self._workspace_id = workspace_id
+
+    def create(self, *, name: str, document: Document, schema_version: int = 1) -> StoredSystem:
+        """Keep a new document as revision 1."""
+        system = System(id=new_id("sys"), workspace_id=self._workspace_id, name=name, revision=1)
+        self._session.add(system)
+        self._session.flush()
+        return self._append(system, document, schema_version)
+
+    def get(self, identifier: str, *, revision: int | None = None) -> StoredSystem:
+        """Return a document at its current or a given revision.
+
+        Raises
+        ------
+        NotFoundError
+            When the system is not in this workspace, was deleted, or never had that revision.
+        """
+        system = self._head(identifier)
+        number = system.revision if revision is None else revision
+        row = self._session.get(SystemRevision, (identifier, number))
+        if row is None:
+            raise NotFoundError("revision", f"{identifier}/{number}")
+        return _stored(system, row)
+
+    def update(
+        self, identifier: str, *, name: str, document: Document, expected_revision: int, schema_version: int = 1
+    ) -> StoredSystem:
+        """Append a revision; of two writers that know the same revision, one wins.
+
+        Raises
+        ------
+        NotFoundError
+            When the system is not in this workspace or was deleted.
+        RevisionConflictError
+            When the current revision is not the expected one.
+        """
+        system = self._move(
+            identifier, expected_revision, name=name, revision=expected_revision + 1, updated_at=utc_now()
+        )
+        return self._append(system, document, schema_version)
+
+    def delete(self, identifier: str, *, expected_revision: int) -> None:
+        """Hide a system; its revisions stay for the results that used them. Raises as `update` does."""
+        self._move(identifier, expected_revision, deleted_at=utc_now())
+
+    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[System]:
+        """Return the heads (without documents) of the systems that are not deleted, newest first."""
+        rows = select(System).where(System.workspace_id == self._workspace_id, System.deleted_at.is_(None))
+        return paginate(self._session, rows, System, cursor=cursor, limit=limit)
+
+    def revisions(self, identifier: str, *, before: int | None = None, limit: int = 100) -> list[SystemRevision]:
+        """Return the revisions of a system below ``before``, newest first."""
+        self._head(identifier)
+        rows = select(SystemRevision).where(SystemRevision.system_id == identifier)
+        if before is not None:
+            rows = rows.where(SystemRevision.number < before)
+        return list(self._session.scalars(rows.order_by(SystemRevision.number.desc()).limit(limit)))
+
+    def _head(self, identifier: str) -> System:
+        system = self._session.get(System, identifier)
+        if system is None or system.workspace_id != self._workspace_id or system.deleted_at is not None:
+            raise NotFoundError("system", identifier)
+        return system
+
+    def _move(self, identifier: str, expected_revision: int, **values: object) -> System:
+        """Change the head, provided that it is at the expected revision when the change takes place."""
+        system = self._head(identifier)
+        moved = self._session.execute(
+            update(System)
+            .where(System.id == identifier, System.revision == expected_revision, System.deleted_at.is_(None))
+            .values(**values)
+            .returning(System.id)
+            .execution_options(synchronize_session=False)
+        ).one_or_none()
+        self._session.refresh(system)
+        if moved is None:
+            self._head(identifier)
+            raise RevisionConflictError(identifier, expected=expected_revision, actual=system.revision)
+        return system
+
+    def _append(self, system: System, document: Document, schema_version: int) -> StoredSystem:
+        row = SystemRevision(
+            system_id=system.id, number=system.revision, document=document, schema_version=schema_version
+        )
+        self._session.add(row)
+        self._session.flush()
+        return _stored(system, row)
+
+
+def _stored(system: System, row: SystemRevision) -> StoredSystem:
+    return StoredSystem(
+        id=system.id,
+        name=system.name,
+        revision=row.number,
+        document=row.document,
+        schema_version=row.schema_version,
+        created_at=system.created_at,
+        revised_at=row.created_at,
+    )

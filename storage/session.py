@@ -1,0 +1,121 @@
+"""Opens the database, SQLite or Postgres, so that both behave alike.
+
+On both, a statement sees what was committed before it began, and the first write of a transaction waits for its turn
+(SQLite: ``BEGIN IMMEDIATE`` in front of the first write, so that a reader never has to become a writer too late).
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from sqlalchemy import URL, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import ArgumentError
+from sqlalchemy.orm import Session, sessionmaker
+
+from storage import migrations
+from storage.errors import DatabaseUrlError
+
+#: How long (s) a writer waits for another one before the database counts as unavailable.
+LOCK_TIMEOUT = 30.0
+
+_POOL = {"pool_size": 10, "max_overflow": 30}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Database:
+    """An open database: one per process, safe to share between threads, never across a fork."""
+
+    url: str = field(repr=False)
+    engine: Engine
+    sessions: sessionmaker[Session]
+
+    @contextmanager
+    def session(self) -> Iterator[Session]:
+        """Give a session in a transaction that is committed at the end, rolled back when an exception passes."""
+        with self.sessions.begin() as session:
+            yield session
+
+    def migrate(self) -> None:
+        """Bring every table up to date; two processes that start at once wait for each other."""
+        migrations.upgrade(self.engine, self.url)
+
+    def is_current(self) -> bool:
+        """Return whether every table is as this version of the software needs it."""
+        return migrations.is_current(self.engine)
+
+    def ping(self) -> None:
+        """Ask the database for one number.
+
+        Raises
+        ------
+        storage.errors.UNAVAILABLE
+            When it does not answer.
+        """
+        with self.engine.connect() as connection:
+            connection.execute(text("SELECT 1"))
+
+    def dispose(self) -> None:
+        """Close every connection."""
+        self.engine.dispose()
+
+
+def open_database(url: str) -> Database:
+    """Open a database without touching it; tables appear with `Database.migrate`.
+
+    Parameters
+    ----------
+    url : str
+        ``sqlite:///path.db`` or ``postgresql+psycopg://user:password@host/name``.
+
+    Raises
+    ------
+    DatabaseUrlError
+        When the URL names neither, or a SQLite database that only this connection would see.
+    """
+    parsed = _parse(url)
+    if parsed.get_backend_name() == "sqlite":
+        engine = create_engine(parsed, json_serializer=_to_json, connect_args={"timeout": LOCK_TIMEOUT}, **_POOL)
+        event.listen(engine, "connect", _prepare_sqlite)
+    else:
+        engine = create_engine(parsed, json_serializer=_to_json, pool_pre_ping=True, **_POOL)
+    return Database(
+        url=parsed.render_as_string(hide_password=False),
+        engine=engine,
+        sessions=sessionmaker(engine, expire_on_commit=False),
+    )
+
+
+#: NaN and infinity are no JSON; a document that holds one is refused here, not by one of the two databases.
+_to_json = partial(json.dumps, allow_nan=False, separators=(",", ":"))
+
+
+def _parse(url: str) -> URL:
+    try:
+        parsed = make_url(url)
+    except ArgumentError as error:
+        raise DatabaseUrlError("database URL must be sqlite:///<path> or postgresql://<server>/<name>") from error
+    if parsed.drivername in {"postgres", "postgresql"}:
+        parsed = parsed.set(drivername="postgresql+psycopg")
+    if parsed.drivername not in {"sqlite", "sqlite+pysqlite", "postgresql+psycopg"}:
+        raise DatabaseUrlError(f"database must be sqlite or postgresql, got {parsed.drivername!r}")
+    if parsed.get_backend_name() == "sqlite" and (parsed.database or ":memory:") == ":memory:":
+        raise DatabaseUrlError("SQLite database must be a file, because workers open it too, got ':memory:'")
+    return parsed
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+    """Let readers work beside one writer, survive a crash of the process, and keep foreign keys."""
+    connection.isolation_level = "IMMEDIATE"
+    for pragma in (
+        f"busy_timeout = {int(LOCK_TIMEOUT * 1000)}",
+        "journal_mode = WAL",
+        "synchronous = NORMAL",
+        "foreign_keys = ON",
+    ):
+        connection.execute(f"PRAGMA {pragma}").close()
