@@ -52,7 +52,7 @@ openapi: setup  ## write openapi/openapi.json from the code
 	@$(BIN)/servotune openapi > openapi/openapi.json
 
 catalogue: setup  ## write docs/catalogue/ from the code
-	@$(BIN)/python -m docs.catalogue.generate
+	@$(BIN)/python docs/catalogue/generate.py
 
 lock: setup  ## resolve the newest versions that pyproject.toml allows into requirements.lock
 	@$(BIN)/uv pip compile pyproject.toml --all-extras --python-version 3.11 --generate-hashes --upgrade --quiet \

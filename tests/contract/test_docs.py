@@ -1,0 +1,85 @@
+"""What the documents say is what the repository does."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from api.settings import Settings
+from engine import metrics
+from engine.verdicts import Verdict
+from optimizers.result import Status
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+MAKEFILE = (ROOT / "Makefile").read_text()
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+
+
+def targets() -> set[str]:
+    return set(re.findall(r"^([a-z]+):", MAKEFILE, flags=re.MULTILINE))
+
+
+def test_the_targets_of_the_readme_exist() -> None:
+    named = set(re.findall(r"\bmake ([a-z]+)", README))
+    assert {"demo", "test"} <= named <= targets()
+
+
+def test_every_target_is_listed_by_help_and_is_phony() -> None:
+    described = set(re.findall(r"^([a-z]+):.*##", MAKEFILE, flags=re.MULTILINE))
+    phony = set(re.search(r"^\.PHONY: (.*)$", MAKEFILE, flags=re.MULTILINE)[1].split())  # type: ignore[index]
+    assert described == targets() == phony
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)#]+)", page.read_text()):
+        if not link.startswith(("http://", "https://")):
+            assert (page.parent / link).exists(), link
+
+
+def test_the_settings_table_is_complete() -> None:
+    table = (ROOT / "docs" / "settings.md").read_text()
+    documented = re.findall(r"^\| `(SERVOTUNE_[A-Z_]+)` \|", table, flags=re.MULTILINE)
+    assert sorted(documented) == sorted(f"SERVOTUNE_{name.upper()}" for name in Settings.model_fields)
+    for name, field in Settings.model_fields.items():
+        if isinstance(field.default, int | float | str):
+            default = field.default
+            row = next(line for line in table.splitlines() if f"`SERVOTUNE_{name.upper()}`" in line)
+            assert re.search(rf"\| `?{re.escape(f'{default:g}' if isinstance(default, float) else str(default))}`? \|", row), row
+
+
+def test_the_glossary_speaks_the_language_of_the_code() -> None:
+    glossary = (ROOT / "docs" / "glossary.md").read_text()
+    code = "\n".join(
+        path.read_text() for room in ("engine", "optimizers", "storage", "api") for path in (ROOT / room).rglob("*.py")
+    )
+    for row in re.findall(r"^\| (`[^|]+) \|", glossary, flags=re.MULTILINE):
+        for name in re.findall(r"`([a-z_0-9]+)`", row):
+            assert re.search(rf"\b{name}s?\b", code, flags=re.IGNORECASE), f"{name} is in the glossary, not in the code"
+
+
+def test_the_glossary_or_the_catalogue_explains_every_word_of_a_reply() -> None:
+    explained = "\n".join(page.read_text() for page in (ROOT / "docs").rglob("*.md"))
+    for word in [*Verdict, *Status, *metrics.catalogue()]:
+        assert f"`{word}`" in explained, word
+
+
+def test_the_catalogue_pages_are_those_of_the_code() -> None:
+    rendered = runpy.run_path(str(ROOT / "docs" / "catalogue" / "generate.py"))["pages"]()
+    written = {page.name: page.read_text() for page in (ROOT / "docs" / "catalogue").glob("*.md")}
+    assert written == rendered, "run `make catalogue`"
+
+
+def test_decisions_are_numbered_without_gaps_and_listed() -> None:
+    folder = ROOT / "docs" / "adr"
+    records = sorted(path.name for path in folder.glob("[0-9]*.md"))
+    assert [int(name[:4]) for name in records] == list(range(1, len(records) + 1))
+    index = (folder / "README.md").read_text()
+    for name in records:
+        assert f"({name})" in index, name
+        for heading in ("**Context.**", "**Decision.**", "**Consequences.**"):
+            assert heading in (folder / name).read_text(), (name, heading)

@@ -1,0 +1,69 @@
+"""An elasticity equals the converged finite difference of the exact metric, and has no step size of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+
+from engine.diagram import Diagram
+from engine.study import MetricRequest, measure
+from engine.verdicts import Verdict
+from tests.property.strategies import servos
+from tests.reference.measuring import step
+
+PARAMETERS = ("gain", "frequency", "damping", "lag")
+
+
+def request(metric: str, **where: Any) -> MetricRequest:
+    keys = {"signals": None, "output": None, "open_at": None, "source": None, "target": None, "duration": None}
+    return MetricRequest(metric=metric, **{**keys, **where})
+
+
+STEP: dict[str, Any] = {"signals": {"r": step()}, "output": "y"}
+REQUESTS = {
+    **{
+        name: request(name, **STEP)
+        for name in ("rise_time", "settling_time", "response_time", "overshoot", "peak", "peak_time", "iae", "ise", "itae")
+    },
+    "control_effort": request("control_effort", signals={"r": step()}, output="control"),
+    "iae_to_1s": request("iae", **STEP, duration=1.0),
+    "bandwidth": request("bandwidth", source="r", target="y"),
+    "control_sensitivity_peak": request("control_sensitivity_peak", source="r", target="control"),
+    **{
+        name: request(name, open_at="error")
+        for name in ("gain_margin", "phase_margin", "delay_margin", "sensitivity_peak", "complementary_peak")
+    },
+    "critical_frequency": request("critical_frequency"),
+    "damping_ratio": request("damping_ratio"),
+}
+
+
+def values(diagram: Diagram, parameter: str, factor: float) -> list[float | None]:
+    at = {parameter: diagram.parameters[parameter].value * factor}
+    return [m.value for m, _ in measure(diagram, list(REQUESTS.values()), overrides=at)]
+
+
+@given(servos())
+def test_gradient_equals_the_converged_difference(diagram: Diagram) -> None:
+    exact = measure(diagram, list(REQUESTS.values()), gradient=PARAMETERS)
+    assert sum(m.verdict is Verdict.OK for m, _ in exact) >= 12
+    for j, parameter in enumerate(PARAMETERS):
+        # Richardson on central differences with steps 2e-4, 1e-4 and 5e-5: error of the order h^6
+        steps = (2e-4, 1e-4, 5e-5)
+        pairs = [(values(diagram, parameter, 1 + h), values(diagram, parameter, 1 - h)) for h in steps]
+        for i, name in enumerate(REQUESTS):
+            measured, gradient = exact[i]
+            if measured.value is None:
+                continue
+            assert gradient is not None, name
+            sides = [(up[i], down[i]) for up, down in pairs]
+            assume(all(up is not None and down is not None for up, down in sides))
+            d = [(up - down) / (2 * h) for (up, down), h in zip(sides, steps, strict=True)]  # type: ignore[operator]
+            first = [(4 * d[k + 1] - d[k]) / 3 for k in range(2)]
+            second = (16 * first[1] - first[0]) / 15
+            scale = max(abs(measured.value), 1e-9)
+            # Two orders that disagree stand at a jump (a peak that grazes the settling band), not at a derivative.
+            assume(abs(second - first[1]) < 1e-4 * scale)
+            assert gradient[j] == pytest.approx(second, rel=2e-5, abs=2e-7 * scale), (name, parameter)
