@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,3 +59,73 @@ class LinearSystem:
             b2=np.zeros((n, 0)), c2=np.zeros((0, n)), d12=np.zeros((n_out, 0)), d21=np.zeros((0, n_in)),
             d22=np.zeros((0, 0)), delays=np.zeros(0), x0=np.zeros(n), inputs=inputs, outputs=outputs,
         )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneSystem:
+    """One system with its infinitesimal neighbours: the arrays of :class:`LinearSystem` with a lane axis in front.
+
+    All lanes share the real part; lane k carries the derivative with respect to parameter k in its imaginary part.
+    """
+
+    a: Array
+    b1: Array
+    b2: Array
+    c1: Array
+    c2: Array
+    d11: Array
+    d12: Array
+    d21: Array
+    d22: Array
+    delays: Array
+    x0: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @classmethod
+    def of(cls, systems: Sequence[LinearSystem]) -> LaneSystem:
+        """Stack systems that share their real part."""
+        first = systems[0]
+        stacked = {name: np.stack([getattr(s, name) for s in systems]) for name in ARRAYS}
+        return cls(**stacked, inputs=first.inputs, outputs=first.outputs)
+
+    @property
+    def lanes(self) -> int:
+        """Number of lanes."""
+        return int(self.a.shape[0])
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return int(self.a.shape[1])
+
+    @property
+    def m(self) -> int:
+        """Number of delay channels."""
+        return int(self.delays.shape[1])
+
+    @property
+    def n_in(self) -> int:
+        """Number of inputs."""
+        return int(self.d11.shape[2])
+
+    @property
+    def n_out(self) -> int:
+        """Number of outputs."""
+        return int(self.d11.shape[1])
+
+    @property
+    def dtype(self) -> type[np.float64] | type[np.complex128]:
+        """float64, or complex128 when a lane carries infinitesimals."""
+        return np.complex128 if any(np.iscomplexobj(getattr(self, name)) for name in ARRAYS) else np.float64
+
+    @property
+    def value(self) -> LaneSystem:
+        """The common real part alone, as one lane."""
+        if self.lanes == 1 and self.dtype is np.float64:
+            return self
+        real = {name: getattr(self, name)[:1].real for name in ARRAYS}
+        return replace(self, **real)
+
+
+ARRAYS = ("a", "b1", "b2", "c1", "c2", "d11", "d12", "d21", "d22", "delays", "x0")

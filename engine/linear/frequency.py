@@ -1,0 +1,273 @@
+"""The exact frequency response of one path, and where it crosses a level or peaks, without a frequency grid.
+
+    G(jω) = C1 x + D12 w + D11,   F(jω) [x; w] = [B1; D21],   F(s) = [[s I - A, -B2], [-C2, diag(e^{s τ}) - D22]]
+
+A scan brackets: it starts from the corner frequencies of poles and zeros and is refined until ln G is nearly straight
+between neighbours. Inside its bracket each crossing and each peak is then found on G itself to rounding. Real and
+imaginary part are computed as two real quantities, so that both carry their infinitesimals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eigvals
+from scipy.optimize import brentq
+
+from engine.linear.tangent import INFINITESIMAL, solve
+
+if TYPE_CHECKING:
+    from engine.linear.system import Array, LaneSystem
+
+Real = npt.NDArray[np.float64]
+Shape = Callable[["Array", "Array"], "Array"]
+"""A real quantity of the response from its real and imaginary part, e.g. |G|²."""
+
+SMALLEST_LOOP_GAIN = 1e-3
+"""Crossings of a loop gain below this are not listed."""
+
+_STRAIGHT = 0.01
+_MOST_POINTS = 40_000
+
+
+def squared_magnitude(re: Array, im: Array) -> Array:
+    """|G|²."""
+    return re * re + im * im
+
+
+def squared_sensitivity(re: Array, im: Array) -> Array:
+    """|1 / (1 + L)|²."""
+    return 1 / ((1 + re) * (1 + re) + im * im)
+
+
+def squared_complementary(re: Array, im: Array) -> Array:
+    """|L / (1 + L)|²."""
+    return squared_magnitude(re, im) * squared_sensitivity(re, im)
+
+
+def imaginary_part(_re: Array, im: Array) -> Array:
+    """Im G: zero where the phase is a multiple of 180°."""
+    return im
+
+
+class FrequencyResponse:
+    """The response of a system with one input and one output.
+
+    Parameters
+    ----------
+    system : LaneSystem
+        One input, one output.
+    corners : ndarray
+        Further corner frequencies, rad/s (those of the closed loop, say), at which the scan looks closely.
+    floor : float
+        The scan ends where the magnitude has fallen below this part of its low-frequency or peak value.
+    """
+
+    def __init__(self, system: LaneSystem, *, corners: Real | None = None, floor: float = 1e-3) -> None:
+        self.system = system
+        self._corners = np.zeros(0) if corners is None else corners
+        self._floor = floor
+
+    def __call__(self, frequencies: Real) -> npt.NDArray[np.complex128]:
+        """Return G(jω) for ``frequencies`` in rad/s, shape (k,); infinite at a pole on the axis."""
+        s = self.system
+        n, m, k = s.n, s.m, len(frequencies)
+        f = np.zeros((k, n + m, n + m), dtype=complex)
+        f[:, :n, :n] = 1j * frequencies[:, None, None] * np.eye(n) - s.a[0].real
+        f[:, :n, n:] = -s.b2[0].real
+        f[:, n:, :n] = -s.c2[0].real
+        turns = np.exp(1j * frequencies[:, None] * s.delays[0].real)
+        f[:, n:, n:] = turns[:, :, None] * np.eye(m) - s.d22[0].real
+        right = np.concatenate([s.b1[0].real, s.d21[0].real]).astype(complex)
+        read = np.concatenate([s.c1[0].real, s.d12[0].real], axis=1)[0]
+        direct = complex(s.d11[0, 0, 0].real)
+        if not n + m:
+            return np.full(k, direct)
+        try:
+            inner = np.linalg.solve(f, np.broadcast_to(right, (k, n + m, 1)))[..., 0]
+        except np.linalg.LinAlgError:
+            inner = np.full((k, n + m), np.inf, dtype=complex)
+            for row in range(k):
+                if np.linalg.matrix_rank(f[row]) == n + m:
+                    inner[row] = np.linalg.solve(f[row], right)[:, 0]
+                else:
+                    return np.concatenate([self(frequencies[:row]), [np.inf + 0j], self(frequencies[row + 1 :])])
+        return np.asarray(inner @ read + direct)
+
+    def pair(self, frequency: Array) -> tuple[Array, Array]:
+        """Return (Re G, Im G) at one frequency, each of shape (lanes,) with its infinitesimals.
+
+        Parameters
+        ----------
+        frequency : ndarray, shape (lanes,) or ()
+            rad/s; may itself carry infinitesimals.
+        """
+        s = self.system
+        n, m = s.n, s.m
+        omega = np.broadcast_to(np.asarray(frequency), (s.lanes,))
+        kind = np.result_type(s.dtype, omega)
+        re = np.zeros((s.lanes, n + m, n + m), dtype=kind)
+        im = np.zeros_like(re)
+        re[:, :n, :n], re[:, :n, n:], re[:, n:, :n] = -s.a, -s.b2, -s.c2
+        angle = omega[:, None] * s.delays
+        re[:, n:, n:] = np.cos(angle)[:, :, None] * np.eye(m) - s.d22
+        im[:, n:, n:] = np.sin(angle)[:, :, None] * np.eye(m)
+        im[:, :n, :n] = omega[:, None, None] * np.eye(n)
+        matrix = np.concatenate([np.concatenate([re, -im], axis=2), np.concatenate([im, re], axis=2)], axis=1)
+        right = np.concatenate([s.b1, s.d21, np.zeros((s.lanes, n + m, 1))], axis=1).astype(kind)
+        inner = solve(matrix, right)[:, :, 0] if n + m else right[:, :, 0]
+        read = np.concatenate([s.c1[:, 0], s.d12[:, 0]], axis=1)
+        real = np.einsum("pi,pi->p", read, inner[:, : n + m]) + s.d11[:, 0, 0]
+        imaginary = np.einsum("pi,pi->p", read, inner[:, n + m :])
+        return np.broadcast_to(real, (s.lanes,)), np.broadcast_to(imaginary, (s.lanes,))
+
+    def shape(self, shape: Shape, frequency: Array) -> Array:
+        """Return ``shape`` of the response at one frequency, shape (lanes,)."""
+        return shape(*self.pair(frequency))
+
+    def shape_slope(self, shape: Shape, frequency: float) -> tuple[float, float]:
+        """Return (value, derivative with respect to ω) of ``shape`` of the real response."""
+        value = self._value.shape(shape, np.asarray(frequency + 1j * INFINITESIMAL * max(frequency, 1e-300)))
+        return float(value[0].real), float(value[0].imag / (INFINITESIMAL * max(frequency, 1e-300)))
+
+    @cached_property
+    def _value(self) -> FrequencyResponse:
+        return FrequencyResponse(self.system.value)
+
+    @cached_property
+    def corner_frequencies(self) -> npt.NDArray[np.complex128]:
+        """Poles and zeros of the delay-free part and the corners given, as complex numbers (damping matters)."""
+        s = self.system.value
+        a = s.a[0]
+        found = [np.linalg.eigvals(a), self._corners.astype(complex)]
+        if not s.m and s.n:
+            pencil = np.block([[a, s.b1[0]], [s.c1[0], s.d11[0]]])
+            weight = np.diag([*([1.0] * s.n), 0.0])
+            size = max(float(np.abs(a).max()), 1e-300)
+            zeros = eigvals(pencil, weight)
+            found.append(zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e8 * size)])
+        corners = np.concatenate(found)
+        top = float(np.abs(corners).max(initial=0.0))
+        return np.asarray(corners[np.abs(corners) > 1e-12 * top])
+
+    @cached_property
+    def scan(self) -> tuple[Real, npt.NDArray[np.complex128]]:
+        """Frequencies (rad/s, rising) and the response there, fine enough that nothing hides between neighbours."""
+        corners = self.corner_frequencies
+        size = np.abs(corners)
+        total_delay = float(self.system.delays[0].real.sum())
+        if total_delay:
+            size = np.append(size, 1 / total_delay)
+        if not len(size):
+            size = np.ones(1)
+        low, high = 1e-3 * size.min(), 1e3 * size.max()
+        low, high = self._extend(low, high)
+        omega = np.geomspace(low, high, int(np.clip(30 * np.log10(high / low), 60, 1200)))
+        # a lightly damped pair is a needle on the frequency axis: look at it on its own scale
+        for corner in corners:
+            width = max(abs(corner.real), 1e-9 * abs(corner))
+            around = abs(corner.imag) + width * np.array([-8, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])
+            omega = np.concatenate([omega, around[(around > low) & (around < high)]])
+        if total_delay:
+            omega = np.concatenate([omega, self._turns(low, high, total_delay)])
+        omega = np.unique(omega)
+        values = self(omega)
+        return self._refined(omega, values)
+
+    def _extend(self, low: float, high: float) -> tuple[float, float]:
+        """Move the ends until an integrator has lifted, and a roll-off has lowered, the magnitude enough."""
+        for _ in range(12):
+            ends = np.abs(self(np.array([low, 10 * low])))
+            if ends[0] > 10 or not ends[0] > 3 * ends[1]:
+                break
+            low /= 10
+        top = np.abs(self(np.array([low, np.sqrt(low * high)]))).max()
+        for _ in range(12):
+            ends = np.abs(self(np.array([high / 10, high])))
+            if ends[1] < self._floor * min(1.0, top) or not ends[1] < 0.5 * ends[0]:
+                break
+            high *= 10
+        return low, high
+
+    def _turns(self, low: float, high: float, total_delay: float) -> Real:
+        """Return points at equal steps of the delays' phase, as far as the magnitude matters."""
+        coarse = np.geomspace(low, high, 400)
+        magnitude = np.abs(self(coarse))
+        matters = np.flatnonzero(magnitude > 0.3 * self._floor * min(1.0, magnitude.max()))
+        last = coarse[min(matters[-1] + 1, len(coarse) - 1)] if len(matters) else high
+        step = 0.2 / total_delay
+        return np.arange(step, min(last, step * _MOST_POINTS / 2), step)
+
+    def _refined(self, omega: Real, values: npt.NDArray[np.complex128]) -> tuple[Real, npt.NDArray[np.complex128]]:
+        fresh = np.ones(len(omega) - 1, dtype=bool)
+        for _ in range(30):
+            where = np.flatnonzero(fresh)
+            if not len(where) or len(omega) > _MOST_POINTS:
+                break
+            middle = np.sqrt(omega[where] * omega[where + 1])
+            between = self(middle)
+            bent = np.zeros(len(where), dtype=bool)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                for shift in (0.0, 1.0):  # ln L and ln (1 + L): the sensitivity is sharp where L passes -1
+                    ratio = (between + shift) ** 2 / ((values[where] + shift) * (values[where + 1] + shift))
+                    bent |= ~(np.abs(np.log(ratio)) < _STRAIGHT)
+            bent &= omega[where + 1] / omega[where] > 1 + 1e-9
+            keep = where[bent]
+            position = keep + 1
+            omega = np.insert(omega, position, middle[bent])
+            values = np.insert(values, position, between[bent])
+            fresh = np.zeros(len(omega) - 1, dtype=bool)
+            shifted = keep + np.arange(len(keep))
+            fresh[shifted] = fresh[shifted + 1] = True
+        return omega, values
+
+    def crossings(self, shape: Shape, level: Array | float) -> list[Array]:
+        """Return the frequencies where ``shape`` passes through ``level``, rising, each of shape (lanes,)."""
+        base = float(np.ravel(np.asarray(level))[0].real)
+        omega, values = self.scan
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            level_of = shape(values.real, values.imag) - base
+        found = []
+        finite = np.isfinite(level_of)
+        for k in np.flatnonzero((level_of[:-1] < 0) != (level_of[1:] < 0)):
+            if not (finite[k] and finite[k + 1]):
+                continue
+            root = self._root(lambda w: self.shape_slope(shape, w)[0] - base, float(omega[k]), float(omega[k + 1]))
+            found.append(self._moving(shape, root, level))
+        return found
+
+    def _root(self, function: Callable[[float], float], a: float, b: float) -> float:
+        fa, fb = function(a), function(b)
+        if fa == 0.0 or fa * fb > 0:
+            return a if abs(fa) <= abs(fb) else b
+        return float(brentq(function, a, b, xtol=1e-15 * b, rtol=8.9e-16, maxiter=200))
+
+    def _moving(self, shape: Shape, root: float, level: Array | float) -> Array:
+        """Let the root at ``root`` carry its derivatives: dω/dp = -(∂g/∂p) / (∂g/∂ω)."""
+        _, slope = self.shape_slope(shape, root)
+        value = self.shape(shape, np.asarray(root)) - level
+        if not np.iscomplexobj(value) or slope == 0:
+            return np.full(self.system.lanes, root)
+        return np.asarray(root - 1j * value.imag / slope)
+
+    def peak(self, shape: Shape) -> tuple[Array, float]:
+        """Return (largest value, frequency) of ``shape`` over the scan; a supremum at an end is that end's value."""
+        omega, values = self.scan
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            heights = shape(values.real, values.imag)
+        heights = np.where(np.isfinite(heights), heights, np.inf)
+        best = (float(heights[0]), float(omega[0]))
+        if heights[-1] > best[0]:
+            best = (float(heights[-1]), float(omega[-1]))
+        inner = np.flatnonzero((heights[1:-1] >= heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
+        # the scan is straight to one percent: only peaks near the best can be the best
+        for k in inner[heights[inner] > 0.9 * heights.max()] if np.isfinite(heights.max()) else inner[:0]:
+            top = self._root(lambda w: self.shape_slope(shape, w)[1], float(omega[k - 1]), float(omega[k + 1]))
+            height = self.shape_slope(shape, top)[0]
+            if height > best[0]:
+                best = (height, top)
+        return self.shape(shape, np.asarray(best[1])), best[1]

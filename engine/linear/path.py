@@ -1,0 +1,120 @@
+"""The part of a system that lies between some inputs and some outputs: what the other states do is not seen there.
+
+Structure first (a state that no command reaches, or that no output sees, is left out exactly); then, only when modes
+that do not decay remain, the numerically hidden ones (an uncancelled s/s) by the controllability and observability
+staircase. Stability is judged on this part: a position may integrate while its velocity settles.
+
+References
+----------
+P. Van Dooren, "The generalized eigenstructure problem in linear system theory", IEEE TAC 26 (1981) 111-129 (staircase).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import matrix_balance
+
+from engine.linear.poles import poles
+from engine.linear.system import ARRAYS, LaneSystem
+from engine.verdicts import Verdict
+
+_HIDDEN = 1e-10
+"""A direction weaker than this (balanced, relative) is hidden."""
+
+
+def path(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int]) -> LaneSystem:
+    """Return the system from ``inputs`` to ``outputs`` without the states and delays that play no part between them."""
+    part = connected(system, inputs, outputs)
+    if part.n and poles(part.value).verdict is not Verdict.OK:
+        part = _minimal(part)
+    return part
+
+
+def connected(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int]) -> LaneSystem:
+    """Return the system from ``inputs`` to ``outputs`` without what structure alone keeps from playing a part."""
+    return _prune(_select(system, inputs, outputs))
+
+
+def _select(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int]) -> LaneSystem:
+    i, o = list(inputs), list(outputs)
+    return replace(
+        system,
+        b1=system.b1[:, :, i], d21=system.d21[:, :, i], c1=system.c1[:, o], d12=system.d12[:, o], d11=system.d11[:, o][:, :, i],
+        inputs=tuple(system.inputs[k] for k in i), outputs=tuple(system.outputs[k] for k in o),
+    )  # fmt: skip
+
+
+def _prune(system: LaneSystem) -> LaneSystem:
+    """Leave out states and delays that cannot be reached from the inputs or cannot reach the outputs."""
+    n, m = system.n, system.m
+    pattern = {name: np.any(getattr(system, name) != 0, axis=0) for name in ARRAYS}
+    inner = np.block([[pattern["a"], pattern["b2"]], [pattern["c2"], pattern["d22"]]])  # inner[i, j]: j acts on i
+    reached = np.concatenate([pattern["b1"].any(axis=1) | pattern["x0"], pattern["d21"].any(axis=1)])
+    seen = np.concatenate([pattern["c1"].any(axis=0), pattern["d12"].any(axis=0)])
+    reached, seen = _closure(inner, reached), _closure(inner.T, seen)
+    keep = reached & seen
+    if keep.all():
+        return system
+    x, w = keep[:n], keep[n : n + m]
+    return replace(
+        system,
+        a=system.a[:, x][:, :, x], b1=system.b1[:, x], b2=system.b2[:, x][:, :, w], c1=system.c1[:, :, x],
+        c2=system.c2[:, w][:, :, x], d12=system.d12[:, :, w], d21=system.d21[:, w], d22=system.d22[:, w][:, :, w],
+        delays=system.delays[:, w], x0=system.x0[:, x],
+    )  # fmt: skip
+
+
+def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    while True:
+        grown = marked | (edges @ marked)
+        if np.array_equal(grown, marked):
+            return marked
+        marked = grown
+
+
+def _minimal(system: LaneSystem) -> LaneSystem:
+    """Leave out the numerically uncontrollable and unobservable directions."""
+    _, transform = matrix_balance(system.a[0].real, permute=False)
+    scale = np.diag(transform)
+    balanced = replace(
+        system,
+        a=system.a * (scale[None, :] / scale[:, None]), b1=system.b1 / scale[:, None], b2=system.b2 / scale[:, None],
+        c1=system.c1 * scale, c2=system.c2 * scale, x0=system.x0 / scale,
+    )  # fmt: skip
+    driven = np.concatenate([balanced.b1[0].real, balanced.b2[0].real, balanced.x0[0].real[:, None]], axis=1)
+    balanced = _project(balanced, _reachable(balanced.a[0].real, driven))
+    watched = np.concatenate([balanced.c1[0].real, balanced.c2[0].real]).T
+    return _project(balanced, _reachable(balanced.a[0].real.T, watched))
+
+
+def _reachable(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return an orthonormal basis of the span of b, a b, a² b, ...; directions below the tolerance do not count."""
+    n = len(a)
+    basis = np.zeros((n, 0))
+    size = max(float(np.linalg.norm(a)), 1e-300)
+    norms = np.linalg.norm(b, axis=0)
+    front = b[:, norms > 0] / norms[norms > 0]
+    while front.shape[1] and basis.shape[1] < n:
+        for _ in range(2):
+            front = front - basis @ (basis.T @ front)
+        u, s, _ = np.linalg.svd(front, full_matrices=False)
+        new = u[:, s > _HIDDEN]
+        if not new.shape[1]:
+            break
+        basis = np.concatenate([basis, new], axis=1)
+        front = a @ new / size
+    return basis
+
+
+def _project(system: LaneSystem, basis: npt.NDArray[np.float64]) -> LaneSystem:
+    if basis.shape[1] == system.n:
+        return system
+    v = basis
+    return replace(
+        system,
+        a=v.T @ system.a @ v, b1=v.T @ system.b1, b2=v.T @ system.b2, c1=system.c1 @ v, c2=system.c2 @ v, x0=system.x0 @ v,
+    )  # fmt: skip

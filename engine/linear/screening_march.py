@@ -1,0 +1,361 @@
+"""Step responses of many parameter sets of one structure at once, as piecewise polynomials in time.
+
+One *interval* has the length H of the delay (or a share of the horizon where there is none). On each of its pieces the
+states follow collocation at the 8 Radau points, solved by partial fractions of the collocation matrix W, in which the
+conjugate pairs d = a ± ib of eigenvalues leave only real, n by n inverses:
+
+    (I - W ⊗ hA)⁻¹ = Σ_d P_d ⊗ (I - d hA)⁻¹,   (I - d hA)⁻¹ = (I - d* hA) (I - 2a hA + |d|² h²A²)⁻¹
+
+What a delay channel brings in during an interval is what went into it during the one before. So an interval is one linear
+map T of the vector of states and channel values at the nodes, the march is a power of T, and the powers are found by
+squaring. With deviations from the final value there is no forcing left:  d_{k+1} = T d_k.
+
+Everything is analytic in the system's coefficients: complex lanes carry exact derivatives through.
+
+References
+----------
+E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, IV.5 (Radau IIA) and IV.8 (partial fractions).
+D. Breda, S. Maset, R. Vermiglio, Stability of Linear Delay Differential Equations, Springer 2015 (the map T).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.polynomial import legendre, polynomial
+
+from engine.linear.system import Array
+
+STAGES = 8
+POINTS = STAGES + 1
+"""Samples of a piece: its start (right limit) and the Radau points, the last of which is its end."""
+
+
+class Stacked(Protocol):
+    """Many linear systems of one structure: the arrays of LinearSystem with a leading axis for the candidates."""
+
+    a: Array
+    b1: Array
+    b2: Array
+    c1: Array
+    c2: Array
+    d11: Array
+    d12: Array
+    d21: Array
+    d22: Array
+    delays: Array
+    x0: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def _radau() -> tuple[Array, Array, Array, Array]:
+    """Return nodes in (0, 1], eigenvalues with Im > 0, and the partial-fraction weights of start and forcing."""
+    characteristic = np.zeros(STAGES + 1)
+    characteristic[STAGES], characteristic[STAGES - 1] = 1.0, -1.0
+    roots = np.sort(legendre.legroots(characteristic).real)
+    for _ in range(3):
+        roots -= legendre.legval(roots, characteristic) / legendre.legval(roots, legendre.legder(characteristic))
+    roots[-1] = 1.0
+    integrals = np.stack([legendre.legval(roots, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(STAGES)], axis=1)
+    w = integrals @ np.linalg.inv(legendre.legvander(roots, STAGES - 1))
+    eigenvalues, vectors = np.linalg.eig(w)
+    inverse = np.linalg.inv(vectors)
+    upper = np.flatnonzero(eigenvalues.imag > 0)
+    start = np.empty((STAGES, STAGES))
+    force = np.empty((STAGES, STAGES, STAGES))
+    for pair, index in enumerate(upper):
+        d = eigenvalues[index]
+        projector = np.outer(vectors[:, index], inverse[index])
+        # 2 Re[P (I - d* M)] K  =  2 Re(P) K - 2 Re(P d*) M K, and the forcing carries one more factor d.
+        for target, matrix in ((start, projector.sum(axis=1)), (force, d * projector)):
+            target[..., 2 * pair] = 2 * matrix.real
+            target[..., 2 * pair + 1] = -2 * (matrix * np.conj(d)).real
+    return (roots + 1) / 2, eigenvalues[upper], start, force
+
+
+NODES, _EIGENVALUES, _START, _FORCE = _radau()
+GRID = np.concatenate(([0.0], NODES))
+TO_POLYNOMIAL = np.linalg.inv(polynomial.polyvander(2 * GRID - 1, STAGES))
+"""Samples of a piece -> coefficients in 2θ - 1, lowest power first."""
+_TOP = np.linalg.inv(legendre.legvander(2 * GRID - 1, STAGES))[-1]
+_LEFT = legendre.legvander(np.array([-1.0]), STAGES - 1)[0] @ np.linalg.inv(legendre.legvander(2 * NODES - 1, STAGES - 1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mesh:
+    """The pieces of an interval, as shares of it: small ones first, because transients begin where the interval begins."""
+
+    starts: Array
+    lengths: Array
+
+    @classmethod
+    def graded(cls, octaves: int, split: int = 1) -> Self:
+        """Return 2^-octaves, then octaves up to 1, each piece cut in ``split`` equal parts."""
+        bounds = np.concatenate(([0.0], 2.0 ** np.arange(-octaves, 1)))
+        fine = np.concatenate([np.linspace(lo, hi, split, endpoint=False) for lo, hi in zip(bounds[:-1], bounds[1:], strict=True)])
+        return cls(starts=fine, lengths=np.diff(np.append(fine, 1.0)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanes:
+    """A stack reduced to what a march needs: step sizes applied, states balanced, outputs chosen.
+
+    Shapes: ``a`` (B, n, n), ``b`` (B, n, E), ``b2`` (B, n, m), ``c`` (B, o + m, n), ``d`` (B, o + m, E), ``dw`` (B, o + m, m),
+    ``width`` (B,). The m last rows of c, d, dw are what enters the delay channels; E counts experiments, o outputs.
+    """
+
+    a: Array
+    b: Array
+    b2: Array
+    c: Array
+    d: Array
+    dw: Array
+    width: Array
+
+    def take(self, index: Array) -> Self:
+        """Return the candidates at ``index``."""
+        return type(self)(**{item.name: getattr(self, item.name)[index] for item in fields(self)})
+
+    @property
+    def channels(self) -> int:
+        """Number of delay channels."""
+        return int(self.b2.shape[2])
+
+
+def balance(a: Array) -> Array:
+    """Return powers of two (B, n) that bring rows and columns of each matrix to equal size: a[i, j] s[j] / s[i]."""
+    size = np.abs(a.real)
+    n = size.shape[1]
+    size[:, np.arange(n), np.arange(n)] = 0.0
+    scale = np.ones(size.shape[:2])
+    for _ in range(3):
+        for i in range(n):
+            row, column = size[:, i].sum(axis=1), size[:, :, i].sum(axis=1)
+            usable = (row > 0) & (column > 0)
+            factor = np.exp2(np.round(0.5 * np.log2(np.where(usable, row, 1.0) / np.where(usable, column, 1.0))))
+            size[:, :, i] *= factor[:, None]
+            size[:, i] /= factor[:, None]
+            scale[:, i] *= factor
+    return scale
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Interval:
+    """The linear map of one interval: ``step`` is T, ``read`` gives the output samples of the interval.
+
+    Shapes: ``step`` (B, D, D), ``read`` (B, J * POINTS * o, D), with D = n + J * STAGES * m.
+    """
+
+    step: Array
+    read: Array
+
+
+def interval(lanes: Lanes, mesh: Mesh) -> Interval:
+    """Return the map of one interval for every candidate, for deviations from the final value (no forcing)."""
+    batch, n, m = lanes.a.shape[0], lanes.a.shape[1], lanes.channels
+    rows = lanes.c.shape[1]
+    pieces = len(mesh.lengths)
+    lengths, which = np.unique(np.round(mesh.lengths, 15), return_inverse=True)
+    h = lanes.width[:, None] * lengths
+    dtype = np.result_type(lanes.a, lanes.b2, lanes.c, lanes.dw, lanes.width)
+
+    m1 = h[..., None, None] * lanes.a[:, None]
+    quadratic = np.eye(n) - 2 * _EIGENVALUES.real[:, None, None] * m1[:, :, None]
+    quadratic = quadratic + (np.abs(_EIGENVALUES) ** 2)[:, None, None] * (m1 @ m1)[:, :, None]
+    inverse = np.linalg.inv(quadratic)
+    factors = np.stack([inverse, m1[:, :, None] @ inverse], axis=3).reshape(batch, len(lengths), STAGES, n, n)
+
+    watched = np.concatenate([lanes.c, np.broadcast_to(np.eye(n), (batch, n, n))], axis=1)[:, None, None] @ factors
+    forced = (watched @ lanes.b2[:, None, None]) * h[..., None, None, None]
+    # Axes after moving: (B, length, node, row, state) and (B, length, node, row, forcing node, channel).
+    free = np.moveaxis(np.tensordot(_START, watched, axes=(1, 2)), 0, 2)
+    driven = np.tensordot(_FORCE, forced, axes=(2, 2)).transpose(2, 3, 0, 4, 1, 5)
+
+    size = n + pieces * STAGES * m
+    state = np.zeros((batch, n, size), dtype=dtype)
+    state[:, np.arange(n), np.arange(n)] = 1.0
+    samples = np.zeros((batch, pieces, POINTS, rows, size), dtype=dtype)
+    node = np.arange(STAGES)
+    for piece in range(pieces):
+        u = which[piece]
+        span = slice(n + piece * STAGES * m, n + (piece + 1) * STAGES * m)
+        here = samples[:, piece]
+        here[:, 0] = lanes.c @ state
+        here[:, 1:] = (free[:, u, :, :rows].reshape(batch, -1, n) @ state).reshape(batch, STAGES, rows, size)
+        if m:
+            here[:, 0, :, span] += (_LEFT[:, None] * lanes.dw[:, :, None, :]).reshape(batch, rows, -1)
+            inflow = driven[:, u, :, :rows].copy()
+            inflow[:, node, :, node, :] += lanes.dw
+            here[:, 1:, :, span] += inflow.reshape(batch, STAGES, rows, -1)
+        state = free[:, u, -1, rows:] @ state
+        if m:
+            state[:, :, span] += driven[:, u, -1, rows:].reshape(batch, n, -1)
+    into_channels = samples[:, :, 1:, rows - m :].reshape(batch, -1, size)
+    return Interval(
+        step=np.concatenate([state, into_channels], axis=1),
+        read=np.ascontiguousarray(samples[:, :, :, : rows - m]).reshape(batch, -1, size),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """Responses of some candidates (``index`` into the stack) as P polynomial pieces.
+
+    ``values`` (B, E, o, P, POINTS) at the points GRID of each piece; ``starts`` and ``lengths`` (P,) of the pieces in units
+    of ``width`` (B,) s; ``final`` (B, E, o); ``resolution`` (B, E, o): the highest polynomial coefficient beside the largest
+    value, an estimate of the relative error; ``settled`` (B,): the last piece ends at rest.
+    """
+
+    index: Array
+    starts: Array
+    lengths: Array
+    values: Array
+    final: Array
+    width: Array
+    resolution: Array
+    settled: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class March:
+    """All responses, and ``growth`` (B,): the real part of the rightmost characteristic root (1/s), negative if stable."""
+
+    groups: tuple[Responses, ...]
+    growth: Array
+
+
+def march(
+    lanes: Lanes, mesh: Mesh, index: Array, *, detail: int = 4, limit: int = 24, tolerance: float = 1e-8
+) -> March:
+    """March every candidate until its deviation from the final value has decayed to ``tolerance`` of its largest.
+
+    The first 2**detail intervals are resolved by the mesh. Each later octave of time is cut in 2**detail pieces: what is
+    faster has died out by then, or else shows in ``resolution``.
+
+    Parameters
+    ----------
+    lanes : Lanes
+    mesh : Mesh
+    index : ndarray, shape (B,)
+        What the candidates are called in the result.
+    detail : int
+    limit : int
+        At most 2**limit intervals; a candidate that needs more is returned with ``settled`` False.
+    tolerance : float
+    """
+    one = interval(lanes, mesh)
+    batch, outputs = lanes.a.shape[0], lanes.c.shape[1] - lanes.channels
+    growth = np.full(batch, -np.inf)
+    steady, final, regular = _steady(lanes, len(mesh.lengths))
+    alive = np.arange(batch)
+    read, powers = one.read, [one.step]
+    fine = -steady
+    for stage in range(detail):
+        fine = np.concatenate([fine, powers[stage] @ fine], axis=2)
+        powers.append(powers[stage] @ powers[stage])
+    parts = [_samples(read, fine, outputs, lanes.b.shape[2])]
+    count = 2**detail
+    starts = [(np.arange(count)[:, None] + mesh.starts).ravel()]
+    lengths = [np.tile(mesh.lengths, count)]
+    largest = np.abs(fine.real).reshape(batch, fine.shape[1], count, -1).max(axis=2)
+    state = powers[detail] @ (-steady)
+    groups: list[Responses] = []
+    for stage in range(detail, limit + 1):
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = np.abs(powers[stage].real).sum(axis=2).max(axis=1)
+        growth[alive] = np.log(np.maximum(size, 1e-300)) / (2.0**stage * lanes.width.real[alive])
+        # A response at rest proves nothing about modes that it does not excite; the norm of the map does.
+        quiet = (np.abs(state.real) <= tolerance * largest).all(axis=(1, 2)) & (size < 0.5) & regular[alive]
+        explodes = ~(size <= 1e12)
+        ends = quiet | explodes | (stage == limit)
+        if ends.any():
+            kept = np.flatnonzero(ends & ~explodes & regular[alive])
+            if kept.size:
+                values = np.concatenate([part[kept] for part in parts], axis=3)
+                values += final[alive[kept]][..., None, None]
+                groups.append(
+                    _responses(
+                        values, np.concatenate(starts), np.concatenate(lengths),
+                        index=index[alive[kept]], final=final[alive[kept]], width=lanes.width[alive[kept]], settled=quiet[kept],
+                    )
+                )  # fmt: skip
+            go = np.flatnonzero(~ends)
+            alive, state, read, largest = alive[go], state[go], read[go], largest[go]
+            powers = [power[go] for power in powers]
+            parts = [part[go] for part in parts]
+            if not go.size:
+                break
+        span = stage - detail
+        block = state
+        for step in range(span, stage):
+            block = np.concatenate([block, powers[step] @ block], axis=2)
+        parts.append(_samples(_coarse(read, powers, mesh, span), block, outputs, lanes.b.shape[2]))
+        starts.append(2.0**stage + 2.0**span * np.arange(count))
+        lengths.append(np.full(count, 2.0**span))
+        state = powers[stage] @ state
+        powers.append(powers[stage] @ powers[stage])
+    return March(groups=tuple(groups), growth=growth)
+
+
+def _coarse(read: Array, powers: list[Array], mesh: Mesh, span: int) -> Array:
+    """Return the rows (B, POINTS * o, D) that read the outputs at the points of one piece of 2**span intervals."""
+    batch, size = read.shape[0], read.shape[2]
+    fine = read.reshape(batch, len(mesh.lengths), POINTS, -1, size)
+    rows = []
+    for place in GRID * 2.0**span:
+        passed = min(int(place), 2**span - 1)
+        piece = int(np.searchsorted(mesh.starts, place - passed, side="right")) - 1
+        theta = (place - passed - mesh.starts[piece]) / mesh.lengths[piece]
+        weights = polynomial.polyvander(2 * theta - 1, STAGES)[0] @ TO_POLYNOMIAL
+        row = np.tensordot(weights, fine[:, piece], axes=(0, 1))
+        for bit in range(span):
+            if passed >> bit & 1:
+                row = row @ powers[bit]
+        rows.append(row)
+    return np.stack(rows, axis=1).reshape(batch, -1, size)
+
+
+def _samples(read: Array, block: Array, outputs: int, experiments: int) -> Array:
+    """Return deviations of the outputs (B, E, o, P, POINTS) for interval starts (B, D, K * E)."""
+    batch = read.shape[0]
+    values = (read @ block).reshape(batch, -1, POINTS, outputs, block.shape[2] // experiments, experiments)
+    values = values.transpose(0, 5, 3, 4, 1, 2)
+    return values.reshape(*values.shape[:3], -1, POINTS)
+
+
+def _steady(lanes: Lanes, pieces: int) -> tuple[Array, Array, Array]:
+    """Return the final vector (B, D, E), the final outputs (B, E, o) and whether they exist (B,).
+
+    0 = A x + B u + B2 w,  w = C2 x + D21 u + D22 w: at rest a delay passes what it gets.
+    """
+    n, m = lanes.a.shape[1], lanes.channels
+    outputs = lanes.c.shape[1] - m
+    matrix = np.concatenate(
+        [
+            np.concatenate([lanes.a, lanes.b2], axis=2),
+            np.concatenate([lanes.c[:, outputs:], lanes.dw[:, outputs:] - np.eye(m)], axis=2),
+        ],
+        axis=1,
+    )
+    right = -np.concatenate([lanes.b, lanes.d[:, outputs:]], axis=1)
+    sizes = np.abs(matrix.real).max(axis=2, initial=0.0)
+    regular = np.isfinite(sizes).all(axis=1) & (sizes > 0).all(axis=1)
+    if n + m:
+        scaled = matrix.real / np.where(sizes > 0, sizes, 1.0)[:, :, None]
+        regular &= np.linalg.cond(np.where(regular[:, None, None], scaled, np.eye(n + m))) < 1e14
+    safe = np.where(regular[:, None, None], matrix, np.eye(n + m))
+    rest = np.linalg.solve(safe, right)
+    x, w = rest[:, :n], rest[:, n:]
+    final = lanes.c[:, :outputs] @ x + lanes.dw[:, :outputs] @ w + lanes.d[:, :outputs]
+    steady = np.concatenate([x, np.tile(w, (1, pieces * STAGES, 1))], axis=1)
+    return steady, np.swapaxes(final, 1, 2), regular
+
+
+def _responses(values: Array, starts: Array, lengths: Array, **rest: Array) -> Responses:
+    largest = np.abs(values.real).max(axis=(3, 4))
+    top = np.abs(values.real @ _TOP).max(axis=3)
+    resolution = top / np.where(largest > 0, largest, 1.0)
+    return Responses(values=values, starts=starts, lengths=lengths, resolution=resolution, **rest)

@@ -1,0 +1,333 @@
+"""The exact time response of a linear system with delays, as polynomial pieces (the method of steps).
+
+    x' = A x + B1 u + B2 w,  w_i(t) = z_i(t - τ_i): on a segment no longer than the shortest delay, w is already known
+
+A first pass on the real parts places the segments: their ends fall on every instant where something jumps or kinks (the
+command, and its echoes through the delays), and a segment is halved until a polynomial of degree 16 holds outputs,
+delayed signals and (with delays) states to 1e-13. The lanes then replay the same segments; an end that moves with a delay
+carries that delay's infinitesimal, so derivatives with respect to delays are exact too.
+
+References
+----------
+A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford 2003, chapters 2-3 (breaking points).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import EngineError
+from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, interior, weights
+from engine.linear.curve import Curve
+from engine.linear.propagate import Collocation, Exponential, Propagator
+
+if TYPE_CHECKING:
+    from engine.linear.system import Array, LaneSystem
+    from engine.signals import Signal
+
+RESOLUTION = 1e-13
+"""What the two last Chebyshev coefficients may be, relative to the largest value of the signal so far."""
+
+MAX_SEGMENTS = 100_000
+MAX_ECHOES = 20
+"""A kink that went through so many delays (and as many integrations) is smoother than the polynomials can see."""
+
+_GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
+_ROUNDING = 4e-15
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """A segment of the plan: start and width as combinations of 1 and the delays."""
+
+    start: npt.NDArray[np.float64]
+    width: npt.NDArray[np.float64]
+    key: tuple[tuple[float, ...], int]
+
+
+@dataclass(kw_only=True, eq=False)
+class Trajectory:
+    """States, inputs, delayed signals and outputs on the pieces of one response.
+
+    Shapes: ``edges`` (pieces + 1, lanes); ``x`` (pieces, N + 1, lanes, n); ``u``, ``w``, ``z``, ``y`` likewise.
+    """
+
+    edges: Array
+    x: Array
+    u: Array
+    y: Array
+    z: Array
+    plan: list[_Segment] = field(repr=False)
+
+    def output(self, index: int) -> Curve:
+        """Return output ``index`` as a curve."""
+        return Curve(edges=self.edges, values=self.y[..., index])
+
+    def input(self, index: int) -> Curve:
+        """Return input ``index`` as a curve."""
+        return Curve(edges=self.edges, values=self.u[..., index])
+
+
+def respond(system: LaneSystem, signals: Sequence[Signal], horizon: float, *, plan: list[_Segment] | None = None) -> Trajectory:
+    """Return the response to ``signals`` from t = 0 to ``horizon``.
+
+    Parameters
+    ----------
+    system : LaneSystem
+        All lanes share the real part.
+    signals : sequence of Signal
+        One for each input, in order.
+    horizon : float
+        End of the response, s.
+    plan : list, optional
+        Segments of an earlier response of the same real system; placed anew when absent.
+
+    Raises
+    ------
+    EngineError
+        When more than :data:`MAX_SEGMENTS` segments would be needed (a delay far shorter than the response).
+    """
+    if plan is None:
+        placed = _place(system.value, signals, horizon)
+        if system.dtype is np.float64 and system.lanes == 1:
+            return placed
+        plan = placed.plan
+    return _Run(system, signals, len(plan)).replay(plan)
+
+
+class _Run:
+    """The growing response: arrays of pieces, and the propagators met so far."""
+
+    def __init__(self, system: LaneSystem, signals: Sequence[Signal], pieces: int) -> None:
+        self.s = system
+        self.signals = signals
+        self.lanes = system.lanes
+        self.count = 0
+        self._b = np.concatenate([system.b1, system.b2], axis=-1)
+        self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
+        self._propagators: dict[tuple[tuple[float, ...], int], Propagator] = {}
+        self._dtype = system.dtype
+        self._allocate(max(pieces, 64))
+        degrees = [signal.degree() for signal in signals]
+        self._exact = not system.m and all(d is not None and d <= 1 for d in degrees)
+        self.state: Array = np.array(system.x0, dtype=self._dtype)
+
+    def _allocate(self, pieces: int) -> None:
+        s, p, nodes = self.s, self.lanes, DEGREE + 1
+        shapes = {"x": s.n, "u": s.n_in, "y": s.n_out, "z": s.m}
+        for name, size in shapes.items():
+            new = np.zeros((pieces, nodes, p, size), dtype=self._dtype)
+            if self.count:
+                new[: self.count] = getattr(self, name)[: self.count]
+            setattr(self, name, new)
+        edges = np.zeros((pieces + 1, p), dtype=self._dtype)
+        if self.count:
+            edges[: self.count + 1] = self.edges[: self.count + 1]
+        self.edges = edges
+
+    x: Array
+    u: Array
+    y: Array
+    z: Array
+
+    def propagator(self, segment: _Segment) -> Propagator:
+        found = self._propagators.get(segment.key)
+        if found is None:
+            make = Exponential if self._exact else Collocation
+            found = make(self.s.a, self._b, self._basis @ segment.width)
+            self._propagators[segment.key] = found
+        return found
+
+    def step(self, segment: _Segment) -> tuple[Array, Array, Array, Array, Array]:
+        """Return (x, u, y, z, end state) on the nodes of ``segment``, shapes (N + 1, lanes, ·), from the current state."""
+        s = self.s
+        start, width = self._basis @ segment.start, self._basis @ segment.width
+        u = self._inputs(start, width)
+        w = self._delayed(start, width)
+        v = np.concatenate([u, w], axis=-1)
+        x = self.propagator(segment).states(self.state, v)
+        y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
+        z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
+        return x, u, y, z, x[:, -1]
+
+    def append(self, segment: _Segment, nodes: tuple[Array, Array, Array, Array, Array]) -> None:
+        if self.count == len(self.x):
+            self._allocate(2 * self.count)
+        x, u, y, z, self.state = nodes
+        k = self.count
+        self.x[k], self.u[k], self.y[k], self.z[k] = (part.swapaxes(0, 1) for part in (x, u, y, z))
+        start, width = self._basis @ segment.start, self._basis @ segment.width
+        self.edges[k] = start
+        self.edges[k + 1] = start + width
+        self.count += 1
+
+    def replay(self, plan: list[_Segment]) -> Trajectory:
+        for segment in plan:
+            self.append(segment, self.step(segment))
+        return self.trajectory(plan)
+
+    def trajectory(self, plan: list[_Segment]) -> Trajectory:
+        k = self.count
+        return Trajectory(
+            edges=self.edges[: k + 1], x=self.x[:k], u=self.u[:k], y=self.y[:k], z=self.z[:k], plan=plan
+        )
+
+    def _inputs(self, start: Array, width: Array) -> Array:
+        """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
+        points, to_nodes = interior()
+        t0, h = float(start[0].real), float(width[0].real)
+        inside = t0 + h * points
+        values = np.stack([np.asarray(signal.value(inside), dtype=float) for signal in self.signals], axis=-1) \
+            if self.signals else np.zeros((DEGREE + 1, 0))
+        values = to_nodes @ values
+        if self._dtype != np.complex128:
+            return np.broadcast_to(values, (self.lanes, *values.shape))
+        # a node that moves with a delay sees the command a little earlier or later
+        moved = (start[:, None] + width[:, None] * NODES) - (t0 + h * NODES)
+        return np.asarray(values[None] + moved[:, :, None] * (differentiation_matrix() @ values / h)[None])
+
+    def _delayed(self, start: Array, width: Array) -> Array:
+        """Return the delayed signals at the nodes, shape (lanes, N + 1, m)."""
+        s, k = self.s, self.count
+        out = np.zeros((self.lanes, DEGREE + 1, s.m), dtype=self._dtype)
+        if not s.m or not k:
+            return out
+        edges = self.edges[: k + 1, 0].real
+        t0, h = float(start[0].real), float(width[0].real)
+        nodes = start[:, None] + width[:, None] * NODES  # (lanes, N + 1)
+        for i in range(s.m):
+            past = nodes - s.delays[:, i, None]
+            inward = (t0 + h * (NODES + 1e-9 * (0.5 - NODES))) - float(s.delays[0, i].real)
+            known = inward >= edges[0]
+            if not known.any():
+                continue
+            piece = np.clip(np.searchsorted(edges, inward, side="right") - 1, 0, k - 1)
+            theta = (past - self.edges[piece].T) / (self.edges[piece + 1] - self.edges[piece]).T
+            values = np.einsum("pjl,jlp->pj", weights(theta), self.z[piece, :, :, i])
+            out[:, known, i] = values[:, known]
+        return out
+
+
+def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Trajectory:
+    """Return the real response on segments placed so that it is resolved."""
+    run = _Run(system, signals, 64)
+    watch = _Resolution(run, states=not run._exact)
+    basis = np.concatenate([[1.0], system.delays[0].real])
+    fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
+    plan: list[_Segment] = []
+    previous = np.inf if fastest == 0.0 else 4.0 / fastest
+    for a, b in _gaps(signals, basis, horizon):
+        gap = b - a
+        whole = float(gap @ basis)
+        level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
+        position = 0.0
+        while position < 1.0:
+            width = 0.5**level
+            segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level))
+            nodes = run.step(segment)
+            held, roomy = watch.judge(nodes)
+            if not held and level < 60:
+                level += 1
+                continue
+            watch.accept(nodes)
+            run.append(segment, nodes)
+            plan.append(segment)
+            if len(plan) > MAX_SEGMENTS:
+                ratio = f"the shortest delay is {system.delays[0].real.min():.3g} s" if system.m else "it is very lightly damped"
+                msg = f"the response must be resolved by at most {MAX_SEGMENTS} segments over {horizon:.3g} s, but {ratio}"
+                raise EngineError(msg)
+            position += width
+            while level and roomy and (position / (2 * width)).is_integer():
+                level, width, roomy = level - 1, 2 * width, False
+            previous = whole * 0.5**level
+    return run.trajectory(plan)
+
+
+class _Resolution:
+    """Judges whether the polynomial through the nodes holds every signal that matters."""
+
+    def __init__(self, run: _Run, *, states: bool) -> None:
+        self._states = states
+        s = run.s
+        self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
+        self._through = np.abs(np.concatenate([np.concatenate([s.d11[0], s.d12[0]], 1), np.concatenate([s.d21[0], s.d22[0]], 1)]))
+        self._largest = np.zeros(s.n_out + s.m)
+        self._largest_state = np.zeros(s.n)
+
+    def _measure(self, nodes: tuple[Array, Array, Array, Array, Array]) -> tuple[Array, Array, Array]:
+        x, _, y, z, _ = nodes
+        signals = np.concatenate([y[0], z[0]], axis=-1)
+        largest = np.maximum(self._largest, np.abs(signals).max(axis=0, initial=0.0))
+        largest_state = np.maximum(self._largest_state, np.abs(x[0]).max(axis=0, initial=0.0))
+        return signals, largest, largest_state
+
+    def judge(self, nodes: tuple[Array, Array, Array, Array, Array]) -> tuple[bool, bool]:
+        """Return (held, so well held that a segment of twice the length would be held too)."""
+        signals, largest, largest_state = self._measure(nodes)
+        floor = _ROUNDING * (self._rows @ largest_state)
+        scale = np.maximum(largest, floor / RESOLUTION)
+        if self._states:
+            signals = np.concatenate([signals, nodes[0][0]], axis=-1)
+            scale = np.concatenate([scale, np.maximum(largest_state, 1e-8 * largest_state.max(initial=0.0))])
+        coefficients = np.abs(coefficient_matrix() @ signals)
+        scale = np.maximum(scale, 1e-300)
+        held = bool(np.all(coefficients[-2:].sum(axis=0) <= 2 * RESOLUTION * scale))
+        roomy = bool(np.all(coefficients[8:10].max(axis=0) <= _GROWTH * scale))
+        return held, roomy
+
+    def accept(self, nodes: tuple[Array, Array, Array, Array, Array]) -> None:
+        """Remember the largest values of an accepted segment."""
+        _, self._largest, self._largest_state = self._measure(nodes)
+
+
+def _gaps(signals: Sequence[Signal], basis: npt.NDArray[np.float64], horizon: float) -> list[tuple[Array, Array]]:
+    """Return the intervals between breaking points, none longer than the shortest delay, as combinations of the basis."""
+    m = len(basis) - 1
+    starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
+    points = [np.array([t, *([0.0] * m)]) for t in starts]
+    if m:
+        points = _echoes(points, basis, horizon)
+    end = np.zeros(1 + m)
+    end[0] = horizon
+    shortest = float(basis[1:].min()) if m else np.inf
+    unit = np.zeros(1 + m)
+    if m:
+        unit[1 + int(np.argmin(basis[1:]))] = 1.0
+    gaps: list[tuple[Array, Array]] = []
+    for k, a in enumerate(points):
+        b = points[k + 1] if k + 1 < len(points) else end
+        while float((b - a) @ basis) > shortest * (1 + 1e-9):
+            gaps.append((a, a + unit))
+            a = a + unit
+        if float((b - a) @ basis) > 1e-12 * horizon:
+            gaps.append((a, b))
+    return gaps
+
+
+def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float) -> list[Array]:
+    """Return the breaking points and their echoes through the delays, sorted, coinciding ones once."""
+    m = len(basis) - 1
+    shifts = np.eye(1 + m)[1:]
+    seen: dict[int, Array] = {}
+    grain = 1e-10 * float(basis[1:].min())
+    front = list(points)
+    key: Callable[[Array], int] = lambda p: round(float(p @ basis) / grain)  # noqa: E731
+    for point in front:
+        seen.setdefault(key(point), point)
+    for _ in range(MAX_ECHOES):
+        following: list[Array] = []
+        for point in front:
+            for shift in shifts:
+                echo = point + shift
+                if float(echo @ basis) < horizon and key(echo) not in seen:
+                    seen[key(echo)] = echo
+                    following.append(echo)
+        front = following
+        if len(seen) > MAX_SEGMENTS or not front:
+            break
+    return sorted(seen.values(), key=lambda p: float(p @ basis))

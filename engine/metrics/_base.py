@@ -1,0 +1,334 @@
+"""What a metric is: a definition, a unit, and one function of an exact response.
+
+The function is written once. It works on quantities that carry infinitesimals, so the value and all its derivatives come
+out of the same lines; it returns why there is no value where there is none.
+"""
+
+from __future__ import annotations
+
+import abc
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+
+from engine.linear.curve import Curve
+from engine.linear.frequency import squared_magnitude
+from engine.linear.tangent import INFINITESIMAL
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.linear.frequency import FrequencyResponse
+    from engine.linear.poles import Poles
+    from engine.linear.system import Array
+
+NEGLIGIBLE = 1e-9
+"""A difference below this part of the signal is not a difference: rounding of the exact response is far below it."""
+
+Domain = Literal["time", "path", "loop", "system"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """A metric's value.
+
+    ``value`` has shape (lanes,) and carries its derivatives; ``at`` is the instant (s) or frequency (rad/s) where it is
+    found; ``one_sided`` says that the metric jumps here, so that its derivative holds on one side only.
+    """
+
+    value: Array
+    at: float | None = None
+    one_sided: bool = False
+    verdict: Verdict = Verdict.OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Absent:
+    """Why a metric has no value."""
+
+    verdict: Verdict
+    advice: str
+
+
+Finding = Found | Absent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeSubject:
+    """The whole response of one output.
+
+    Parameters
+    ----------
+    y : Curve
+        The output from t = 0 until nothing moves any more.
+    initial : ndarray, shape (lanes,)
+        Value just before the command.
+    final : ndarray or None
+        Value that it settles at; None where the command or the path does not settle.
+    start, end : float
+        When the command starts and ends, s; ``end`` is None for a command that goes on for ever.
+    error : Curve or None
+        r - y; None without a reference.
+    error_final : ndarray or None
+        Where the error goes to.
+    duration : float or None
+        Limit of the integrals, s; None means infinity.
+    verdict : Verdict
+        Of the path from the input to this output.
+    """
+
+    y: Curve | None
+    initial: Array
+    final: Array | None
+    start: float
+    end: float | None
+    error: Curve | None
+    error_final: Array | None
+    duration: float | None
+    verdict: Verdict
+
+    @property
+    def curve(self) -> Curve:
+        """The output; only asked for where the verdict is ok."""
+        assert self.y is not None
+        return self.y
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathSubject:
+    """The frequency response from one input to one output; ``static`` is None where s = 0 is a pole."""
+
+    response: FrequencyResponse
+    static: Array | None
+    verdict: Verdict
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopSubject:
+    """An open loop L, negative feedback, and the stability of the loop closed."""
+
+    response: FrequencyResponse
+    static: Array | None
+    verdict: Verdict
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SystemSubject:
+    """The poles of the whole system."""
+
+    poles: Poles
+
+
+class Metric(abc.ABC):
+    """One definition. A metric is a final class in a file of its own, named after its kind."""
+
+    kind: ClassVar[str]
+    title: ClassVar[str]
+    unit: ClassVar[str]
+    """SI unit; ``output`` stands for the unit of the output, ``output*s`` and so on for products with it."""
+    domain: ClassVar[Domain]
+    better: ClassVar[Literal["lower", "higher"]]
+    definition: ClassVar[str]
+    source: ClassVar[str]
+    amplitude_power: ClassVar[int] = 0
+    """The metric grows with this power of the command's amplitude."""
+    time_power: ClassVar[int] = 0
+    """The metric grows with this power of the time scale."""
+    absent_is_infinite: ClassVar[bool] = False
+    """``never_crosses`` means that the metric is as large as can be (no finite margin, no finite bandwidth)."""
+
+
+class TimeMetric(Metric):
+    """A metric of one output's response."""
+
+    domain: ClassVar[Domain] = "time"
+
+    @classmethod
+    @abc.abstractmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+
+
+class PathMetric(Metric):
+    """A metric of the frequency response from one input to one output."""
+
+    domain: ClassVar[Domain] = "path"
+
+    @classmethod
+    @abc.abstractmethod
+    def measure(cls, subject: PathSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+
+
+class LoopMetric(Metric):
+    """A metric of an open loop."""
+
+    domain: ClassVar[Domain] = "loop"
+
+    @classmethod
+    @abc.abstractmethod
+    def measure(cls, subject: LoopSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+
+
+class SystemMetric(Metric):
+    """A metric of the whole system's poles."""
+
+    domain: ClassVar[Domain] = "system"
+
+    @classmethod
+    @abc.abstractmethod
+    def measure(cls, subject: SystemSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+
+
+_ADVICE = {
+    Verdict.UNSTABLE: "the path is unstable: lower the loop gain or add phase lead",
+    Verdict.MARGINAL: "the path oscillates without decay: lower the loop gain slightly",
+    Verdict.INTEGRATING: "the output goes on moving under a constant command: look at its velocity, or close the loop",
+    Verdict.ILL_POSED: "an algebraic loop has no solution at these values",
+}
+
+
+def unsettled(verdict: Verdict) -> Absent | None:
+    """Return why a path of this verdict has no value, or None when it decays."""
+    return None if verdict is Verdict.OK else Absent(verdict=verdict, advice=_ADVICE[verdict])
+
+
+def without_final_value(subject: TimeSubject) -> Absent | None:
+    """Return why a metric relative to the final value does not exist, or None when it does."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None:
+        return refusal
+    if subject.final is None:
+        return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step")
+    largest = float(np.abs(subject.curve.values[:, :, 0].real).max())
+    if abs(float((subject.final - subject.initial)[0].real)) <= NEGLIGIBLE * largest or largest == 0.0:
+        return Absent(verdict=Verdict.ZERO_STATIC_GAIN, advice="the output returns to where it began: relative metrics do not exist")
+    return None
+
+
+def span(subject: TimeSubject) -> tuple[Array, Array, float]:
+    """Return (initial value, way from there to the final value, its sign)."""
+    assert subject.final is not None
+    way = subject.final - subject.initial
+    return subject.initial, way, 1.0 if way[0].real > 0 else -1.0
+
+
+def passage(subject: TimeSubject, part: float) -> Array | None:
+    """Return the first instant at which the output has gone ``part`` of its way, or None if it never does."""
+    assert subject.final is not None
+    initial, way, sign = span(subject)
+    level = initial + part * way
+    curve = subject.curve
+    if sign * (curve.values[0, 0, 0] - level[0]).real >= 0:
+        return curve.edges[0]
+    return next((instant for instant, _ in curve.crossings(level)), None)
+
+
+def last_entry(subject: TimeSubject, band: float) -> Finding:
+    """Return when the output enters, for the last time, the band of ± ``band`` of its way around its final value."""
+    refusal = without_final_value(subject)
+    if refusal is not None:
+        return refusal
+    assert subject.final is not None
+    _, way, sign = span(subject)
+    half = band * way * sign
+    candidates = []
+    for edge in (subject.final + half, subject.final - half):
+        last = next((instant for instant, _ in subject.curve.crossings(edge, backwards=True)), None)
+        if last is not None:
+            candidates.append(last)
+    zero = subject.curve.edges[0]
+    entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
+    return Found(value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half, float(entry[0].real)))
+
+
+def _grazes(subject: TimeSubject, half: Array, entry: float) -> bool:
+    """Return whether a later turning point just touches the band: a little more and the entry jumps there."""
+    assert subject.final is not None
+    rest = (subject.curve + (-subject.final)).since(entry + 1e-9 * max(entry, subject.curve.end * 1e-6))
+    reach = float(half[0].real)
+    top, bottom = float(rest.largest()[0][0].real), float(rest.smallest()[0][0].real)
+    return min(abs(top / reach - 1), abs(bottom / reach + 1)) <= 1e-7
+
+
+def largest_magnitude(subject: TimeSubject) -> Finding:
+    """Return the largest absolute value of the output; its final value where it is only approached."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None:
+        return refusal
+    if subject.final is None and subject.end is None and _grows(subject):
+        return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
+    top, top_at = subject.curve.largest()
+    bottom, bottom_at = subject.curve.smallest()
+    value, at = (top, top_at) if top[0].real >= -bottom[0].real else (-bottom, bottom_at)
+    if subject.final is not None:
+        limit = abs(float(subject.final[0].real))
+        if limit >= float(value[0].real) * (1 - 1e-13):
+            sign = 1.0 if subject.final[0].real >= 0 else -1.0
+            return Found(value=sign * subject.final)
+    return Found(value=value, at=at)
+
+
+def _grows(subject: TimeSubject) -> bool:
+    """Return whether the far end of the curve still climbs to new values, as under a ramp."""
+    sizes = np.abs(subject.curve.values[:, :, 0].real).max(axis=1)
+    times = subject.curve.times
+    early = times[1:] < 0.8 * times[-1]
+    return bool(sizes[~early].max() > 1.1 * sizes[early].max(initial=0.0))
+
+
+def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae"]) -> Finding:
+    """Return ∫|e|, ∫e² or ∫t|e| from the command's start to the duration or to infinity."""
+    if subject.error is None:
+        refusal = unsettled(subject.verdict)
+        return refusal or Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a reference input")
+    error = subject.error
+    if subject.duration is None:
+        refusal = unsettled(subject.verdict)
+        if refusal is not None:
+            return refusal
+        size = float(np.abs(error.values[:, :, 0].real).max())
+        if subject.error_final is None or abs(float(subject.error_final[0].real)) > NEGLIGIBLE * size:
+            return Absent(verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration")
+    else:
+        error = error.until(subject.duration)
+    error = error.since(subject.start)
+    if kind == "ise":
+        return Found(value=error.squared().integral())
+    error = error.absolute()
+    if kind == "itae":
+        shifted = Curve(edges=error.edges - subject.start, values=error.values)
+        return Found(value=shifted.times_time().integral())
+    return Found(value=error.integral())
+
+
+def highest_magnitude(subject: PathSubject) -> Finding:
+    """Return the largest magnitude of a path over all frequencies, 0 included."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None:
+        if subject.verdict is Verdict.UNSTABLE:
+            return refusal
+        return Absent(verdict=Verdict.DIVERGES, advice="the path has poles on the imaginary axis: the peak is infinite")
+    value, at = subject.response.peak(squared_magnitude)
+    assert subject.static is not None
+    static = subject.static * (1.0 if float(subject.static[0].real) >= 0 else -1.0)
+    if float(static[0].real) ** 2 >= float(value[0].real) * (1 - 1e-12):
+        return Found(value=static, at=0.0)
+    return Found(value=np.sqrt(value), at=at)
+
+
+def unclosed(subject: LoopSubject) -> Absent | None:
+    """Return why a margin of this loop means nothing, or None; on the stability limit margins still exist."""
+    return unsettled(subject.verdict) if subject.verdict is Verdict.UNSTABLE else None
+
+
+def oscillatory(subject: SystemSubject) -> list[tuple[Array, Array]]:
+    """Return (real part, imaginary part) of the upper pole of every complex pair, with their infinitesimals."""
+    poles = subject.poles
+    pairs = []
+    for value, motion, uncertainty in zip(poles.values, poles.motion, poles.uncertainty, strict=True):
+        if value.imag > max(uncertainty, NEGLIGIBLE * abs(value)):
+            pairs.append((value.real + 1j * INFINITESIMAL * motion.real, value.imag + 1j * INFINITESIMAL * motion.imag))
+    return pairs

@@ -1,0 +1,58 @@
+"""Where an open loop L passes -1's neighbours: every gain, phase and delay margin.
+
+    gain:  Im L = 0, Re L < 0 -> 1 / |L|;   phase:  |L| = 1 -> π + arg L;   delay:  phase in [0, 2π) / ω
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.linear.frequency import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
+
+if TYPE_CHECKING:
+    from engine.linear.frequency import FrequencyResponse
+    from engine.linear.system import Array
+
+Crossing = tuple["Array", "Array"]
+"""(frequency in rad/s, margin), each of shape (lanes,)."""
+
+
+def gain_margins(response: FrequencyResponse, static: Array | None) -> list[Crossing]:
+    """Return every gain margin; at ω = 0 too where L(0) is finite and negative."""
+    found: list[Crossing] = []
+    if static is not None and float(static[0].real) < -SMALLEST_LOOP_GAIN:
+        found.append((0.0 * static.real, -1 / static))
+    for frequency in response.crossings(imaginary_part, 0.0):
+        re, _ = response.pair(frequency)
+        if float(re[0].real) < -SMALLEST_LOOP_GAIN:
+            found.append((frequency, -1 / re))
+    return found
+
+
+def phase_margins(response: FrequencyResponse) -> list[Crossing]:
+    """Return every phase margin in (-π, π]."""
+    found: list[Crossing] = []
+    for frequency in response.crossings(squared_magnitude, 1.0):
+        re, im = response.pair(frequency)
+        found.append((frequency, _angle(-re, -im)))
+    return found
+
+
+def delay_margins(response: FrequencyResponse) -> list[Crossing]:
+    """Return the additional delay at which each gain crossing reaches -1."""
+    found: list[Crossing] = []
+    for frequency, margin in phase_margins(response):
+        turn = margin if float(margin[0].real) >= 0 else margin + 2 * np.pi
+        found.append((frequency, turn / frequency))
+    return found
+
+
+def _angle(re: Array, im: Array) -> Array:
+    """Return atan2(im, re) with its infinitesimals."""
+    angle = np.arctan2(im.real, re.real)
+    if not (np.iscomplexobj(re) or np.iscomplexobj(im)):
+        return np.asarray(angle)
+    turn = (re.real * np.imag(im) - im.real * np.imag(re)) / (re.real**2 + im.real**2)
+    return np.asarray(angle + 1j * turn)

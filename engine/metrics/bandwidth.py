@@ -1,0 +1,45 @@
+"""Up to which frequency the output follows.
+
+    first ω with |T(jω)| = 10^(-3/20) |T(0)|
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.linear.frequency import squared_magnitude
+from engine.metrics._base import Absent, Found, NEGLIGIBLE, PathMetric, unsettled
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, PathSubject
+
+
+@final
+class Bandwidth(PathMetric):
+    """Up to which frequency the output follows."""
+
+    kind: ClassVar[str] = "bandwidth"
+    title: ClassVar[str] = "Bandwidth"
+    unit: ClassVar[str] = "rad/s"
+    better: ClassVar[Literal["lower", "higher"]] = "higher"
+    definition: ClassVar[str] = "First frequency at which the magnitude falls 3 dB (10^(-3/20)) below its static value."
+    source: ClassVar[str] = "G. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynamic Systems, section 6.1"
+    time_power: ClassVar[int] = -1
+    absent_is_infinite: ClassVar[bool] = True
+
+    @classmethod
+    def measure(cls, subject: PathSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = unsettled(subject.verdict)
+        if refusal is not None:
+            return refusal
+        assert subject.static is not None
+        top = float(subject.response.peak(squared_magnitude)[0][0].real)
+        if float(subject.static[0].real) ** 2 <= NEGLIGIBLE**2 * top:
+            return Absent(verdict=Verdict.ZERO_STATIC_GAIN, advice="the static gain is 0, so there is nothing to fall 3 dB from")
+        level = subject.static**2 * 10**-0.3
+        crossing = next(iter(subject.response.crossings(squared_magnitude, level)), None)
+        if crossing is None:
+            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the magnitude never falls 3 dB below its static value")
+        return Found(value=crossing, at=float(crossing[0].real))

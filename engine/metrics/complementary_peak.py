@@ -1,0 +1,40 @@
+"""How much the reference is amplified at worst.
+
+    Mt = max over ω of |L / (1 + L)|
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+import numpy as np
+
+from engine.linear.frequency import squared_complementary
+from engine.metrics._base import Absent, Found, LoopMetric, unclosed
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, LoopSubject
+
+
+@final
+class ComplementaryPeak(LoopMetric):
+    """How much the reference is amplified at worst."""
+
+    kind: ClassVar[str] = "complementary_peak"
+    title: ClassVar[str] = "Complementary sensitivity peak"
+    unit: ClassVar[str] = "1"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "How much the reference is amplified at worst."
+    source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
+
+    @classmethod
+    def measure(cls, subject: LoopSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = unclosed(subject)
+        if refusal is not None:
+            return refusal
+        if subject.verdict is not Verdict.OK:
+            return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
+        value, at = subject.response.peak(squared_complementary)
+        return Found(value=np.sqrt(value), at=at)

@@ -1,0 +1,42 @@
+"""How much the loop gain may change.
+
+    1 / |L| where the phase of L is -180°
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+import numpy as np
+
+from engine.metrics._base import Absent, Found, LoopMetric, unclosed
+from engine.metrics._loop import gain_margins
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, LoopSubject
+
+
+@final
+class GainMargin(LoopMetric):
+    """How much the loop gain may change."""
+
+    kind: ClassVar[str] = "gain_margin"
+    title: ClassVar[str] = "Gain margin"
+    unit: ClassVar[str] = "1"
+    better: ClassVar[Literal["lower", "higher"]] = "higher"
+    definition: ClassVar[str] = "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale."
+    source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
+    absent_is_infinite: ClassVar[bool] = True
+
+    @classmethod
+    def measure(cls, subject: LoopSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = unclosed(subject)
+        if refusal is not None:
+            return refusal
+        margins = gain_margins(subject.response, subject.static)
+        if not margins:
+            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the phase never reaches -180°: the gain margin is infinite")
+        frequency, value = min(margins, key=lambda pair: abs(float(np.log(pair[1][0].real))))
+        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)

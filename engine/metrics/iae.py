@@ -1,0 +1,32 @@
+"""Integral of absolute error.
+
+    ∫ |r - y| dt
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import TimeMetric, integral_of_error
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class Iae(TimeMetric):
+    """Integral of absolute error."""
+
+    kind: ClassVar[str] = "iae"
+    title: ClassVar[str] = "Integral of absolute error"
+    unit: ClassVar[str] = "output*s"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "Integral of absolute error from the command's start to the duration, or to infinity."
+    source: ClassVar[str] = "D. Graham, R. C. Lathrop, Trans. AIEE 72 (1953) 273-288"
+    amplitude_power: ClassVar[int] = 1
+    time_power: ClassVar[int] = 1
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        return integral_of_error(subject, "iae")

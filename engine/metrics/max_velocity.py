@@ -1,0 +1,31 @@
+"""The largest absolute value of the velocity output named.
+
+    max |v(t)|
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import TimeMetric, largest_magnitude
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class MaxVelocity(TimeMetric):
+    """The largest absolute value of the velocity output named."""
+
+    kind: ClassVar[str] = "max_velocity"
+    title: ClassVar[str] = "Largest velocity"
+    unit: ClassVar[str] = "output"
+    better: ClassVar[Literal["lower", "higher"]] = "higher"
+    definition: ClassVar[str] = "The largest absolute value of the velocity output named. Nothing is differentiated: name the output that carries it."
+    source: ClassVar[str] = "the dynamic behaviour parameter v of the influence-coefficient method"
+    amplitude_power: ClassVar[int] = 1
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        return largest_magnitude(subject)

@@ -1,0 +1,38 @@
+"""How far the output goes beyond its final value.
+
+    (max y - y∞) / (y∞ - y0), 0 if negative
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import Found, TimeMetric, span, without_final_value
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class Overshoot(TimeMetric):
+    """How far the output goes beyond its final value."""
+
+    kind: ClassVar[str] = "overshoot"
+    title: ClassVar[str] = "Overshoot"
+    unit: ClassVar[str] = "1"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "How far the output goes beyond its final value, as a ratio of its way; 0 when it does not."
+    source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = without_final_value(subject)
+        if refusal is not None:
+            return refusal
+        _, way, sign = span(subject)
+        top, at = (subject.curve * sign).largest()
+        beyond = (top - sign * subject.final) / (sign * way)
+        if float(beyond[0].real) <= 1e-12:
+            return Found(value=0.0 * beyond.real)
+        return Found(value=beyond, at=at)

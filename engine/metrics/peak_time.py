@@ -1,0 +1,37 @@
+"""When the output is largest.
+
+    t_p = argmax |y(t)|
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import Absent, Found, TimeMetric, largest_magnitude
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class PeakTime(TimeMetric):
+    """When the output is largest."""
+
+    kind: ClassVar[str] = "peak_time"
+    title: ClassVar[str] = "Peak time"
+    unit: ClassVar[str] = "s"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "Time from the command's start to the largest absolute value of the output."
+    source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
+    time_power: ClassVar[int] = 1
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        peak = largest_magnitude(subject)
+        if isinstance(peak, Absent):
+            return peak
+        if peak.at is None:
+            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output approaches its final value without a peak")
+        return Found(value=subject.curve.turning(peak.at) - subject.start, at=peak.at)

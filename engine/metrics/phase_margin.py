@@ -1,0 +1,40 @@
+"""How much phase the loop may lose.
+
+    π + arg L where |L| = 1
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import Absent, Found, LoopMetric, unclosed
+from engine.metrics._loop import phase_margins
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, LoopSubject
+
+
+@final
+class PhaseMargin(LoopMetric):
+    """How much phase the loop may lose."""
+
+    kind: ClassVar[str] = "phase_margin"
+    title: ClassVar[str] = "Phase margin"
+    unit: ClassVar[str] = "rad"
+    better: ClassVar[Literal["lower", "higher"]] = "higher"
+    definition: ClassVar[str] = "Phase that the loop may lose before it becomes unstable, nearest 0 in (-π, π]."
+    source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
+    absent_is_infinite: ClassVar[bool] = True
+
+    @classmethod
+    def measure(cls, subject: LoopSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = unclosed(subject)
+        if refusal is not None:
+            return refusal
+        margins = phase_margins(subject.response)
+        if not margins:
+            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: the phase margin is infinite")
+        frequency, value = min(margins, key=lambda pair: abs(float(pair[1][0].real)))
+        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)

@@ -1,0 +1,31 @@
+"""When the output enters the ±2 % band for the last time.
+
+    t_s = min t such that |y(t') - y∞| <= 0.02 |y∞ - y0| for all t' >= t
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import TimeMetric, last_entry
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class SettlingTime(TimeMetric):
+    """When the output enters the ±2 % band for the last time."""
+
+    kind: ClassVar[str] = "settling_time"
+    title: ClassVar[str] = "Settling time"
+    unit: ClassVar[str] = "s"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "Time from the command's start to the last entry into the band of ±2 % of the way around the final value."
+    source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
+    time_power: ClassVar[int] = 1
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        return last_entry(subject, 0.02)

@@ -1,0 +1,38 @@
+"""How far the output goes the wrong way.
+
+    (y0 - min y) / (y∞ - y0), 0 if negative
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+from engine.metrics._base import Found, TimeMetric, span, without_final_value
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, TimeSubject
+
+
+@final
+class Undershoot(TimeMetric):
+    """How far the output goes the wrong way."""
+
+    kind: ClassVar[str] = "undershoot"
+    title: ClassVar[str] = "Undershoot"
+    unit: ClassVar[str] = "1"
+    better: ClassVar[Literal["lower", "higher"]] = "lower"
+    definition: ClassVar[str] = "How far the output first goes the wrong way, as a ratio of its way; 0 when it does not."
+    source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
+
+    @classmethod
+    def measure(cls, subject: TimeSubject) -> Finding:
+        """Return the value or the reason why there is none."""
+        refusal = without_final_value(subject)
+        if refusal is not None:
+            return refusal
+        initial, way, sign = span(subject)
+        bottom, at = (subject.curve * sign).smallest()
+        below = (sign * initial - bottom) / (sign * way)
+        if float(below[0].real) <= 1e-12:
+            return Found(value=0.0 * below.real)
+        return Found(value=below, at=at)
