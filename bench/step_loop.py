@@ -106,7 +106,9 @@ class Ours:
         """Return d ln metric/d ln gain of every metric, exactly."""
         requests = [self.request(name) for name in EXACT]
         out = {}
-        for name, (measured, gradient) in zip(EXACT, measure(self.diagram, requests, gradient=list(GAINS)), strict=True):
+        for name, (measured, gradient) in zip(
+            EXACT, measure(self.diagram, requests, gradient=list(GAINS)), strict=True
+        ):
             assert measured.value is not None
             assert gradient is not None
             out[name] = [float(g) / measured.value for g in gradient]

@@ -59,7 +59,9 @@ def element_page() -> str:
         values = {param.name: param.default for param in element.parameters} | dict(element.example)
         ports = element.ports(values)
         arrows = f"Ports: {names(ports.inputs)} → {names(ports.outputs)}."
-        lines += section(kind, element, element.parameters, [f"    {element.equation}", "", arrows, f"Source: {element.source}"])
+        lines += section(
+            kind, element, element.parameters, [f"    {element.equation}", "", arrows, f"Source: {element.source}"]
+        )
     return NOTE + "\n".join(lines)
 
 

@@ -49,7 +49,9 @@ def test_the_settings_table_is_complete() -> None:
         if isinstance(field.default, int | float | str):
             default = field.default
             row = next(line for line in table.splitlines() if f"`SERVOTUNE_{name.upper()}`" in line)
-            assert re.search(rf"\| `?{re.escape(f'{default:g}' if isinstance(default, float) else str(default))}`? \|", row), row
+            assert re.search(
+                rf"\| `?{re.escape(f'{default:g}' if isinstance(default, float) else str(default))}`? \|", row
+            ), row
 
 
 def test_the_glossary_speaks_the_language_of_the_code() -> None:

@@ -26,7 +26,9 @@ def test_every_entry_is_one_exact_version_with_hashes() -> None:
     joined = re.sub(r"\s*\\\n\s*", " ", LOCK)
     for line in joined.splitlines():
         if line and not line.lstrip().startswith("#"):
-            assert re.fullmatch(r"[a-z0-9.\-_\[\],]+==[^ ]+( ; [^-]+)?( --hash=sha256:[0-9a-f]{64})+", line.strip()), line
+            assert re.fullmatch(r"[a-z0-9.\-_\[\],]+==[^ ]+( ; [^-]+)?( --hash=sha256:[0-9a-f]{64})+", line.strip()), (
+                line
+            )
 
 
 def test_no_address_of_an_index_or_file() -> None:

@@ -25,7 +25,17 @@ STEP: dict[str, Any] = {"signals": {"r": step()}, "output": "y"}
 REQUESTS = {
     **{
         name: request(name, **STEP)
-        for name in ("rise_time", "settling_time", "response_time", "overshoot", "peak", "peak_time", "iae", "ise", "itae")
+        for name in (
+            "rise_time",
+            "settling_time",
+            "response_time",
+            "overshoot",
+            "peak",
+            "peak_time",
+            "iae",
+            "ise",
+            "itae",
+        )
     },
     "control_effort": request("control_effort", signals={"r": step()}, output="control"),
     "iae_to_1s": request("iae", **STEP, duration=1.0),

@@ -20,6 +20,7 @@ from tests.property.strategies import Plant, gains, plants, servos
 from tests.reference.measuring import step
 from tests.reference.systems import transfer_function
 
+
 def measured(plant: Plant, *, amplitude: float = 1.0, time_scale: float = 1.0, samples: int = 10) -> dict[str, Any]:
     diagram = transfer_function(*plant.polynomials(time_scale))
     done = simulate(diagram, signals={"u": step(amplitude)}, samples=samples)
@@ -27,7 +28,9 @@ def measured(plant: Plant, *, amplitude: float = 1.0, time_scale: float = 1.0, s
     return {**done.metrics["y"], **study.metrics}
 
 
-def assert_scaled(before: dict[str, Any], after: dict[str, Any], amplitude: float, time_scale: float, relative: float) -> None:
+def assert_scaled(
+    before: dict[str, Any], after: dict[str, Any], amplitude: float, time_scale: float, relative: float
+) -> None:
     assert before.keys() == after.keys()
     values = [m.value for m in before.values() if m.value is not None]
     assert len(values) >= 8, "the system has metrics"

@@ -9,6 +9,7 @@ It wants simple poles; a common factor s is cancelled.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -83,8 +84,7 @@ class ExponentialSum:
             num.pop(), den.pop()
         slope = [c * (len(den) - 1 - i) for i, c in enumerate(den[:-1])]
         terms = [(num[-1] / den[-1], mp.mpf(0))]
-        for p in Rational(num, den).poles():
-            terms.append((mp.polyval(num, p) / (p * mp.polyval(slope, p)), p))
+        terms += [(mp.polyval(num, p) / (p * mp.polyval(slope, p)), p) for p in Rational(num, den).poles()]
         return cls(tuple(terms))
 
     def __call__(self, t: Any) -> Any:
@@ -166,7 +166,7 @@ def error_integrals(g: Rational) -> dict[str, Any]:
 
     def between(primitive: Callable[[Any], Any]) -> Any:
         marks = [primitive(mp.mpf(0)), *(primitive(x) for x in turns), mp.mpf(0)]
-        return sum(abs(b - a) for a, b in zip(marks[:-1], marks[1:], strict=True))
+        return sum(abs(b - a) for a, b in itertools.pairwise(marks))
 
     return {
         "iae": between(lambda x: mp.re(sum(c / p * mp.exp(p * x) for c, p in error.terms))),

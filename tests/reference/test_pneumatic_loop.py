@@ -56,7 +56,11 @@ def gains(kp: float, ki: float, kd: float) -> dict[str, Any]:
 @pytest.mark.parametrize("values", EXACT)
 def test_the_oracle_confirms_the_published_digits(values: tuple[float, float, float]) -> None:
     here = loop(gains(*values))
-    known = {**oracle.step_metrics(here.closed()), **oracle.loop_metrics(here), "bandwidth": oracle.bandwidth(here.closed())}
+    known = {
+        **oracle.step_metrics(here.closed()),
+        **oracle.loop_metrics(here),
+        "bandwidth": oracle.bandwidth(here.closed()),
+    }
     for metric, digits in EXACT[values].items():
         places = len(digits.replace(".", "").lstrip("0"))
         assert abs(known[metric] / mp.mpf(digits) - 1) < mp.mpf(10) ** (1 - places), metric
@@ -113,7 +117,9 @@ def test_elasticities(metric: str, published: tuple[float, ...]) -> None:
         here = loop(at)
         if metric == "bandwidth":
             return oracle.bandwidth(here.closed())
-        return oracle.loop_metrics(here)[metric] if metric == "gain_margin" else oracle.step_metrics(here.closed())[metric]
+        return (
+            oracle.loop_metrics(here)[metric] if metric == "gain_margin" else oracle.step_metrics(here.closed())[metric]
+        )
 
     time_domain = metric in TIME_METRICS
     request = MetricRequest(

@@ -269,7 +269,9 @@ def test_well_posed_algebraic_loop_is_solved() -> None:
         ["r -> error.in1", "half -> error.in2", "error -> half"],
         {"y": "half"},
     )
-    assert simulate(loop, signals={"r": step()}, duration=1.0, samples=3).curves["y"] == pytest.approx([1 / 3] * 3, rel=1e-15)
+    assert simulate(loop, signals={"r": step()}, duration=1.0, samples=3).curves["y"] == pytest.approx(
+        [1 / 3] * 3, rel=1e-15
+    )
 
 
 def test_ten_equal_lags() -> None:
