@@ -68,7 +68,9 @@ def _log(value: Scalar) -> Scalar:
     return cmath.log(value) if isinstance(value, complex) else math.log(value)
 
 
-def _elementary(numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]) -> Callable[[Scalar], Scalar]:
+def _elementary(
+    numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]
+) -> Callable[[Scalar], Scalar]:
     def apply(value: Scalar) -> Scalar:
         if isinstance(value, np.ndarray):
             return np.asarray(numpy(value))
@@ -141,7 +143,7 @@ class Expression:
             raise ExpressionError(f"expression '{self.text}' divides by zero") from None
         except OverflowError:
             raise ExpressionError(f"expression '{self.text}' must be finite, but overflows") from None
-        except _NotAnalytic as error:
+        except ValueError as error:  # ours, or math's for the sine of infinity
             raise ExpressionError(f"expression '{self.text}' has no value: {error}") from None
         if not isinstance(result, np.ndarray) and not cmath.isfinite(result):
             raise ExpressionError(f"expression '{self.text}' must be finite, got {result.real:g}")
@@ -205,12 +207,7 @@ class _Parser:
         return None
 
     def _sum(self) -> _Evaluate:
-        self._depth += 1
-        if self._depth > MAX_DEPTH:
-            raise self._error(f"nesting must be at most {MAX_DEPTH} deep")
-        left = self._chain(self._product, "+", "-")
-        self._depth -= 1
-        return left
+        return self._chain(self._product, "+", "-")
 
     def _product(self) -> _Evaluate:
         return self._chain(self._unary, "*", "/")
@@ -233,6 +230,7 @@ class _Parser:
         return compute
 
     def _unary(self) -> _Evaluate:
+        # Every way of nesting (sign, power, parentheses) comes through here.
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise self._error(f"nesting must be at most {MAX_DEPTH} deep")

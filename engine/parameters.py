@@ -38,11 +38,12 @@ class Param:
     shape: Shape = "scalar"
     choices: tuple[str, ...] = ()
 
-    def admits(self, value: Scalar) -> npt.NDArray[np.bool_]:
+    def admits(self, value: Scalar) -> np.bool_ | npt.NDArray[np.bool_]:
         """Tell for every entry of ``value`` whether its real part is finite and within the bounds."""
-        real = np.real(value)
+        real = value.real
         above = real > self.lower if self.lower_open else real >= self.lower
-        return np.isfinite(real) & above & (real <= self.upper)
+        admitted: np.bool_ | npt.NDArray[np.bool_] = np.isfinite(real) & above & (real <= self.upper)
+        return admitted
 
     def rule(self) -> str:
         """Return the bounds as words, e.g. ``> 0 m**2``."""

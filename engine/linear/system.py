@@ -129,3 +129,31 @@ class LaneSystem:
 
 
 ARRAYS = ("a", "b1", "b2", "c1", "c2", "d11", "d12", "d21", "d22", "delays", "x0")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StackedSystem:
+    """Many systems of one structure: every array of `LinearSystem` with a leading batch axis (B, ...).
+
+    ``valid`` (B,) is False for members that do not exist (ill-posed loop, value out of bounds): their matrices are 0.
+    """
+
+    a: Array
+    b1: Array
+    b2: Array
+    c1: Array
+    c2: Array
+    d11: Array
+    d12: Array
+    d21: Array
+    d22: Array
+    delays: Array
+    x0: Array
+    valid: npt.NDArray[np.bool_]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def member(self, index: int) -> LinearSystem:
+        """Return one of the systems."""
+        arrays = {name: getattr(self, name)[index] for name in ARRAYS}
+        return LinearSystem(**arrays, inputs=self.inputs, outputs=self.outputs)

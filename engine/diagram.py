@@ -1,0 +1,319 @@
+"""A checked, flattened diagram: structure compiled once, values many times.
+
+`compile_system` refuses what is wrong with the place where it is wrong; `Diagram.realize` then gives the state space for
+any parameter values, `Diagram.realize_stack` for many at once, in both cases closed or with one loop cut open.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.document import Block, Connection, Parameter, System, Warning
+from engine.elements import Realization
+from engine.errors import DiagramError, EngineError
+from engine.flatten import Flat, Port, Traced, find_output, flatten, trace, unit_of
+from engine.linear.system import ARRAYS, LinearSystem, StackedSystem
+from engine.parameters import Param, ParameterInfo, Scalar
+from engine.realize import Interconnection, Wiring
+
+__all__ = ["Block", "Connection", "Diagram", "Parameter", "System", "Warning", "compile_system"]
+
+MAX_STATES: Final = 200
+MAX_DELAYS: Final = 50
+LOOP: Final = "loop"
+"""Name of the input and the output that `Diagram.realize` adds where a loop is cut open."""
+
+_SILENT: Final = -1  # the signal that is always 0, whose final number depends on how many inputs there are
+_REMEMBERED: Final = 64
+_LISTED: Final = 300
+
+
+def compile_system(system: System) -> Diagram:
+    """Check a system document and prepare it for any number of parameter values.
+
+    Raises
+    ------
+    DiagramError, ExpressionError
+        If the document is wrong; ``at`` is the path from its root.
+    IllPosedError
+        If an algebraic loop has no solution at the document's values.
+    """
+    flat = flatten(system)
+    flat.bindings.settle()
+    for index, (_, own) in flat.declared.items():
+        value = flat.bindings.base[index].real
+        if not own.admits(value):
+            raise DiagramError(f"{own.name} must be {own.rule()}, got {value:g}", at=flat.bindings.slots[index].at)
+    diagram = Diagram(system, flat)
+    base = diagram.realize()
+    if base.a.shape[0] > MAX_STATES:
+        raise DiagramError(f"states must be at most {MAX_STATES}, got {base.a.shape[0]}", at=("blocks",))
+    if len(base.delays) > MAX_DELAYS:
+        raise DiagramError(f"delays must be at most {MAX_DELAYS}, got {len(base.delays)}", at=("blocks",))
+    return diagram
+
+
+class Diagram:
+    """A compiled system. Made by `compile_system`; immutable to its users, safe to share.
+
+    Attributes
+    ----------
+    system : System
+        The document.
+    inputs, outputs : tuple of str
+        Names of the input blocks and of the declared outputs, in the order of the document.
+    input_roles, output_units : mapping of str to str
+        Role of each input ("reference" or "disturbance"); unit of each output, "" where it is not known.
+    parameters : mapping of str to ParameterInfo
+        Every scalar by its path: ``kp``, ``motor.area``, ``inner.motor.area``. Entries of lists have no path.
+    warnings : tuple of Warning
+        Unconnected inputs and unused parameters.
+    """
+
+    def __init__(self, system: System, flat: Flat) -> None:
+        root = flat.root
+        self.system = system
+        self.inputs = tuple(name for name, entry in root.entries.items() if entry.role is not None)
+        self.input_roles: Mapping[str, str] = {name: str(root.entries[name].role) for name in self.inputs}
+        self.outputs = tuple(root.outputs)
+        self.output_units: Mapping[str, str] = {name: unit_of(*end) or "" for name, end in root.outputs.items()}
+        self._flat = flat
+        self._bindings = flat.bindings
+        self._interconnection = Interconnection(flat.blocks)
+        self._consumers, unconnected = self._connect()
+        self._reads = tuple(self._signal(trace(*end, ("outputs", name))) for name, end in root.outputs.items())
+        self._wirings: dict[str | None, Wiring] = {}
+        self._systems: dict[str | None, LinearSystem] = {}
+        self.parameters: Mapping[str, ParameterInfo] = _describe(flat)
+        self.warnings = (*unconnected, *flat.warnings)
+        self._realizations = [self._realize_block(number, self._bindings.base) for number in range(len(flat.blocks))]
+
+    def realize(self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None) -> LinearSystem:
+        """Return the state space of the diagram.
+
+        Parameters
+        ----------
+        overrides : mapping of str to float or complex, optional
+            New values (SI) by parameter path; an imaginary part is an infinitesimal that all coefficients follow.
+        open_at : str, optional
+            Endpoint (``error``, ``motor.position``, ``inner.error``) whose consumers are fed by an added last input
+            ``loop`` instead; the true output is the added last output ``loop``. The loop transfer function is
+            L = -(loop -> loop), so that 1 + L = 0 is the characteristic equation. Declared outputs that read the endpoint
+            keep reading the true output. At a port of a subsystem only the consumers outside are cut.
+
+        Raises
+        ------
+        DiagramError
+            If a path or endpoint does not exist, or a value is outside the physical bounds of an element.
+        ExpressionError
+            If an expression has no value.
+        IllPosedError
+            If an algebraic loop has no solution.
+        """
+        wiring = self._wiring(open_at)
+        if not overrides:
+            system = self._systems.get(open_at)
+            if system is None:
+                system = self._systems[open_at] = self._assemble(self._realizations, wiring)
+                for name in ARRAYS:
+                    getattr(system, name).setflags(write=False)
+            return system
+        slots = {self._slot(path): _single(path, value) for path, value in overrides.items()}
+        change = self._bindings.change(frozenset(slots))
+        values = self._bindings.override(slots, change)
+        realizations = list(self._realizations)
+        for number in change.blocks:
+            realizations[number] = self._realize_block(number, values)
+        return self._assemble(realizations, wiring)
+
+    def realize_stack(
+        self, overrides: Mapping[str, npt.NDArray[Any]], open_at: str | None = None, members: int | None = None
+    ) -> StackedSystem:
+        """Return the state spaces for a batch of parameter sets, all with the same states.
+
+        Parameters
+        ----------
+        overrides : mapping of str to ndarray (B,)
+            Values (SI) by parameter path, float or complex.
+        open_at : str, optional
+            As in `realize`.
+        members : int, optional
+            B, needed where ``overrides`` is empty.
+
+        Returns
+        -------
+        StackedSystem
+            Members that do not exist (a value outside its bounds, an expression without a value, an ill-posed loop, an
+            overflow) have ``valid`` False and all matrices 0. A state or delay channel that a member does not need
+            (ki = 0, delay = 0) is kept, stable and unseen.
+
+        Raises
+        ------
+        DiagramError
+            If a path or endpoint does not exist, or the arrays do not fit together.
+        """
+        batch = {path: np.asarray(value) for path, value in overrides.items()}
+        sizes = {value.shape for value in batch.values()} | ({(members,)} if members is not None else set())
+        if len(sizes) != 1 or len(next(iter(sizes))) != 1:
+            raise DiagramError(f"overrides must be arrays of one length, got shapes {sorted(sizes)}")
+        (count,) = next(iter(sizes))
+        slots: dict[int, Scalar] = {self._slot(path): value * 1.0 for path, value in batch.items()}
+        change = self._bindings.change(frozenset(slots))
+        wiring = self._wiring(open_at)
+        with np.errstate(all="ignore"):
+            values = self._bindings.override_many(slots, change)
+            admitted = self._bindings.admitted(values, change, count)
+            realizations = list(self._realizations)
+            for number in change.blocks:
+                realizations[number] = self._realize_block(number, values)
+            assembled = self._interconnection.assemble(realizations, wiring, members=count)
+        valid = assembled.valid & admitted
+        return StackedSystem(**assembled.matrices, valid=valid, inputs=wiring.inputs, outputs=wiring.outputs)
+
+    def _realize_block(self, number: int, values: list[Scalar]) -> Realization:
+        try:
+            return self._flat.elements[number].realize(self._bindings.blocks[number].fill(values))
+        except EngineError as error:
+            block = self._flat.blocks[number]
+            error.message = f"{block.path}: {error.message}"
+            raise error.within(*block.at) from None
+        except (ZeroDivisionError, OverflowError):
+            block = self._flat.blocks[number]
+            raise DiagramError(f"{block.path} must have finite coefficients, but they overflow", at=block.at) from None
+
+    def _assemble(self, realizations: list[Realization], wiring: Wiring) -> LinearSystem:
+        assembled = self._interconnection.assemble(realizations, wiring)
+        return LinearSystem(**assembled.matrices, inputs=wiring.inputs, outputs=wiring.outputs)
+
+    def _slot(self, path: str) -> int:
+        index = self._flat.paths.get(path)
+        if index is None:
+            raise DiagramError(f"parameter must be one of the system's ({_some(self.parameters)}), got '{path}'", at=(path,))
+        if self.parameters[path].bound:
+            expression = self._bindings.slots[index].expression
+            given = "" if expression is None else expression.text
+            raise DiagramError(f"{path} must not be varied: the expression '{given}' gives its value", at=(path,))
+        return index
+
+    def _wiring(self, open_at: str | None) -> Wiring:
+        wiring = self._wirings.get(open_at)
+        if wiring is None:
+            if len(self._wirings) >= _REMEMBERED:
+                self._wirings.clear()
+                self._systems.clear()
+            wiring = self._wirings[open_at] = self._wire(open_at)
+        return wiring
+
+    def _wire(self, open_at: str | None) -> Wiring:
+        if open_at is None:
+            cut, inputs, outputs, reads = None, self.inputs, self.outputs, self._reads
+        else:
+            if LOOP in self.inputs or LOOP in self.outputs:
+                raise DiagramError(f"no input or output must be called {LOOP} where a loop is opened, got one",
+                                   at=("open_at",))  # fmt: skip
+            scope, block, port = find_output(self._flat.root, open_at, at=("open_at",))
+            cut = (*scope.path, block, port)
+            true_output = self._signal(trace(scope, block, port, ("open_at",)))
+            inputs, outputs, reads = (*self.inputs, LOOP), (*self.outputs, LOOP), (*self._reads, true_output)
+        total = self._interconnection.outputs
+        silent = total + len(inputs)
+        sources = [total + len(self.inputs) if cut in passed else source for passed, source in self._consumers]
+        return Wiring(
+            sources=tuple(silent if source == _SILENT else source for source in sources),
+            inputs=inputs,
+            outputs=outputs,
+            reads=tuple(silent if read == _SILENT else read for read in reads),
+        )
+
+    def _signal(self, traced: Traced) -> int:
+        """Return the number of a signal: block outputs first, then inputs."""
+        if traced.entry is None:
+            return _SILENT
+        if traced.entry.number is None:
+            return self._interconnection.outputs + self.inputs.index(traced.block)
+        block = self._flat.blocks[traced.entry.number]
+        return block.first_output + block.ports.outputs.index(traced.port)
+
+    def _connect(self) -> tuple[list[tuple[frozenset[Port], int]], list[Warning]]:
+        """Return for every block input which ports its signal passes and where it comes from, and what is not connected."""
+        consumers: list[tuple[frozenset[Port], int]] = [(frozenset(), _SILENT)] * self._interconnection.inputs
+        warnings: list[Warning] = []
+        used: set[str] = set()
+        for scope in self._flat.scopes:
+            for name, entry in scope.entries.items():
+                at = (*scope.at, "blocks", name)
+                for j, port in enumerate(entry.ports.inputs):
+                    source = scope.driven.get((name, port))
+                    if source is None:
+                        if entry.role is None:
+                            label = ".".join((*scope.path, name, port))
+                            warnings.append(Warning(at=at, detail=f"input {label} is not connected and stays 0"))
+                    elif entry.number is not None:
+                        traced = trace(scope, *source, at)
+                        if traced.entry is not None and traced.entry.number is None:
+                            used.add(traced.block)
+                        place = self._flat.blocks[entry.number].first_input + j
+                        consumers[place] = (frozenset(traced.passed), self._signal(traced))
+        for name in self.inputs:
+            if name not in used:
+                warnings.append(Warning(at=("blocks", name), detail=f"input {name} drives nothing"))
+        return consumers, warnings
+
+
+def _describe(flat: Flat) -> dict[str, ParameterInfo]:
+    """Return what is known of every addressable scalar.
+
+    A system parameter that is itself the value of an element's parameter (``"=m"``) takes over its unit, bounds and scale
+    where it has none of its own.
+    """
+    slots = flat.bindings.slots
+    named: dict[int, list[int]] = {}
+    for index, slot in enumerate(slots):
+        if slot.expression is not None and slot.expression.is_name:
+            named.setdefault(slot.operands[0], []).append(index)
+
+    def elements(index: int) -> list[Param]:
+        found: list[Param] = []
+        for user in named.get(index, ()):
+            param = slots[user].param
+            found.extend(elements(user) if user in flat.declared else [param] if param is not None else [])
+        return found
+
+    described: dict[str, ParameterInfo] = {}
+    for path, index in flat.paths.items():
+        slot, value = slots[index], flat.bindings.base[index].real
+        if index in flat.declared:
+            parameter, own = flat.declared[index]
+            heirs = elements(index)
+            lowest = max([own, *heirs], key=lambda p: (p.lower, p.lower_open))
+            described[path] = ParameterInfo(
+                path=path, value=float(value), lower=lowest.lower, lower_open=lowest.lower_open,
+                upper=min(p.upper for p in (own, *heirs)), bound=slot.expression is not None, doc=parameter.doc,
+                unit=next((p.unit for p in (own, *heirs) if p.unit), ""),
+                scale=parameter.scale or next((p.scale for p in heirs), "linear"),
+            )  # fmt: skip
+        else:
+            assert slot.param is not None  # a named slot belongs to an element or to the system
+            described[path] = ParameterInfo(
+                path=path, value=float(value), unit=slot.param.unit, lower=slot.param.lower, upper=slot.param.upper,
+                lower_open=slot.param.lower_open, scale=slot.param.scale, doc=slot.param.doc,
+                bound=slot.expression is not None,
+            )  # fmt: skip
+    return described
+
+
+def _single(path: str, value: float | complex) -> float | complex:
+    number = complex(value) if np.iscomplexobj(value) else float(value)
+    if not math.isfinite(number.real):
+        raise DiagramError(f"{path} must be finite, got {number.real}", at=(path,))
+    return number
+
+
+def _some(names: Iterable[str]) -> str:
+    text = ", ".join(names)
+    return text if len(text) <= _LISTED else text[:_LISTED] + " ..."

@@ -1,0 +1,64 @@
+"""Linear state space given by its matrices.
+
+x' = A x + B u,   y = C x + D u
+"""
+
+from __future__ import annotations
+
+from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.errors import DiagramError
+from engine.parameters import Param
+
+MAX_PORTS = 64
+
+
+class StateSpace(Element):
+    """State space with named ports ``in``/``out``, or ``in1``, ``in2``, ... where there are several."""
+
+    kind = "state_space"
+    title = "State space"
+    equation = "x' = A x + B u;  y = C x + D u"
+    source = "T. Kailath, Linear Systems, Prentice-Hall 1980, chapter 2."
+    parameters = (
+        Param(name="A", symbol="A", shape="matrix", doc="rows of the n x n dynamic matrix (empty list: no states)"),
+        Param(name="B", symbol="B", shape="matrix", doc="rows of the n x inputs matrix"),
+        Param(name="C", symbol="C", shape="matrix", doc="rows of the outputs x n matrix"),
+        Param(name="D", symbol="D", shape="matrix", doc="rows of the outputs x inputs feed-through matrix"),
+    )
+    example = {"A": [[0.0, 1.0], [-4.0, -0.4]], "B": [[0.0], [1.0]], "C": [[1.0, 0.0]], "D": [[0.0]]}
+
+    @classmethod
+    def check(cls, given: frozenset[str], values: Values) -> None:
+        """Refuse matrices whose sizes do not fit."""
+        states, outputs = len(values["A"]), len(values["D"])
+        inputs = len(values["D"][0]) if outputs else 0
+        if not 1 <= inputs <= MAX_PORTS or not 1 <= outputs <= MAX_PORTS:
+            raise DiagramError(
+                f"D must have 1 to {MAX_PORTS} rows (outputs) and columns (inputs), got {outputs} x {inputs}", at=("D",)
+            )
+        for name, rows, columns in (("A", states, states), ("B", states, inputs), ("C", outputs, states)):
+            got = values[name]
+            width = len(got[0]) if got else columns
+            empty = name == "C" and states == 0 and not got
+            if not empty and (len(got) != rows or width != columns):
+                raise DiagramError(
+                    f"{name} must be {rows} x {columns} to fit A and D, got {len(got)} x {width}", at=(name,)
+                )
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return the ports that the size of D tells."""
+        outputs, inputs = len(values["D"]), len(values["D"][0])
+        return Ports(
+            inputs=("in",) if inputs == 1 else tuple(f"in{i + 1}" for i in range(inputs)),
+            outputs=("out",) if outputs == 1 else tuple(f"out{i + 1}" for i in range(outputs)),
+            output_units=(None,) * outputs,
+        )
+
+    @classmethod
+    def realize(cls, values: Values) -> Realization:
+        """Return the matrices as they are."""
+        d = matrix(values["D"])
+        if not values["A"]:
+            return Realization.static(d)
+        return Realization(a=matrix(values["A"]), b=matrix(values["B"]), c=matrix(values["C"]), d=d)

@@ -1,0 +1,73 @@
+"""Transfer function by its zeros, poles and gain, realised as a cascade of sections.
+
+y/u = gain (s - z1)(s - z2) ... / ((s - p1)(s - p2) ...)
+
+A cascade keeps multiple and widely spread poles exact, where the expanded polynomial moves them (ten poles at -2: by 0.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engine.elements._base import Element, Ports, Realization, Values
+from engine.elements._canonical import Root, cascade
+from engine.errors import DiagramError
+from engine.parameters import Param, Scalar
+
+
+class ZeroPoleGain(Element):
+    """Zeros and poles are numbers or ``[re, im]``; of a complex pair both members are listed."""
+
+    kind = "zero_pole_gain"
+    title = "Zeros, poles, gain"
+    equation = "y/u = gain · Π (s - z_i) / Π (s - p_i)"
+    source = "T. Kailath, Linear Systems, Prentice-Hall 1980, section 2.1 (series connection)."
+    parameters = (
+        Param(name="zeros", symbol="z", shape="roots", default=(), doc="numbers or [re, im], at most as many as poles"),
+        Param(name="poles", symbol="p", shape="roots", doc="numbers or [re, im], conjugates complete"),
+        Param(name="gain", symbol="k", default=1.0, doc="gain of the factored form (not the static gain)"),
+    )
+    example = {"zeros": [-5.0], "poles": [[-1.0, 3.0], [-1.0, -3.0]], "gain": 2.0}
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return one input and one output."""
+        return Ports()
+
+    @classmethod
+    def realize(cls, values: Values) -> Realization:
+        """Return the sections in series."""
+        zeros, poles = _paired(values["zeros"], "zeros"), _paired(values["poles"], "poles")
+        if sum(zero.order for zero in zeros) > sum(pole.order for pole in poles):
+            raise DiagramError("zeros must not be more than poles: an improper transfer function has no response",
+                               at=("zeros",))  # fmt: skip
+        return cascade(zeros, poles, values["gain"])
+
+
+def _paired(roots: Sequence[Scalar | Sequence[Scalar]], name: str) -> list[Root]:
+    """Return real roots and one member of each complex pair."""
+    found: list[Root] = []
+    waiting: list[tuple[Scalar, Scalar]] = []
+    for root in roots:
+        re, im = root if isinstance(root, list | tuple) else (root, 0.0)
+        if not np.any(np.real(im)):
+            found.append(Root(re=re, im=None))
+            continue
+        partner = next((w for w in waiting if np.all(_conjugate((re, im), w))), None)
+        if partner is None:
+            waiting.append((re, im))
+        else:
+            waiting.remove(partner)
+            found.append(Root(re=(re + partner[0]) / 2.0, im=(im - partner[1]) / 2.0))
+    if waiting:
+        re, im = (np.ravel(np.real(part))[0] for part in waiting[0])
+        raise DiagramError(f"{name} must contain the conjugate of {re:g}{im:+g}j", at=(name,))
+    return found
+
+
+def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> np.bool_:
+    tolerance = 1e-12 * (np.abs(np.real(first[0])) + np.abs(np.real(first[1])))
+    same = np.abs(np.real(first[0] - second[0])) <= tolerance
+    return np.bool_(np.all(same & (np.abs(np.real(first[1] + second[1])) <= tolerance)))

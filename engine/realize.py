@@ -1,0 +1,312 @@
+"""From block realisations to one state space: the interconnection, solved once for all signals.
+
+Every block input is one output, one external signal or 0, so with all signals s = (outputs, externals) written as rows
+over the columns v = (x, r, w):  s = S v,  x' = [A 0 0] v + B S[sources] v,  z = D21 S[sources] v.
+Rows with direct feed-through follow each other in topological order; only the rows of a true algebraic loop are solved as
+a linear system, S = (I - M)^-1 (...), and a loop without a solution is refused by the names of its ports.
+Transfer functions are never divided, so no order is added and nothing has to cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import lapack
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from engine.elements import Ports, Realization
+from engine.errors import DiagramError, IllPosedError, Path
+
+Array = npt.NDArray[Any]
+
+RECIPROCAL_CONDITION: Final = 1e-12
+"""An algebraic loop whose equations are closer to singular than this has no trustworthy solution."""
+
+_REMEMBERED: Final = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlatBlock:
+    """A block of the flattened diagram: its path, its place in the document and where its ports lie among all ports."""
+
+    path: str
+    at: Path
+    ports: Ports
+    first_input: int
+    first_output: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiring:
+    """What drives each block input, and what is read.
+
+    ``sources`` holds a signal number for every block input: 0...outputs-1 are block outputs, then come the externals,
+    the last one is the signal that is always 0. ``reads`` are the signals of the system's outputs.
+    """
+
+    sources: tuple[int, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    reads: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Term:
+    """One feed-through: signal ``row`` contains entry (``i``, ``j``) of the block's D times signal ``source``."""
+
+    row: int
+    block: int
+    i: int
+    j: int
+    source: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loop:
+    """The rows of one algebraic loop, with the feed-through inside it and into it."""
+
+    rows: tuple[int, ...]
+    inner: tuple[_Term, ...]
+    outer: tuple[_Term, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assembled:
+    """All matrices of the interconnection with a leading batch axis or without; ``valid`` tells which members exist."""
+
+    matrices: dict[str, Array]
+    valid: npt.NDArray[np.bool_]
+
+
+class Interconnection:
+    """The blocks of a diagram with their ports numbered through, ready to be connected for any values.
+
+    Attributes
+    ----------
+    inputs, outputs : int
+        Number of input and output ports of all blocks together.
+    """
+
+    def __init__(self, blocks: Sequence[FlatBlock]) -> None:
+        self._blocks = tuple(blocks)
+        self._labels = [f"{block.path}.{port}" for block in blocks for port in block.ports.outputs]
+        self.inputs = sum(len(block.ports.inputs) for block in blocks)
+        self.outputs = len(self._labels)
+        self._owner = [block for block in blocks for _ in block.ports.outputs]
+        self._steps: dict[Any, tuple[_Term | _Loop, ...]] = {}
+
+    def assemble(self, realizations: Sequence[Realization], wiring: Wiring, *, members: int | None = None) -> Assembled:
+        """Connect the realised blocks.
+
+        Parameters
+        ----------
+        realizations : sequence of Realization
+            One for each block, with a leading batch axis or without.
+        members : int, optional
+            Size of the batch. Without it there is a single system, and what is wrong with it is raised.
+
+        Raises
+        ------
+        IllPosedError
+            If an algebraic loop of a single system has no (unique) solution.
+        DiagramError
+            If a coefficient of a single system is not finite.
+        """
+        single = members is None
+        batch = () if members is None else (members,)
+        valid = np.ones(batch, dtype=bool)
+        states = [r.a.shape[-1] for r in realizations]
+        delays = [r.delays.shape[-1] for r in realizations]
+        n, m, externals = sum(states), sum(delays), len(wiring.inputs)
+        outputs, columns = self.outputs, n + externals + m
+        dtype = np.result_type(float, *(array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays)))
+
+        signals = np.zeros((*batch, outputs + externals + 1, columns), dtype=dtype)
+        signals[..., outputs + np.arange(externals), n + np.arange(externals)] = 1.0
+        x, w = 0, n + externals
+        for block, realization, nb, mb in zip(self._blocks, realizations, states, delays, strict=True):
+            rows = slice(block.first_output, block.first_output + len(block.ports.outputs))
+            if nb:
+                signals[..., rows, x : x + nb] = realization.c
+            if realization.d12 is not None:
+                signals[..., rows, w : w + mb] = realization.d12
+            x, w = x + nb, w + mb
+
+        for step in self._order(realizations, wiring):
+            if isinstance(step, _Term):
+                factor = realizations[step.block].d[..., step.i, step.j, None]
+                signals[..., step.row, :] += factor * signals[..., step.source, :]
+            else:
+                self._solve(step, realizations, signals, valid, single=single)
+
+        flow = np.zeros((*batch, n, columns), dtype=dtype)
+        channel_in = np.zeros((*batch, m, columns), dtype=dtype)
+        lengths = np.zeros((*batch, m), dtype=dtype)
+        start = np.zeros((*batch, n), dtype=dtype)
+        x = w = 0
+        for block, realization, nb, mb in zip(self._blocks, realizations, states, delays, strict=True):
+            sources = wiring.sources[block.first_input : block.first_input + len(block.ports.inputs)]
+            if nb:
+                flow[..., x : x + nb, x : x + nb] = realization.a
+                for j, source in enumerate(sources):
+                    flow[..., x : x + nb, :] += realization.b[..., :, j, None] * signals[..., source, None, :]
+                if realization.initial is not None:
+                    start[..., x : x + nb] = realization.initial
+            if mb:
+                assert realization.d21 is not None  # a delay channel has an input
+                lengths[..., w : w + mb] = realization.delays
+                for j, source in enumerate(sources):
+                    channel_in[..., w : w + mb, :] += realization.d21[..., :, j, None] * signals[..., source, None, :]
+            x, w = x + nb, w + mb
+
+        read = signals[..., list(wiring.reads), :]
+        finite = _finite(flow) & _finite(read) & _finite(channel_in) & np.isfinite(lengths).all(axis=-1)
+        if single and not finite:
+            raise DiagramError("the coefficients of the system must be finite, but they overflow at these values")
+        valid &= finite
+        to_r, to_w = slice(n, n + externals), slice(n + externals, columns)
+        matrices = {
+            "a": flow[..., :n], "b1": flow[..., to_r], "b2": flow[..., to_w],
+            "c1": read[..., :n], "d11": read[..., to_r], "d12": read[..., to_w],
+            "c2": channel_in[..., :n], "d21": channel_in[..., to_r], "d22": channel_in[..., to_w],
+            "delays": lengths, "x0": start,
+        }  # fmt: skip
+        if not single:
+            matrices = {name: _cleared(array, valid) for name, array in matrices.items()}
+        return Assembled(matrices={name: np.ascontiguousarray(array) for name, array in matrices.items()}, valid=valid)
+
+    def _order(self, realizations: Sequence[Realization], wiring: Wiring) -> tuple[_Term | _Loop, ...]:
+        """Return the feed-through in the order in which it can be followed; remembered for each pattern of zeros in D."""
+        patterns = [_pattern(r.d) for r in realizations]
+        key = (wiring.sources, tuple(pattern.tobytes() for pattern in patterns))
+        steps = self._steps.get(key)
+        if steps is None:
+            if len(self._steps) >= _REMEMBERED:
+                self._steps.clear()
+            steps = self._steps[key] = self._plan(patterns, wiring.sources)
+        return steps
+
+    def _plan(self, patterns: Sequence[Array], sources: Sequence[int]) -> tuple[_Term | _Loop, ...]:
+        outputs = self.outputs
+        terms: list[list[_Term]] = [[] for _ in range(outputs)]
+        for number, (block, pattern) in enumerate(zip(self._blocks, patterns, strict=True)):
+            for i, j in zip(*np.nonzero(pattern), strict=True):
+                source = sources[block.first_input + int(j)]
+                row = block.first_output + int(i)
+                terms[row].append(_Term(row=row, block=number, i=int(i), j=int(j), source=source))
+        component = _components([[t.source for t in row if t.source < outputs] for row in terms])
+        steps: list[_Term | _Loop] = []
+        for rows in component:
+            own = [term for row in rows for term in terms[row]]
+            inner = tuple(term for term in own if term.source in rows)
+            if inner:
+                outer = tuple(term for term in own if term.source not in rows)
+                steps.append(_Loop(rows=tuple(rows), inner=inner, outer=outer))
+            else:
+                steps.extend(own)
+        return tuple(steps)
+
+    def _solve(
+        self, loop: _Loop, realizations: Sequence[Realization], signals: Array, valid: npt.NDArray[np.bool_], *, single: bool
+    ) -> None:
+        """Replace the rows of an algebraic loop by their solution, in place."""
+        for term in loop.outer:
+            factor = realizations[term.block].d[..., term.i, term.j, None]
+            signals[..., term.row, :] += factor * signals[..., term.source, :]
+        place = {row: k for k, row in enumerate(loop.rows)}
+        size = len(loop.rows)
+        feedback = np.zeros((*valid.shape, size, size), dtype=signals.dtype)
+        for term in loop.inner:
+            feedback[..., place[term.row], place[term.source]] += realizations[term.block].d[..., term.i, term.j]
+        feedback = np.where(np.isfinite(feedback), feedback, 0.0)
+        # Signals of a loop differ in unit; balanced, the distance to singularity is that of 1 - (loop gain).
+        magnitude = np.abs(feedback.real)
+        typical = magnitude if single else np.median(magnitude, axis=0)
+        scale = lapack.dgebal(typical, scale=1, permute=0)[3]
+        equations = np.eye(size) - feedback * (scale / scale[:, None])
+        spread = np.linalg.svd(equations.real, compute_uv=False)
+        posed = spread[..., -1] > RECIPROCAL_CONDITION * np.maximum(1.0, spread[..., 0])
+        if single and not posed:
+            raise self._ill_posed(loop)
+        valid &= posed
+        equations = np.where(posed[..., None, None], equations, np.eye(size))
+        rows = list(loop.rows)
+        signals[..., rows, :] = np.linalg.solve(equations, signals[..., rows, :] / scale[:, None]) * scale[:, None]
+
+    def _ill_posed(self, loop: _Loop) -> IllPosedError:
+        circle = _shortest_circle({row: [t.row for t in loop.inner if t.source == row] for row in loop.rows})
+        ports = tuple(self._labels[row] for row in circle)
+        return IllPosedError(
+            f"the algebraic loop {' -> '.join((*ports, ports[0]))} must have a loop gain other than 1 to have a solution; "
+            "change a gain on it, or put a lag or a delay into it",
+            at=self._owner[circle[0]].at,
+            ports=ports,
+        )
+
+
+def _finite(array: Array) -> npt.NDArray[np.bool_]:
+    finite: npt.NDArray[np.bool_] = np.isfinite(array).all(axis=(-2, -1))
+    return finite
+
+
+def _cleared(array: Array, valid: npt.NDArray[np.bool_]) -> Array:
+    """Return ``array`` with zeros in place of the members that do not exist, so that they cannot disturb the others."""
+    if valid.all():
+        return array
+    return np.where(valid.reshape(-1, *[1] * (array.ndim - 1)), array, 0.0)
+
+
+def _pattern(d: Array) -> npt.NDArray[np.bool_]:
+    nonzero = d != 0
+    return nonzero.any(axis=0) if d.ndim > 2 else nonzero
+
+
+def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Return the strongly connected components of a graph, each after those that it needs."""
+    edges = [(row, other) for row, others in enumerate(needs) for other in others]
+    if not edges:
+        return [[row] for row in range(len(needs))]
+    rows, columns = np.array(edges).T
+    graph = csr_array((np.ones(len(edges)), (rows, columns)), shape=(len(needs), len(needs)))
+    count, label = connected_components(graph, directed=True, connection="strong")
+    members: list[list[int]] = [[] for _ in range(count)]
+    for row, number in enumerate(label):
+        members[number].append(row)
+    depends = [{int(label[o]) for row in rows_ for o in needs[row]} - {c} for c, rows_ in enumerate(members)]
+    done: list[int] = []
+    seen: set[int] = set()
+    for root in range(count):
+        trail = [root]
+        while trail:
+            pending = next((c for c in depends[trail[-1]] if c not in seen), None)
+            if pending is not None:
+                trail.append(pending)
+                continue
+            last = trail.pop()
+            if last not in seen:
+                seen.add(last)
+                done.append(last)
+    return [members[c] for c in done]
+
+
+def _shortest_circle(successors: dict[int, list[int]]) -> list[int]:
+    """Return the shortest way from the first row back to itself, by breadth-first search."""
+    first = min(successors)
+    ways = [[first]]
+    seen: set[int] = set()
+    while ways:
+        further = []
+        for way in ways:
+            for following in successors[way[-1]]:
+                if following == first:
+                    return way
+                if following not in seen:
+                    seen.add(following)
+                    further.append([*way, following])
+        ways = further
+    return [first]
