@@ -1,0 +1,263 @@
+"""Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
+
+Batched numpy: step responses as piecewise polynomials with exact delays (``screening_march``), their metrics
+(``screening_time``), frequency metrics (``screening_frequency``). Complex overrides carry derivatives through:
+``parameter * (1 + 1e-30j)`` gives d metric / d ln parameter in the imaginary part, divided by 1e-30.
+
+A candidate that cannot be vouched for is flagged ``doubtful``; what screening cannot measure at all (commands other than
+steps, delays of different length, integrals over a limited time, metrics without a batched form) is said in advance by
+:attr:`Screening.measurable`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.linear.screening_frequency import LOOP_METRICS, PATH_METRICS, Path, Scan
+from engine.linear.screening_march import Lanes, Mesh, Responses, Stacked, balance, march
+from engine.linear.screening_time import METRICS as TIME_METRICS
+from engine.linear.screening_time import Readings, Trace
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.linear.system import Array
+    from engine.signals import Signal
+    from engine.study import MetricRequest
+
+RESOLVED = 1e-6
+"""Largest share of the highest polynomial coefficient at which a response counts as resolved."""
+_CHUNK = 128
+_MOST_OCTAVES = 10
+_RESOLVED_PHASE = 4.0
+_INTEGRALS = frozenset({"iae", "ise", "itae"})
+_MARGINAL = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screened:
+    """Metrics of B candidates.
+
+    Attributes
+    ----------
+    values : ndarray, shape (B, R)
+        Metrics in SI; complex where the overrides are. Infinite where a frequency metric never crosses, NaN where there
+        is no value.
+    doubtful : ndarray of bool, shape (B, R)
+        The exact path has to decide.
+    growth : ndarray, shape (B,)
+        Real part of the rightmost characteristic root of the closed system (1/s), about; >= 0: unstable, no values.
+    valid : ndarray of bool, shape (B,)
+        The system exists at these parameters.
+    """
+
+    values: Array
+    doubtful: npt.NDArray[np.bool_]
+    growth: npt.NDArray[np.float64]
+    valid: npt.NDArray[np.bool_]
+
+
+class Screening:
+    """The batched evaluator of some metrics of a diagram.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    requests : sequence of MetricRequest
+    """
+
+    def __init__(self, diagram: Diagram, requests: Sequence[MetricRequest]) -> None:
+        self._diagram = diagram
+        self._requests = tuple(requests)
+        self.measurable = tuple(self._is_measurable(request) for request in requests)
+        self._commands: list[Array] = []
+        self._experiment: dict[int, int] = {}
+        self._outputs: list[int] = []
+        for index, request in enumerate(self._requests):
+            if self.measurable[index] and request.metric in TIME_METRICS:
+                self._register(index, request)
+
+    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
+        """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful."""
+        (batch,) = {len(values) for values in overrides.values()}
+        complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
+        count = len(self._requests)
+        values = np.full((batch, count), np.nan, dtype=complex if complex_lanes else float)
+        doubtful = np.tile(~np.array(self.measurable, dtype=bool), (batch, 1))
+        growth = np.full(batch, np.inf)
+        valid = np.zeros(batch, dtype=bool)
+        for start in range(0, batch, _CHUNK):
+            span = slice(start, min(start + _CHUNK, batch))
+            part = {name: column[span] for name, column in overrides.items()}
+            self._chunk(part, values[span], doubtful[span], growth[span], valid[span])
+        return Screened(values=values, doubtful=doubtful, growth=growth, valid=valid)
+
+    def _is_measurable(self, request: MetricRequest) -> bool:
+        if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:
+            return True
+        if request.metric not in TIME_METRICS or not request.signals:
+            return False
+        if request.duration is not None and request.metric in _INTEGRALS:
+            return False
+        return len({step[0] for step in map(_step, request.signals.values()) if step}) == 1 and all(
+            _step(signal) is not None for signal in request.signals.values()
+        )
+
+    def _register(self, index: int, request: MetricRequest) -> None:
+        assert request.signals is not None
+        command = np.zeros(len(self._diagram.inputs))
+        for port, signal in request.signals.items():
+            step = _step(signal)
+            assert step is not None
+            command[self._diagram.inputs.index(port)] = step[1]
+        for number, known in enumerate(self._commands):
+            if np.array_equal(known, command):
+                self._experiment[index] = number
+                break
+        else:
+            self._experiment[index] = len(self._commands)
+            self._commands.append(command)
+        assert request.output is not None
+        output = self._diagram.outputs.index(request.output)
+        if output not in self._outputs:
+            self._outputs.append(output)
+
+    def _chunk(self, overrides: Mapping[str, Array], values: Array, doubtful: Array, growth: Array, valid: Array) -> None:
+        stack = self._diagram.realize_stack(overrides)
+        valid[:] = stack.valid
+        here = np.flatnonzero(stack.valid)
+        if not here.size:
+            return
+        lanes, equal = self._lanes(stack, here)
+        doubtful[here[~equal]] = True
+        here = here[equal]
+        if not here.size:
+            return
+        lanes = lanes.take(np.flatnonzero(equal))
+        octaves = _octaves(lanes)
+        unresolved: list[Array] = []
+        for level in np.unique(octaves):
+            chosen = np.flatnonzero(octaves == level)
+            run = march(lanes.take(chosen), Mesh.graded(int(level)), here[chosen])
+            growth[here[chosen]] = run.growth
+            for group in run.groups:
+                coarse = (group.resolution > RESOLVED).any(axis=(1, 2))
+                unresolved.append(group.index[coarse])
+                self._read_time(group, np.flatnonzero(~coarse), values, doubtful)
+        again = np.sort(np.concatenate(unresolved)) if unresolved else np.zeros(0, dtype=int)
+        if again.size:
+            position = np.searchsorted(here, again)
+            for level in np.unique(octaves[position]):
+                chosen = position[octaves[position] == level]
+                run = march(lanes.take(chosen), Mesh.graded(int(level) + 1, split=2), here[chosen], detail=6)
+                for group in run.groups:
+                    self._read_time(group, np.arange(len(group.index)), values, doubtful)
+        # An eigenvalue of 1 to rounding: an integrator beside the path, or the edge of stability. Not for screening.
+        edge = np.abs(growth[here] * lanes.width.real) < _MARGINAL
+        doubtful[here[edge]] = True
+        stable = here[growth[here] < 0]
+        if stable.size:
+            self._read_frequency(stack, overrides, stable, values, doubtful)
+
+    def _lanes(self, stack: Stacked, here: Array) -> tuple[Lanes, Array]:
+        """Return what a march needs, and for which candidates all delays are equal."""
+        scale = balance(stack.a[here])
+        a = stack.a[here] * scale[:, None, :] / scale[:, :, None]
+        command = np.stack(self._commands, axis=1) if self._commands else np.zeros((len(stack.inputs), 0))
+        c = np.concatenate([stack.c1[here][:, self._outputs], stack.c2[here]], axis=1) * scale[:, None, :]
+        direct = np.concatenate([stack.d11[here][:, self._outputs], stack.d21[here]], axis=1)
+        through = np.concatenate([stack.d12[here][:, self._outputs], stack.d22[here]], axis=1)
+        delays = stack.delays[here]
+        equal = ~np.any(stack.x0[here] != 0, axis=1)
+        if delays.shape[1]:
+            width = delays[:, 0]
+            spread = np.abs((delays - width[:, None]).real).max(axis=1) + np.abs((delays - width[:, None]).imag).max(axis=1) * 1e30
+            equal &= (spread <= 1e-12 * width.real) & (width.real > 0)
+        else:
+            fastest = np.abs(np.linalg.eigvals(a.real)).max(axis=1, initial=0.0)
+            width = _RESOLVED_PHASE / np.where(fastest > 0, fastest, _RESOLVED_PHASE)
+        lanes = Lanes(
+            a=a, b=stack.b1[here] @ command / scale[:, :, None], b2=stack.b2[here] / scale[:, :, None],
+            c=c, d=direct @ command, dw=through, width=width,
+        )  # fmt: skip
+        return lanes, equal
+
+    def _read_time(self, group: Responses, rows: Array, values: Array, doubtful: Array) -> None:
+        if not rows.size:
+            return
+        part = replace(
+            group, index=group.index[rows], values=group.values[rows], final=group.final[rows],
+            width=group.width[rows], resolution=group.resolution[rows], settled=group.settled[rows],
+        )  # fmt: skip
+        known: dict[tuple[int, int, Callable[[Trace], Readings]], Readings] = {}
+        for index, experiment in self._experiment.items():
+            request = self._requests[index]
+            assert request.output is not None
+            output = self._outputs.index(self._diagram.outputs.index(request.output))
+            metric = TIME_METRICS[request.metric]
+            key = (experiment, output, metric)
+            if key not in known:
+                command = self._commands[experiment]
+                roles = self._diagram.input_roles
+                reference = sum(value for name, value in zip(self._diagram.inputs, command, strict=True) if roles[name] == "reference")
+                known[key] = metric(Trace.of(part, experiment, output, np.asarray(reference, dtype=float)))
+            found = known[key]
+            fine = part.settled & (part.resolution[:, experiment, output] <= RESOLVED)
+            values[part.index, index] = found.value
+            doubtful[part.index, index] = found.doubtful | ~fine
+
+    def _read_frequency(
+        self, stack: Stacked, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array
+    ) -> None:
+        scans: dict[tuple[str | None, ...], tuple[Path, Scan]] = {}
+        for index, request in enumerate(self._requests):
+            loop = request.metric in LOOP_METRICS
+            if not loop and request.metric not in PATH_METRICS:
+                continue
+            key = (request.open_at,) if loop else (request.source, request.target)
+            if key not in scans:
+                if loop:
+                    opened = self._diagram.realize_stack(overrides, open_at=request.open_at)
+                    path = _path(opened, here, "loop", "loop", sign=-1.0)
+                else:
+                    assert request.source is not None
+                    assert request.target is not None
+                    path = _path(stack, here, request.source, request.target, sign=1.0)
+                scans[key] = path, Scan(path)
+            metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
+            found = metric(*scans[key])
+            values[here, index] = found.value if np.iscomplexobj(values) else found.value.real
+            doubtful[here, index] = found.doubtful
+
+
+def _step(signal: Signal) -> tuple[float, float] | None:
+    """Return (start, amplitude) of a command that is one step, None for any other."""
+    points, final = signal.breakpoints(), signal.final()
+    if signal.degree() != 0 or len(points) != 1 or final is None:
+        return None
+    return points[0], final
+
+
+def _octaves(lanes: Lanes) -> Array:
+    """Return how often the interval must be halved until its first piece resolves the fastest mode, (B,)."""
+    fastest = np.abs(np.linalg.eigvals(lanes.a.real)).max(axis=1, initial=0.0)
+    phase = np.maximum(fastest * lanes.width.real, 1e-300)
+    return np.clip(np.ceil(np.log2(phase / _RESOLVED_PHASE)), 2, _MOST_OCTAVES).astype(int)
+
+
+def _path(stack: Stacked, here: Array, source: str, target: str, *, sign: float) -> Path:
+    """Return one path of the candidates ``here``, balanced."""
+    i, o = stack.inputs.index(source), stack.outputs.index(target)
+    scale = balance(stack.a[here])
+    b = np.concatenate([stack.b1[here][:, :, i : i + 1], stack.b2[here]], axis=2) / scale[:, :, None]
+    c = np.concatenate([sign * stack.c1[here][:, o : o + 1], stack.c2[here]], axis=1) * scale[:, None, :]
+    top = np.concatenate([sign * stack.d11[here][:, o : o + 1, i : i + 1], sign * stack.d12[here][:, o : o + 1]], axis=2)
+    bottom = np.concatenate([stack.d21[here][:, :, i : i + 1], stack.d22[here]], axis=2)
+    return Path(
+        a=stack.a[here] * scale[:, None, :] / scale[:, :, None], b=b, c=c,
+        d=np.concatenate([top, bottom], axis=1), delays=stack.delays[here],
+    )  # fmt: skip

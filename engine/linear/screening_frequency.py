@@ -1,0 +1,313 @@
+"""Frequency metrics of many systems of one structure at once.
+
+    G(s) = G11 + G12 (I - Δ G22)⁻¹ Δ G21,   Δ = diag(e^{-s τ}),   G_ij(s) = C_i (s I - A)⁻¹ B_j + D_ij
+
+A scan over frequencies brackets peaks and crossings; it uses the eigenvalues of A, which makes a frequency cost n
+divisions. Where the eigenvectors are nearly dependent, it solves instead. The value at the place found is always computed
+by solving, and its derivatives by the solution's tangent,  F x = r:  F ẋ = ṙ - Ḟ x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from engine.linear.screening_time import Readings
+from engine.linear.system import Array
+
+SMALLEST_LOOP_GAIN = 1e-3
+"""Crossings of a loop gain below this are not counted."""
+_PER_DECADE = 32
+_TURNS = 120
+_WELL_CONDITIONED = 1e7
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """One path of B systems: ``b`` (B, n, 1 + m), ``c`` (B, 1 + m, n), ``d`` (B, 1 + m, 1 + m); delay channels come last."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    delays: Array
+
+    @property
+    def batch(self) -> int:
+        """Number of systems."""
+        return int(self.a.shape[0])
+
+
+class Scan:
+    """The response of a path, real parts only, wherever it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._tau = path.delays.real
+        a = path.a.real
+        batch, n = a.shape[:2]
+        self._poles, vectors = np.linalg.eig(a) if n else (np.zeros((batch, 0)), np.zeros((batch, 0, 0)))
+        if n:
+            singular = np.linalg.svd(vectors, compute_uv=False)
+            self._modal = singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]
+        else:
+            self._modal = np.ones(batch, dtype=bool)
+        safe = np.where(self._modal[:, None, None], vectors, np.eye(n))
+        ports = path.d.shape[1]
+        left = np.linalg.solve(safe, path.b.real.astype(complex)) if n else np.zeros((batch, 0, ports))
+        right = path.c.real @ safe
+        # (B, n, ports * ports): the residue of every entry at every pole
+        self._residues = (np.swapaxes(right, 1, 2)[:, :, :, None] * left[:, :, None, :]).reshape(batch, n, -1)
+        self.frequencies = self._grid()
+        self.response = self.at(np.arange(batch), self.frequencies)
+
+    def at(self, rows: Array, omega: Array) -> Array:
+        """Return G(jω) of systems ``rows`` (k,) at their own frequencies ``omega`` (k, q)."""
+        path = self._path
+        k, q = omega.shape
+        ports = path.d.shape[1]
+        modal = self._modal[rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            parts = 1.0 / (1j * omega[:, :, None] - self._poles[rows, None, :])
+            inner = (parts @ self._residues[rows]).reshape(k, q, ports, ports) + path.d.real[rows, None]
+        for index in np.flatnonzero(~modal):
+            row = rows[index]
+            resolvent = 1j * omega[index][:, None, None] * np.eye(path.a.shape[1]) - path.a[row].real
+            inner[index] = path.c[row].real @ np.linalg.solve(resolvent, path.b[row].real[None].astype(complex)) + path.d[row].real
+        if ports == 1:
+            return np.asarray(inner[..., 0, 0])
+        turn = np.exp(-1j * omega[:, :, None] * self._tau[rows, None, :])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if ports == 2:
+                e = turn[..., 0]
+                return np.asarray(inner[..., 0, 0] + inner[..., 0, 1] * e * inner[..., 1, 0] / (1 - e * inner[..., 1, 1]))
+        delayed = np.linalg.solve(np.eye(ports - 1) - turn[..., :, None] * inner[..., 1:, 1:], turn[..., None] * inner[..., 1:, :1])
+        return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
+
+    def _grid(self) -> Array:
+        """Return rising frequencies (B, q): a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
+        size = np.abs(self._poles)
+        top = size.max(axis=1, initial=0.0)
+        delay = self._tau.sum(axis=1)
+        inverse = 1.0 / np.where(delay > 0, delay, np.inf)
+        corner = np.where(size > 1e-9 * top[:, None], size, np.inf).min(axis=1, initial=np.inf)
+        low = np.minimum(corner, np.where(inverse > 0, inverse, np.inf))
+        low = np.where(np.isfinite(low), low, 1.0)
+        high = np.maximum(np.maximum(top, inverse), low)
+        count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
+        inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
+        tails = np.concatenate([np.geomspace(1e-4 * low, 0.04 * low, 12, axis=1), np.geomspace(12 * high, 1e3 * high, 12, axis=1)], axis=1)
+        width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
+        around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * np.array([-4.0, -1.0, 0.0, 1.0, 4.0])
+        pieces = [inside, tails, around.reshape(len(low), -1)]
+        if self._tau.shape[1]:
+            pieces.append(np.where(inverse > 0, inverse, low)[:, None] * 0.25 * np.arange(1, _TURNS + 1))
+        omega = np.concatenate(pieces, axis=1)
+        return np.sort(np.clip(omega, 1e-4 * low[:, None], 1e3 * high[:, None]), axis=1)
+
+    def peak(self, height: Callable[[Array], Array]) -> Array:
+        """Return the frequency (B,) at which ``height`` of the response is largest."""
+        rows = np.arange(self._path.batch)
+        heights = height(self.response)
+        heights = np.where(np.isfinite(heights), heights, -np.inf)
+        last = heights.shape[1] - 1
+        padded = np.pad(heights, ((0, 0), (1, 1)), constant_values=-np.inf)
+        summits = np.where((heights >= padded[:, :-2]) & (heights >= padded[:, 2:]), heights, -np.inf)
+        best_height = np.full(len(rows), -np.inf)
+        best = self.frequencies[:, 0].copy()
+        for _ in range(2):
+            place = summits.argmax(axis=1)
+            low = self.frequencies[rows, np.maximum(place - 1, 0)]
+            high = self.frequencies[rows, np.minimum(place + 1, last)]
+            for _ in range(4):
+                trial = low[:, None] * (high / low)[:, None] ** (np.arange(9) / 8)
+                value = height(self.at(rows, trial))
+                middle = np.where(np.isfinite(value), value, -np.inf).argmax(axis=1)
+                low, high = trial[rows, np.maximum(middle - 1, 0)], trial[rows, np.minimum(middle + 1, 8)]
+            # The parabola through the last three, on a logarithmic axis.
+            centre = np.clip(middle, 1, 7)
+            a, b, c = (value[rows, centre + shift] for shift in (-1, 0, 1))
+            bend = a - 2 * b + c
+            shift = np.where(bend < 0, np.clip(0.5 * (a - c) / np.where(bend < 0, bend, -1.0), -1.0, 1.0), 0.0)
+            shift = np.where(centre == middle, shift, middle - centre)
+            found = trial[rows, centre] * (trial[:, 1] / trial[:, 0]) ** shift
+            found_height = value[rows, middle]
+            higher = found_height > best_height
+            best_height, best = np.where(higher, found_height, best_height), np.where(higher, found, best)
+            np.put_along_axis(summits, place[:, None], -np.inf, axis=1)
+        return best
+
+    def crossings(self, level: Callable[[Array, Array], Array], *, first_fall: bool = False) -> tuple[Array, Array]:
+        """Return (systems, frequencies) of every sign change of ``level``, or of the first fall only.
+
+        ``level`` gets responses (k, q) and the systems (k,) that they belong to.
+        """
+        values = level(self.response, np.arange(self._path.batch))
+        changes = (values[:, :-1] >= 0) != (values[:, 1:] >= 0)
+        changes &= np.isfinite(values[:, :-1]) & np.isfinite(values[:, 1:])
+        if first_fall:
+            falls = (values[:, :-1] >= 0) & (values[:, 1:] < 0)
+            changes = falls & (np.cumsum(falls, axis=1) == 1)
+        rows, place = np.nonzero(changes)
+        low, high = self.frequencies[rows, place], self.frequencies[rows, place + 1]
+        at_low, at_high = values[rows, place], values[rows, place + 1]
+        for step in range(16):
+            weight = np.clip(at_low / np.where(at_low == at_high, 1.0, at_low - at_high), 0.01, 0.99) if step % 3 else 0.5
+            middle = low + (high - low) * weight
+            value = level(self.at(rows, middle[:, None]), rows)[:, 0]
+            same = (value >= 0) == (at_low >= 0)
+            low, at_low = np.where(same, middle, low), np.where(same, value, at_low)
+            high, at_high = np.where(same, high, middle), np.where(same, at_high, value)
+        return rows, np.where(np.abs(at_low) < np.abs(at_high), low, high)
+
+
+def solved(path: Path, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
+    """Return G(jω), its tangent by the infinitesimals and its derivative by ω, each (k,), for systems ``rows``.
+
+    The tangent is not divided by the size of the infinitesimal.
+    """
+    n, ports = path.a.shape[1], path.d.shape[1]
+    m = ports - 1
+    k = len(rows)
+    tau = path.delays[rows]
+    turn = np.exp(1j * omega[:, None] * tau.real)
+    f = np.zeros((k, n + m, n + m), dtype=complex)
+    slope = np.zeros_like(f)
+    tangent = np.zeros_like(f)
+    f[:, :n, :n] = 1j * omega[:, None, None] * np.eye(n) - path.a[rows].real
+    slope[:, :n, :n] = 1j * np.eye(n)
+    tangent[:, :n, :n] = -path.a[rows].imag
+    if m:
+        f[:, :n, n:], f[:, n:, :n] = -path.b[rows, :, 1:].real, -path.c[rows, 1:].real
+        f[:, n:, n:] = turn[:, :, None] * np.eye(m) - path.d[rows, 1:, 1:].real
+        slope[:, n:, n:] = (1j * tau.real * turn)[:, :, None] * np.eye(m)
+        tangent[:, :n, n:], tangent[:, n:, :n] = -path.b[rows, :, 1:].imag, -path.c[rows, 1:].imag
+        tangent[:, n:, n:] = (1j * omega[:, None] * tau.imag * turn)[:, :, None] * np.eye(m) - path.d[rows, 1:, 1:].imag
+    right = np.concatenate([path.b[rows, :, :1], path.d[rows, 1:, :1]], axis=1)
+    read = np.concatenate([path.c[rows, :1], path.d[rows, :1, 1:]], axis=2)
+    direct = path.d[rows, 0, 0]
+    x = np.linalg.solve(f, right.real.astype(complex))
+    z = np.linalg.solve(f, np.concatenate([right.imag - tangent @ x, -slope @ x], axis=2))
+    real = read.real.astype(complex)
+    value = (real @ x)[:, 0, 0] + direct.real
+    moved = (real @ z[:, :, :1] + read.imag @ x)[:, 0, 0] + direct.imag
+    return value, moved, (real @ z[:, :, 1:])[:, 0, 0]
+
+
+def _dual(value: Array, tangent: Array) -> Array:
+    return value + 1j * tangent
+
+
+def _peak(path: Path, scan: Scan, shape: Callable[[Array], Array], slope: Callable[[Array], Array]) -> Readings:
+    """Return max |shape(G)|; ``slope`` is the derivative of the shape by G."""
+    omega = scan.peak(lambda g: np.abs(shape(g)))
+    value, tangent, _ = solved(path, np.arange(path.batch), omega)
+    shaped = shape(value)
+    size = np.abs(shaped)
+    moved = (np.conj(shaped) * slope(value) * tangent).real / np.where(size > 0, size, 1.0)
+    return Readings(value=_dual(size, moved), doubtful=~np.isfinite(size))
+
+
+def path_peak(path: Path, scan: Scan) -> Readings:
+    """max |G|."""
+    return _peak(path, scan, lambda g: g, np.ones_like)
+
+
+def sensitivity_peak(path: Path, scan: Scan) -> Readings:
+    """max |1 / (1 + L)|."""
+    return _peak(path, scan, lambda g: 1 / (1 + g), lambda g: -1 / (1 + g) ** 2)
+
+
+def complementary_peak(path: Path, scan: Scan) -> Readings:
+    """max |L / (1 + L)|."""
+    return _peak(path, scan, lambda g: g / (1 + g), lambda g: 1 / (1 + g) ** 2)
+
+
+def bandwidth(path: Path, scan: Scan) -> Readings:
+    """First ω at which |G| has fallen 3 dB below |G(0)|; infinite where it never does."""
+    batch = path.batch
+    everyone = np.arange(batch)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        try:
+            static, moved_static, _ = solved(path, everyone, np.zeros(batch))
+        except np.linalg.LinAlgError:
+            return Readings(value=np.full(batch, np.nan, dtype=complex), doubtful=np.ones(batch, dtype=bool))
+    level = np.abs(static.real) * 10**-0.15
+    rows, omega = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
+    value = np.full(batch, np.inf, dtype=complex)
+    g, moved, slope = solved(path, rows, omega)
+    size = np.abs(g)
+    fall = (np.conj(g) * slope).real / size
+    level_moved = np.sign(static.real) * moved_static.real * 10**-0.15
+    shift = (level_moved[rows] - (np.conj(g) * moved).real / size) / fall
+    value[rows] = _dual(omega, shift)
+    scale = np.abs(scan.response).max(axis=1)
+    value[np.abs(static.real) <= 1e-9 * scale] = np.nan
+    return Readings(value=value, doubtful=np.zeros(batch, dtype=bool))
+
+
+def _nearest(batch: int, rows: Array, value: Array, order: Array) -> Readings:
+    """Return for each system the value whose ``order`` is smallest, infinite where there is none."""
+    result = np.full(batch, np.inf, dtype=complex)
+    for index in np.argsort(-order, kind="stable"):
+        result[rows[index]] = value[index]
+    return Readings(value=result, doubtful=np.zeros(batch, dtype=bool))
+
+
+def gain_margin(path: Path, scan: Scan) -> Readings:
+    """-1 / L where L is real and negative, nearest 1 on a logarithmic scale."""
+    rows, omega = scan.crossings(lambda g, _: g.imag)
+    value, moved, slope = solved(path, rows, omega)
+    shift = -moved.imag / np.where(slope.imag == 0, np.inf, slope.imag)
+    real = _dual(value.real, moved.real + slope.real * shift)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        margin = -1 / real
+    counts = value.real < -SMALLEST_LOOP_GAIN
+    rows, margin = rows[counts], margin[counts]
+    return _nearest(path.batch, rows, margin, np.abs(np.log(margin.real)))
+
+
+def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
+    """Return (systems, frequencies, π + arg L), both with infinitesimals, wherever |L| = 1."""
+    rows, omega = scan.crossings(lambda g, _: np.abs(g) - 1)
+    value, moved, slope = solved(path, rows, omega)
+    # d ln L = (d ln|L|, d arg L)
+    by_parameter, by_frequency = moved / value, slope / value
+    shift = -by_parameter.real / np.where(by_frequency.real == 0, np.inf, by_frequency.real)
+    angle = np.angle(-value)
+    return rows, _dual(omega, shift), _dual(angle, by_parameter.imag + by_frequency.imag * shift)
+
+
+def phase_margin(path: Path, scan: Scan) -> Readings:
+    """π + arg L where |L| = 1, nearest 0."""
+    rows, _, angle = _phase_margins(path, scan)
+    return _nearest(path.batch, rows, angle, np.abs(angle.real))
+
+
+def delay_margin(path: Path, scan: Scan) -> Readings:
+    """The smallest of (π + arg L in [0, 2π)) / ω where |L| = 1."""
+    rows, omega, angle = _phase_margins(path, scan)
+    margin = np.where(angle.real < 0, angle + 2 * np.pi, angle) / omega
+    return _nearest(path.batch, rows, margin, margin.real)
+
+
+PATH_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(
+    {"bandwidth": bandwidth, "compliance_peak": path_peak, "control_sensitivity_peak": path_peak}
+)
+LOOP_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(
+    {
+        "sensitivity_peak": sensitivity_peak,
+        "complementary_peak": complementary_peak,
+        "gain_margin": gain_margin,
+        "phase_margin": phase_margin,
+        "delay_margin": delay_margin,
+    }
+)

@@ -1,0 +1,397 @@
+"""Metrics of many step responses at once: crossings and turning points polished on the polynomial of their piece.
+
+A crossing is bracketed by samples and found by bisection and Newton; the last Newton step is taken with the infinitesimals,
+
+    t* ← t* - (y(t*, p) - level(p)) / ẏ(t*),
+
+which gives it its exact derivative (implicit-function rule). At a turning point ẏ = 0, so its value needs no such step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from engine.linear.screening_march import GRID, POINTS, TO_POLYNOMIAL, Responses
+from engine.linear.system import Array
+
+NEGLIGIBLE = 1e-9
+"""A difference below this part of the signal is not a difference."""
+_GRAZING = 0.95
+"""A later turning point whose sample reaches this part of the band is looked at closely."""
+_WEIGHTS = (TO_POLYNOMIAL.T @ np.array([(1 + (-1) ** k) / (k + 1) for k in range(POINTS)])) / 2
+"""Integral over a piece of unit length of the polynomial through its samples."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """One output of some candidates: ``values`` (B, P, POINTS), ``final`` and ``reference`` (B,); from rest at 0."""
+
+    values: Array
+    starts: Array
+    lengths: Array
+    width: Array
+    final: Array
+    reference: Array
+
+    @classmethod
+    def of(cls, responses: Responses, experiment: int, output: int, reference: Array) -> Trace:
+        """Return one output in one experiment."""
+        final = responses.final[:, experiment, output]
+        return cls(
+            values=responses.values[:, experiment, output], starts=responses.starts, lengths=responses.lengths,
+            width=responses.width, final=final, reference=np.broadcast_to(reference, final.shape),
+        )  # fmt: skip
+
+    @property
+    def flat(self) -> Array:
+        """Samples in the order of time, (B, P * POINTS), real."""
+        return self.values.real.reshape(len(self.values), -1)
+
+    def polynomial(self, rows: Array, piece: Array) -> Array:
+        """Return the coefficients (k, POINTS) of y on pieces, in 2θ - 1."""
+        return self.values[rows, piece] @ TO_POLYNOMIAL.T
+
+    def instant(self, rows: Array, piece: Array, u: Array) -> Array:
+        """Return the time (s) of the place u in [-1, 1] of a piece."""
+        return self.width[rows] * (self.starts[piece] + self.lengths[piece] * (u + 1) / 2)
+
+
+def _evaluate(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Return value, first and second derivative of polynomials (k, degree + 1) at u (k,)."""
+    value = coefficients[:, -1]
+    first = np.zeros_like(value)
+    second = np.zeros_like(value)
+    for k in range(coefficients.shape[1] - 2, -1, -1):
+        second = second * u + 2 * first
+        first = first * u + value
+        value = value * u + coefficients[:, k]
+    return value, first, second
+
+
+def _crossing(trace: Trace, rows: Array, before: Array, level: Array) -> Array:
+    """Return the instants at which candidates ``rows`` pass ``level`` between sample ``before`` and the next one."""
+    piece, place = before // POINTS, before % POINTS
+    coefficients = trace.polynomial(rows, piece)
+    coefficients[:, 0] = coefficients[:, 0] - level
+    grid = 2 * GRID - 1
+    low, high = grid[place], grid[np.minimum(place + 1, POINTS - 1)]
+    real = coefficients.real
+    sign = np.where(_evaluate(real, low)[0] < 0, 1.0, -1.0)
+    # Between the end of a piece and the start of the next there is either nothing or a jump.
+    u = (low + high) / 2
+    for step in range(14):
+        value, slope, _ = _evaluate(real, u)
+        below = sign * value < 0
+        low, high = np.where(below, u, low), np.where(below, high, u)
+        newton = u - value / np.where(slope == 0, np.inf, slope)
+        u = np.where((newton >= low) & (newton <= high) & (step > 3), newton, (low + high) / 2)
+    jumps = place == POINTS - 1
+    u = np.where(jumps, 1.0, u)
+    value, slope, _ = _evaluate(coefficients, u.astype(coefficients.dtype))
+    scale = np.abs(trace.final[rows].real) + np.abs(trace.values[rows].real).max(axis=(1, 2))
+    smooth = (np.abs(slope.real) > 0) & (np.abs(value.real) <= 1e-6 * scale)
+    shift = np.where(smooth, value / np.where(smooth, slope, 1.0), 0.0)
+    return trace.instant(rows, piece, u - shift)
+
+
+def _polished(trace: Trace, rows: Array, sample: Array, sign: float | Array) -> tuple[Array, Array, Array]:
+    """Return (value, piece, u) of the maximum of sign * y near samples; the value carries its infinitesimals."""
+    pieces = trace.values.shape[1]
+    piece, place = sample // POINTS, sample % POINTS
+    grid = 2 * GRID - 1
+    # At a joint the turning point may lie on the other side.
+    slope = sign * _evaluate(trace.polynomial(rows, piece).real, grid[place])[1]
+    onward = (place == POINTS - 1) & (slope > 0) & (piece + 1 < pieces)
+    back = (place == 0) & (slope < 0) & (piece > 0)
+    piece = piece + onward - back
+    place = np.where(onward, 0, np.where(back, POINTS - 1, place))
+    coefficients = trace.polynomial(rows, piece)
+    real = sign * coefficients.real.T
+    real = real.T
+    low, high = grid[np.maximum(place - 1, 0)], grid[np.minimum(place + 1, POINTS - 1)]
+    u = grid[place]
+    for _ in range(8):
+        _, first, second = _evaluate(real, u)
+        concave = second < 0
+        u = np.clip(np.where(concave, u - first / np.where(concave, second, -1.0), u), low, high)
+    here = grid[place]
+    better = _evaluate(real, u)[0] >= _evaluate(real, here)[0]
+    u = np.where(better, u, here)
+    value = _evaluate(coefficients, u)[0]
+    # A jump: the sample on this side may be higher than anything on the other.
+    original = trace.values[rows, sample // POINTS, sample % POINTS]
+    jump = sign * original.real > sign * value.real
+    return np.where(jump, original, value), np.where(jump, sample // POINTS, piece), np.where(jump, grid[sample % POINTS], u)
+
+
+def _largest(trace: Trace, sign: float) -> tuple[Array, Array, Array]:
+    """Return (value of y, piece, u) where sign * y is largest."""
+    rows = np.arange(len(trace.values))
+    flat = sign * trace.flat
+    best = flat.argmax(axis=1)
+    value, piece, u = _polished(trace, rows, best, sign)
+    # Two peaks of nearly the same height: samples cannot tell which is higher, their polynomials can.
+    padded = np.pad(flat, ((0, 0), (1, 1)), constant_values=-np.inf)
+    peaks = (flat >= padded[:, :-2]) & (flat >= padded[:, 2:])
+    peaks[np.abs(np.arange(flat.shape[1]) - best[:, None]) <= 2] = False
+    second = np.where(peaks, flat, -np.inf).argmax(axis=1)
+    close = peaks[rows, second] & (flat[rows, second] > flat[rows, best] - 0.1 * np.abs(flat).max(axis=1))
+    if close.any():
+        other = np.flatnonzero(close)
+        rival, rival_piece, rival_u = _polished(trace, other, second[other], sign)
+        wins = sign * rival.real > sign * value[other].real
+        value[other[wins]], piece[other[wins]], u[other[wins]] = rival[wins], rival_piece[wins], rival_u[wins]
+    return value, piece, u
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """A metric of many candidates: ``value`` (B,) with infinitesimals, NaN where there is none; ``doubtful`` (B,)."""
+
+    value: Array
+    doubtful: Array
+
+
+def _readings(trace: Trace, value: Array, doubtful: Array | None = None) -> Readings:
+    nothing = np.zeros(len(trace.values), dtype=bool)
+    return Readings(value=value, doubtful=nothing if doubtful is None else doubtful)
+
+
+def _relative(trace: Trace) -> Array:
+    """Return which candidates have a final value that differs from 0."""
+    largest = np.abs(trace.flat).max(axis=1)
+    return np.abs(trace.final.real) > NEGLIGIBLE * largest
+
+
+def _absent(value: Array, there: Array) -> Array:
+    return np.where(there, value, np.nan)
+
+
+def _passage(trace: Trace, part: float) -> Array:
+    sign = np.where(trace.final.real < 0, -1.0, 1.0)
+    level = part * trace.final
+    beyond = sign[:, None] * (trace.flat - level.real[:, None]) >= 0
+    first = beyond.argmax(axis=1)
+    reached = beyond.any(axis=1)
+    instants = np.zeros(len(sign), dtype=np.result_type(trace.values, trace.width))
+    rows = np.flatnonzero(reached & (first > 0))
+    instants[rows] = _crossing(trace, rows, first[rows] - 1, level[rows])
+    instants[~reached] = np.nan
+    return instants
+
+
+def rise_time(trace: Trace) -> Readings:
+    """t(0.9 y∞) - t(0.1 y∞), first crossings."""
+    return _readings(trace, _absent(_passage(trace, 0.9) - _passage(trace, 0.1), _relative(trace)))
+
+
+def _last_entry(trace: Trace, band: float) -> Readings:
+    """Return the last entry into ± band of the way around the final value."""
+    batch = len(trace.values)
+    size = np.abs(trace.final.real)
+    half = band * size
+    deviation = trace.flat - trace.final.real[:, None]
+    outside = np.abs(deviation) > half[:, None]
+    total = deviation.shape[1]
+    last = total - 1 - outside[:, ::-1].argmax(axis=1)
+    last = np.where(outside.any(axis=1), last, -1)
+    doubtful = last >= total - 1
+    last = np.minimum(last, total - 2)
+    # A turning point between samples may leave the band once more, or just touch it.
+    later = np.arange(total) > last[:, None]
+    beyond = np.where(later, np.abs(deviation), 0.0)
+    beyond[np.arange(batch), np.maximum(last + 1, 0)] = 0.0
+    peak = beyond.argmax(axis=1)
+    rows = np.flatnonzero(beyond[np.arange(batch), peak] > _GRAZING * half)
+    entry = np.zeros(batch, dtype=np.result_type(trace.values, trace.width))
+    normal = np.flatnonzero(last >= 0)
+    edge = np.sign(deviation[normal, last[normal]])
+    # The band's edge carries the infinitesimals of the final value.
+    way = np.where(trace.final.real < 0, -1.0, 1.0)
+    level = trace.final[normal] + edge * band * (way * trace.final)[normal]
+    entry[normal] = _crossing(trace, normal, last[normal], level)
+    if rows.size:
+        side = np.sign(deviation[rows, peak[rows]])
+        top, piece, u = _polished(trace, rows, peak[rows], side)
+        excess = side * (top - trace.final[rows]).real - half[rows]
+        doubtful[rows[np.abs(excess) <= 1e-5 * half[rows]]] = True
+        out = excess > 0
+        if out.any():
+            again = rows[out]
+            edges = trace.final[again] + side[out] * band * (way * trace.final)[again]
+            entry[again] = _descent(trace, again, piece[out], u[out], edges, side[out])
+    return _readings(trace, _absent(entry, _relative(trace)), doubtful)
+
+
+def _descent(trace: Trace, rows: Array, piece: Array, top: Array, level: Array, side: Array) -> Array:
+    """Return when y comes back to ``level`` after a turning point that exceeds it by less than the samples show."""
+    coefficients = trace.polynomial(rows, piece)
+    coefficients[:, 0] = coefficients[:, 0] - level
+    real = coefficients.real
+    _, _, second = _evaluate(real, top)
+    value = _evaluate(real, top)[0]
+    u = top + np.sqrt(np.maximum(2 * value * side, 0.0) / np.maximum(-side * second, 1e-300))
+    for _ in range(8):
+        value, slope, _ = _evaluate(real, u)
+        u = np.clip(u - value / np.where(slope == 0, np.inf, slope), top, 1.0)
+    value, slope, _ = _evaluate(coefficients, u)
+    shift = np.where(np.abs(value.real) < 1e-6 * np.abs(level.real), value / np.where(slope == 0, np.inf, slope), 0.0)
+    return trace.instant(rows, piece, u - shift)
+
+
+def settling_time(trace: Trace) -> Readings:
+    """Last entry into ±2 % of the way."""
+    return _last_entry(trace, 0.02)
+
+
+def response_time(trace: Trace) -> Readings:
+    """Last entry into ±5 % of the way."""
+    return _last_entry(trace, 0.05)
+
+
+def _excess(trace: Trace, sign: float) -> Readings:
+    """Return how far sign * y exceeds sign * final (sign of the way) or the start (against it), by the way."""
+    way = np.where(trace.final.real < 0, -1.0, 1.0)
+    best = np.empty_like(trace.final)
+    for direction in (1.0, -1.0):
+        those = np.flatnonzero(way == direction)
+        if those.size:
+            part = Trace(
+                values=trace.values[those], starts=trace.starts, lengths=trace.lengths, width=trace.width[those],
+                final=trace.final[those], reference=trace.reference[those],
+            )  # fmt: skip
+            best[those] = _largest(part, sign * direction)[0]
+    there = _relative(trace)
+    divisor = np.where(there, trace.final, 1.0)
+    beyond = (best - trace.final) / divisor if sign > 0 else -best / divisor
+    return _readings(trace, _absent(np.where(beyond.real > 1e-12, beyond, 0.0 * beyond.real), there))
+
+
+def overshoot(trace: Trace) -> Readings:
+    """(max y - y∞) / y∞, 0 if negative."""
+    return _excess(trace, 1.0)
+
+
+def undershoot(trace: Trace) -> Readings:
+    """-min y / y∞, 0 if negative."""
+    return _excess(trace, -1.0)
+
+
+def _magnitude(trace: Trace) -> tuple[Array, Array, Array, Array]:
+    """Return (largest |y|, approached only, piece, u); the final value counts where it is only approached."""
+    top, top_piece, top_u = _largest(trace, 1.0)
+    bottom, bottom_piece, bottom_u = _largest(trace, -1.0)
+    upward = top.real >= -bottom.real
+    value = np.where(upward, top, -bottom)
+    limit = np.where(trace.final.real < 0, -1.0, 1.0) * trace.final
+    approached = limit.real >= value.real * (1 - 1e-10)
+    piece, u = np.where(upward, top_piece, bottom_piece), np.where(upward, top_u, bottom_u)
+    return np.where(approached, limit, value), approached, piece, u
+
+
+def peak(trace: Trace) -> Readings:
+    """max |y|."""
+    return _readings(trace, _magnitude(trace)[0])
+
+
+def peak_time(trace: Trace) -> Readings:
+    """argmax |y|."""
+    _, approached, piece, u = _magnitude(trace)
+    rows = np.arange(len(piece))
+    _, first, second = _evaluate(trace.polynomial(rows, piece), u.astype(trace.values.dtype))
+    inside = (np.abs(u) < 1) & (second.real != 0)
+    shift = np.where(inside, first / np.where(inside, second, 1.0), 0.0)
+    return _readings(trace, _absent(trace.instant(rows, piece, u - shift), ~approached))
+
+
+def steady_state_error(trace: Trace) -> Readings:
+    """r - y∞."""
+    return _readings(trace, trace.reference - trace.final)
+
+
+def _integrable(trace: Trace) -> Array:
+    """Return whose error goes to zero."""
+    error = trace.reference - trace.final
+    size = np.abs(trace.reference.real[:, None] - trace.flat).max(axis=1)
+    return np.abs(error.real) <= NEGLIGIBLE * size
+
+
+def ise(trace: Trace) -> Readings:
+    """∫e²: the square has twice the degree, so it is integrated on its own samples by Gauss's rule."""
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    to_gauss = np.polynomial.polynomial.polyvander(points, POINTS - 1) @ TO_POLYNOMIAL
+    error = (trace.reference[:, None, None] - trace.values) @ to_gauss.T
+    value = ((error * error) @ (weights / 2)) @ trace.lengths * trace.width
+    return _readings(trace, _absent(value, _integrable(trace)))
+
+
+def _absolute(trace: Trace, power: int) -> Readings:
+    """∫ t^power |e| dt, split where e changes its sign."""
+    error = trace.reference[:, None, None] - trace.values
+    rows, piece = np.divmod(np.arange(error.shape[0] * error.shape[1]), error.shape[1])
+    coefficients = error.reshape(-1, POINTS) @ TO_POLYNOMIAL.T
+    if power:
+        # t = (start + length (u + 1) / 2) width
+        start, half = trace.starts[piece] + trace.lengths[piece] / 2, trace.lengths[piece] / 2
+        widened = np.pad(coefficients, ((0, 0), (0, 1)))
+        weighted = trace.width[rows, None] * (start[:, None] * widened + half[:, None] * np.roll(widened, 1, axis=1))
+    else:
+        weighted = coefficients
+    order = np.arange(1, weighted.shape[1] + 1)
+    integral = np.concatenate([np.zeros((len(weighted), 1)), weighted / order], axis=1)
+    integral[:, 0] = -_evaluate(integral, np.full(len(integral), -1.0))[0]
+    samples = error.real.reshape(-1, POINTS)
+    signs = np.where(samples < 0, -1.0, 1.0)
+    total = signs[:, -1] * _evaluate(integral, np.ones(len(integral)))[0]
+    where, place = np.nonzero(signs[:, 1:] != signs[:, :-1])
+    if where.size:
+        real = coefficients[where].real
+        grid = 2 * GRID - 1
+        low, high = grid[place], grid[place + 1]
+        before = signs[where, place]
+        u = (low + high) / 2
+        for step in range(14):
+            value, slope, _ = _evaluate(real, u)
+            same = value * before > 0
+            low, high = np.where(same, u, low), np.where(same, high, u)
+            newton = u - value / np.where(slope == 0, np.inf, slope)
+            u = np.where((newton >= low) & (newton <= high) & (step > 3), newton, (low + high) / 2)
+        np.add.at(total, where, 2 * before * _evaluate(integral[where], u)[0])
+    scaled = total * trace.width[rows] * trace.lengths[piece] / 2
+    value = scaled.reshape(error.shape[:2]).sum(axis=1)
+    return _readings(trace, _absent(value, _integrable(trace)))
+
+
+def iae(trace: Trace) -> Readings:
+    """∫|e|."""
+    return _absolute(trace, 0)
+
+
+def itae(trace: Trace) -> Readings:
+    """∫t|e|."""
+    return _absolute(trace, 1)
+
+
+METRICS: Mapping[str, Callable[[Trace], Readings]] = MappingProxyType(
+    {
+        "rise_time": rise_time,
+        "settling_time": settling_time,
+        "response_time": response_time,
+        "overshoot": overshoot,
+        "undershoot": undershoot,
+        "peak": peak,
+        "peak_time": peak_time,
+        "max_velocity": peak,
+        "max_acceleration": peak,
+        "control_effort": peak,
+        "steady_state_error": steady_state_error,
+        "iae": iae,
+        "ise": ise,
+        "itae": itae,
+    }
+)
+"""What screening can read off a step response; everything else belongs to the exact path."""
