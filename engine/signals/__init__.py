@@ -1,0 +1,47 @@
+"""The catalogue of command signals: one file is one signal, found by looking into this folder."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from engine.errors import SignalError
+from engine.signals._base import Signal, checked
+
+__all__ = ["Signal", "catalogue", "make"]
+
+
+@cache
+def catalogue() -> Mapping[str, type[Signal]]:
+    """Return every kind of signal by name, in alphabetical order."""
+    found: dict[str, type[Signal]] = {}
+    for name in sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_")):
+        module = importlib.import_module(f"{__name__}.{name}")
+        for signal in vars(module).values():
+            if isinstance(signal, type) and issubclass(signal, Signal) and signal.__module__ == module.__name__:
+                found[signal.kind] = signal
+    return MappingProxyType(found)
+
+
+def make(kind: str, parameters: Mapping[str, Any] | None = None) -> Signal:
+    """Return a signal with checked parameters (SI).
+
+    Raises
+    ------
+    SignalError
+        If the kind is unknown or a parameter is wrong; ``at`` counts from the signal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> make("step", {"amplitude": 2.0, "start": 1.0}).value(np.array([0.0, 1.0])).tolist()
+    [0.0, 2.0]
+    """
+    signal = catalogue().get(kind)
+    if signal is None:
+        raise SignalError(f"kind must be one of {', '.join(catalogue())}, got '{kind}'", at=("kind",))
+    return signal.of(checked(signal.parameters, kind, parameters or {}))

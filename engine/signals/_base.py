@@ -1,0 +1,104 @@
+"""What every command signal is: a function of time that knows where it breaks and where it ends."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import SignalError
+from engine.parameters import Param
+
+FloatArray = npt.NDArray[np.float64]
+
+START = Param(name="start", symbol="t₀", unit="s", default=0.0, lower=0.0, doc="time at which the command begins")
+
+
+class Signal(ABC):
+    """A command u(t), t >= 0, right-continuous. Signals are frozen dataclasses made by `make`."""
+
+    kind: ClassVar[str]
+    title: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    parameters: ClassVar[tuple[Param, ...]]
+    example: ClassVar[Mapping[str, Any]] = {}
+
+    @classmethod
+    @abstractmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return the signal with these values, each already within its own bounds; raise SignalError where they clash."""
+
+    @abstractmethod
+    def value(self, t: FloatArray) -> FloatArray:
+        """Return u at the times ``t`` (s), of the same shape; right-continuous where it jumps."""
+
+    @abstractmethod
+    def breakpoints(self) -> tuple[float, ...]:
+        """Return the times (s, >= 0, increasing) where u or one of its derivatives jumps, its start included."""
+
+    @abstractmethod
+    def final(self) -> float | None:
+        """Return the constant at which u settles, None if it does not."""
+
+    @abstractmethod
+    def end(self) -> float | None:
+        """Return the time (s) from which u is constant, None if there is none."""
+
+    @abstractmethod
+    def degree(self) -> int | None:
+        """Return the polynomial degree of u between breakpoints, None where it is smooth but no polynomial."""
+
+
+def checked(params: tuple[Param, ...], kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return every parameter's value: numbers as float, lists as read-only arrays.
+
+    Raises
+    ------
+    SignalError
+        If a value is missing, unknown, no number or outside its bounds; ``at`` counts from the signal.
+    """
+    declared = {param.name: param for param in params}
+    for name in given:
+        if name not in declared:
+            raise SignalError(f"parameter of {kind} must be one of {', '.join(declared)}, got '{name}'", at=(name,))
+    values: dict[str, Any] = {}
+    for name, param in declared.items():
+        value = given.get(name)
+        value = param.default if value is None else value
+        if value is None:
+            raise SignalError(f"{name} must be given: {param.doc}", at=(name,))
+        values[name] = _list(param, value) if param.shape == "list" else _number(param, value)
+    return values
+
+
+def _number(param: Param, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise SignalError(f"{param.name} must be a number, got {str(value)[:80]!r}", at=(param.name,))
+    try:
+        number = float(value)
+    except OverflowError:
+        number = np.inf
+    if not param.admits(np.float64(number)):
+        raise SignalError(f"{param.name} must be {param.rule()}, got {number:g}", at=(param.name,))
+    return number
+
+
+def _list(param: Param, value: Any) -> FloatArray:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise SignalError(
+            f"{param.name} must be a list of numbers, got {str(value)[:80]!r}", at=(param.name,)
+        ) from None
+    if array.ndim != 1:
+        raise SignalError(f"{param.name} must be a list of numbers, got {array.ndim} dimensions", at=(param.name,))
+    wrong = np.flatnonzero(~param.admits(array))
+    if wrong.size:
+        index = int(wrong[0])
+        raise SignalError(f"{param.name}[{index}] must be {param.rule()}, got {array[index]:g}", at=(param.name, index))
+    array.setflags(write=False)
+    return array
