@@ -111,7 +111,8 @@ class Ours:
         ):
             assert measured.value is not None
             assert gradient is not None
-            out[name] = [float(g) / measured.value for g in gradient]
+            at = [self.diagram.parameters[gain].value for gain in GAINS]
+            out[name] = [float(g) * p / measured.value for g, p in zip(gradient.values, at, strict=True)]
         return out
 
     def request(self, metric: str) -> MetricRequest:
@@ -119,12 +120,11 @@ class Ours:
         loop, path = metric.endswith("margin"), metric == "bandwidth"
         return MetricRequest(
             metric=metric,
-            signals=None if loop or path else self.step,
+            signals={} if loop or path else self.step,
             output=None if loop or path else "position",
             open_at="error" if loop else None,
             source="reference" if path else None,
             target="position" if path else None,
-            duration=None,
         )
 
 

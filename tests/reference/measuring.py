@@ -43,7 +43,8 @@ def elasticities(diagram: Diagram, request: MetricRequest, parameters: tuple[str
     ((measured, gradient),) = measure(diagram, [request], gradient=list(parameters))
     assert measured.verdict is Verdict.OK, measured
     assert gradient is not None
-    return measured.value, [float(g) / measured.value for g in gradient]
+    at = [diagram.parameters[name].value for name in parameters]
+    return measured.value, [float(g) * p / measured.value for g, p in zip(gradient.values, at, strict=True)]
 
 
 def expect(measured: Any, value: Any, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:

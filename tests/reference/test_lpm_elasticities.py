@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from engine.influence import influence
-from engine.study import MetricRequest
+from engine.study import MetricRequest, frequency_response
 from tests.reference.measuring import elasticities
 from tests.reference.systems import MOTOR, block, system
 
@@ -20,17 +21,27 @@ LPM = system(
     ["flow -> motor.flow"],
     {"position": "motor.position", "velocity": "motor.velocity"},
 )
-REQUEST = MetricRequest(
-    metric="critical_frequency",
-    signals=None,
-    output=None,
-    open_at=None,
-    source=None,
-    target=None,
-    duration=None,
-)
+REQUEST = MetricRequest(metric="critical_frequency")
 STIFF, LEAK = MOTOR["area"] ** 2, MOTOR["leakage"] * MOTOR["viscous_friction"]
 FREQUENCY = math.sqrt((STIFF + LEAK) * MOTOR["adiabatic_index"] * MOTOR["pressure"] / (MOTOR["volume"] * MOTOR["mass"]))
+
+
+def test_both_transfer_functions_of_the_paper() -> None:
+    # z/Q = A/(s [c m s^2 + (c b + m a) s + A^2 + a b]); z/F = -(c s + a)/(s [the same]), c = V/(chi p)
+    motor = system(
+        {"flow": block("input"), "force": block("input"), "motor": block("linear_pneumatic_motor", **MOTOR)},
+        ["flow -> motor.flow", "force -> motor.force"],
+        {"position": "motor.position"},
+    )
+    w = np.geomspace(0.1, 1e3, 41)
+    s = 1j * w
+    capacitance = MOTOR["volume"] / (MOTOR["adiabatic_index"] * MOTOR["pressure"])
+    mass, friction, leakage = MOTOR["mass"], MOTOR["viscous_friction"], MOTOR["leakage"]
+    bracket = capacitance * mass * s**2 + (capacitance * friction + mass * leakage) * s + STIFF + LEAK
+    for source, numerator in (("flow", MOTOR["area"]), ("force", -(capacitance * s + leakage))):
+        study = frequency_response(motor, source=source, target="position", frequencies=w)
+        exact = numerator / (s * bracket)
+        assert np.abs(study.response / exact - 1).max() < 1e-11, source
 
 
 def test_value_and_elasticities() -> None:
