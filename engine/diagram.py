@@ -7,21 +7,23 @@ any parameter values, `Diagram.realize_stack` for many at once, in both cases cl
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.document import Block, Connection, Parameter, System, Warning
+from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
 from engine.errors import DiagramError, EngineError
-from engine.flatten import Flat, Port, Traced, find_output, flatten, trace, unit_of
+from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LinearSystem, StackedSystem
+from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
+from engine.scopes import Port, Traced, listed, trace
 
-__all__ = ["Block", "Connection", "Diagram", "Parameter", "System", "Warning", "compile_system"]
+__all__ = ["Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
 
 MAX_STATES: Final = 200
 MAX_DELAYS: Final = 50
@@ -30,7 +32,6 @@ LOOP: Final = "loop"
 
 _SILENT: Final = -1  # the signal that is always 0, whose final number depends on how many inputs there are
 _REMEMBERED: Final = 64
-_LISTED: Final = 300
 
 
 def compile_system(system: System) -> Diagram:
@@ -44,11 +45,7 @@ def compile_system(system: System) -> Diagram:
         If an algebraic loop has no solution at the document's values.
     """
     flat = flatten(system)
-    flat.bindings.settle()
-    for index, (_, own) in flat.declared.items():
-        value = flat.bindings.base[index].real
-        if not own.admits(value):
-            raise DiagramError(f"{own.name} must be {own.rule()}, got {value:g}", at=flat.bindings.slots[index].at)
+    flat.numbers.settle()
     diagram = Diagram(system, flat)
     base = diagram.realize()
     if base.a.shape[0] > MAX_STATES:
@@ -71,7 +68,7 @@ class Diagram:
         Role of each input ("reference" or "disturbance"); unit of each output, "" where it is not known.
     parameters : mapping of str to ParameterInfo
         Every scalar by its path: ``kp``, ``motor.area``, ``inner.motor.area``. Entries of lists have no path.
-    warnings : tuple of Warning
+    warnings : tuple of Remark
         Unconnected inputs and unused parameters.
     """
 
@@ -81,19 +78,23 @@ class Diagram:
         self.inputs = tuple(name for name, entry in root.entries.items() if entry.role is not None)
         self.input_roles: Mapping[str, str] = {name: str(root.entries[name].role) for name in self.inputs}
         self.outputs = tuple(root.outputs)
-        self.output_units: Mapping[str, str] = {name: unit_of(*end) or "" for name, end in root.outputs.items()}
+        self.output_units: Mapping[str, str] = {
+            name: scope.unit_of(block, port) or "" for name, (scope, block, port) in root.outputs.items()
+        }
         self._flat = flat
-        self._bindings = flat.bindings
+        self._bindings = flat.numbers.bindings
         self._interconnection = Interconnection(flat.blocks)
         self._consumers, unconnected = self._connect()
-        self._reads = tuple(self._signal(trace(*end, ("outputs", name))) for name, end in root.outputs.items())
+        self._reads = tuple(self._signal(trace(*end, at=("outputs", name))) for name, end in root.outputs.items())
         self._wirings: dict[str | None, Wiring] = {}
         self._systems: dict[str | None, LinearSystem] = {}
-        self.parameters: Mapping[str, ParameterInfo] = _describe(flat)
+        self.parameters: Mapping[str, ParameterInfo] = _describe(flat.numbers)
         self.warnings = (*unconnected, *flat.warnings)
         self._realizations = [self._realize_block(number, self._bindings.base) for number in range(len(flat.blocks))]
 
-    def realize(self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None) -> LinearSystem:
+    def realize(
+        self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
+    ) -> LinearSystem:
         """Return the state space of the diagram.
 
         Parameters
@@ -191,9 +192,11 @@ class Diagram:
         return LinearSystem(**assembled.matrices, inputs=wiring.inputs, outputs=wiring.outputs)
 
     def _slot(self, path: str) -> int:
-        index = self._flat.paths.get(path)
+        index = self._flat.numbers.paths.get(path)
         if index is None:
-            raise DiagramError(f"parameter must be one of the system's ({_some(self.parameters)}), got '{path}'", at=(path,))
+            raise DiagramError(
+                f"parameter must be one of the system's ({listed(self.parameters)}), got '{path}'", at=(path,)
+            )
         if self.parameters[path].bound:
             expression = self._bindings.slots[index].expression
             given = "" if expression is None else expression.text
@@ -216,9 +219,9 @@ class Diagram:
             if LOOP in self.inputs or LOOP in self.outputs:
                 raise DiagramError(f"no input or output must be called {LOOP} where a loop is opened, got one",
                                    at=("open_at",))  # fmt: skip
-            scope, block, port = find_output(self._flat.root, open_at, at=("open_at",))
+            scope, block, port = self._flat.root.find_output(open_at, at=("open_at",))
             cut = (*scope.path, block, port)
-            true_output = self._signal(trace(scope, block, port, ("open_at",)))
+            true_output = self._signal(trace(scope, block, port, at=("open_at",)))
             inputs, outputs, reads = (*self.inputs, LOOP), (*self.outputs, LOOP), (*self._reads, true_output)
         total = self._interconnection.outputs
         silent = total + len(inputs)
@@ -239,10 +242,10 @@ class Diagram:
         block = self._flat.blocks[traced.entry.number]
         return block.first_output + block.ports.outputs.index(traced.port)
 
-    def _connect(self) -> tuple[list[tuple[frozenset[Port], int]], list[Warning]]:
+    def _connect(self) -> tuple[list[tuple[frozenset[Port], int]], list[Remark]]:
         """Return for every block input which ports its signal passes and where it comes from, and what is not connected."""
         consumers: list[tuple[frozenset[Port], int]] = [(frozenset(), _SILENT)] * self._interconnection.inputs
-        warnings: list[Warning] = []
+        warnings: list[Remark] = []
         used: set[str] = set()
         for scope in self._flat.scopes:
             for name, entry in scope.entries.items():
@@ -251,27 +254,29 @@ class Diagram:
                     source = scope.driven.get((name, port))
                     if source is None:
                         if entry.role is None:
-                            label = ".".join((*scope.path, name, port))
-                            warnings.append(Warning(at=at, detail=f"input {label} is not connected and stays 0"))
+                            label = scope.label(name, port)
+                            warnings.append(Remark(at=at, detail=f"input {label} is not connected and stays 0"))
                     elif entry.number is not None:
-                        traced = trace(scope, *source, at)
+                        traced = trace(scope, *source, at=at)
                         if traced.entry is not None and traced.entry.number is None:
                             used.add(traced.block)
                         place = self._flat.blocks[entry.number].first_input + j
                         consumers[place] = (frozenset(traced.passed), self._signal(traced))
-        for name in self.inputs:
-            if name not in used:
-                warnings.append(Warning(at=("blocks", name), detail=f"input {name} drives nothing"))
+        warnings.extend(
+            Remark(at=("blocks", name), detail=f"input {name} drives nothing")
+            for name in self.inputs
+            if name not in used
+        )
         return consumers, warnings
 
 
-def _describe(flat: Flat) -> dict[str, ParameterInfo]:
+def _describe(numbers: Numbers) -> dict[str, ParameterInfo]:
     """Return what is known of every addressable scalar.
 
     A system parameter that is itself the value of an element's parameter (``"=m"``) takes over its unit, bounds and scale
     where it has none of its own.
     """
-    slots = flat.bindings.slots
+    slots = numbers.bindings.slots
     named: dict[int, list[int]] = {}
     for index, slot in enumerate(slots):
         if slot.expression is not None and slot.expression.is_name:
@@ -281,21 +286,21 @@ def _describe(flat: Flat) -> dict[str, ParameterInfo]:
         found: list[Param] = []
         for user in named.get(index, ()):
             param = slots[user].param
-            found.extend(elements(user) if user in flat.declared else [param] if param is not None else [])
+            found.extend(elements(user) if user in numbers.declared else [param] if param is not None else [])
         return found
 
     described: dict[str, ParameterInfo] = {}
-    for path, index in flat.paths.items():
-        slot, value = slots[index], flat.bindings.base[index].real
-        if index in flat.declared:
-            parameter, own = flat.declared[index]
+    for path, index in numbers.paths.items():
+        slot, value = slots[index], numbers.bindings.base[index].real
+        if index in numbers.declared:
+            parameter, own = numbers.declared[index].parameter, numbers.declared[index].bounds
             heirs = elements(index)
             lowest = max([own, *heirs], key=lambda p: (p.lower, p.lower_open))
             described[path] = ParameterInfo(
                 path=path, value=float(value), lower=lowest.lower, lower_open=lowest.lower_open,
                 upper=min(p.upper for p in (own, *heirs)), bound=slot.expression is not None, doc=parameter.doc,
                 unit=next((p.unit for p in (own, *heirs) if p.unit), ""),
-                scale=parameter.scale or next((p.scale for p in heirs), "linear"),
+                scale=parameter.scale or (heirs[0].scale if heirs else "linear"),
             )  # fmt: skip
         else:
             assert slot.param is not None  # a named slot belongs to an element or to the system
@@ -307,13 +312,8 @@ def _describe(flat: Flat) -> dict[str, ParameterInfo]:
     return described
 
 
-def _single(path: str, value: float | complex) -> float | complex:
-    number = complex(value) if np.iscomplexobj(value) else float(value)
+def _single(path: str, value: complex) -> Scalar:
+    number = complex(value) if np.iscomplexobj(value) else float(value.real)
     if not math.isfinite(number.real):
         raise DiagramError(f"{path} must be finite, got {number.real}", at=(path,))
     return number
-
-
-def _some(names: Iterable[str]) -> str:
-    text = ", ".join(names)
-    return text if len(text) <= _LISTED else text[:_LISTED] + " ..."

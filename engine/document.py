@@ -51,7 +51,7 @@ class System:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Warning:  # a diagram's warning, never raised
+class Remark:
     """Something in the document that is allowed and probably not meant; ``at`` is its path from the root."""
 
     at: Path

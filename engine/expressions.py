@@ -38,7 +38,7 @@ _TOKEN = re.compile(
 )
 
 
-class _NotAnalytic(ValueError):
+class _NotAnalyticError(ValueError):
     """A function is asked for a value where it has none, or no derivative; the text says which."""
 
 
@@ -46,7 +46,7 @@ def _positive(value: Scalar, name: str) -> Scalar:
     if isinstance(value, np.ndarray):
         return np.where(value.real > 0, value, np.nan)
     if value.real <= 0:
-        raise _NotAnalytic(f"{name} needs a value > 0, got {value.real:g}")
+        raise _NotAnalyticError(f"{name} needs a value > 0, got {value.real:g}")
     return value
 
 
@@ -56,7 +56,7 @@ def _sqrt(value: Scalar) -> Scalar:
     if value == 0:
         return value
     if value.real < 0:
-        raise _NotAnalytic(f"sqrt needs a value >= 0, got {value.real:g}")
+        raise _NotAnalyticError(f"sqrt needs a value >= 0, got {value.real:g}")
     value = _positive(value, "the derivative of sqrt")
     return cmath.sqrt(value) if isinstance(value, complex) else math.sqrt(value)
 
@@ -86,9 +86,9 @@ def _power(base: Scalar, exponent: Scalar) -> Scalar:
         return np.asarray(np.where(whole | (base.real > 0), base, np.nan) ** exponent)
     whole = exponent == int(exponent.real)
     if base.real < 0 and not whole:
-        raise _NotAnalytic(f"a negative number ({base.real:g}) has no power {exponent.real:g}")
+        raise _NotAnalyticError(f"a negative number ({base.real:g}) has no power {exponent.real:g}")
     if base.real == 0 and not (whole and exponent.real >= 0) and not (base == 0 and exponent.imag == 0):
-        raise _NotAnalytic(f"0 ** {exponent.real:g} has no derivative")
+        raise _NotAnalyticError(f"0 ** {exponent.real:g} has no derivative")
     result: Scalar = base**exponent
     return result
 
@@ -181,7 +181,7 @@ class _Parser:
     def expression(self) -> Expression:
         compute = self._sum()
         if self._kind != "end":
-            raise self._error(f"unexpected '{self._token}'")
+            raise self._error(f"unexpected '{self._word}'")
         return Expression(text=self._text, names=tuple(self._names), compute=compute)
 
     def _error(self, what: str) -> ExpressionError:
@@ -190,18 +190,18 @@ class _Parser:
     def _advance(self) -> None:
         match = _TOKEN.match(self._text, self._position)
         if match is not None and match.lastgroup is not None:
-            self._kind, self._token = match.lastgroup, match.group(match.lastgroup)
+            self._kind, self._word = match.lastgroup, match.group(match.lastgroup)
             self._start, self._position = match.start(match.lastgroup), match.end()
             return
         rest = self._text[self._position :]
         self._start = self._position + len(rest) - len(rest.lstrip())
-        self._kind, self._token = "end", "end of the expression"
+        self._kind, self._word = "end", "end of the expression"
         if rest.strip():
             raise self._error(f"unexpected '{rest.strip()[0]}'")
 
     def _take(self, *symbols: str) -> str | None:
-        if self._kind == "symbol" and self._token in symbols:
-            token = self._token
+        if self._kind == "symbol" and self._word in symbols:
+            token = self._word
             self._advance()
             return token
         return None
@@ -247,38 +247,38 @@ class _Parser:
         return lambda values: _power(base(values), exponent(values))
 
     def _atom(self) -> _Evaluate:
-        kind, token = self._kind, self._token
+        kind, token = self._kind, self._word
         if kind == "number":
             constant = float(token)
             if not math.isfinite(constant):
                 raise self._error(f"{token} is too large")
             self._advance()
-            return lambda values: constant
+            return lambda _: constant
         if kind == "name":
             return self._name(token)
         if self._take("("):
             inner = self._sum()
             if self._take(")") is None:
-                raise self._error(f"expected ')', got '{self._token}'")
+                raise self._error(f"expected ')', got '{self._word}'")
             return inner
         raise self._error(f"expected a number, a name or '(', got '{token}'")
 
     def _name(self, name: str) -> _Evaluate:
         if name == "pi":
             self._advance()
-            return lambda values: math.pi
+            return lambda _: math.pi
         if name in FUNCTIONS:
             self._advance()
             if self._take("(") is None:
                 raise self._error(f"expected '(' after {name}")
             argument = self._sum()
             if self._take(")") is None:
-                raise self._error(f"expected ')', got '{self._token}'")
+                raise self._error(f"expected ')', got '{self._word}'")
             function = FUNCTIONS[name]
             return lambda values: function(argument(values))
         start = self._start
         self._advance()
-        if self._kind == "symbol" and self._token == "(":
+        if self._kind == "symbol" and self._word == "(":
             self._start = start
             raise self._error(f"unknown function '{name}' (known: {', '.join(FUNCTIONS)})")
         index = self._names.setdefault(name, len(self._names))

@@ -40,6 +40,17 @@ class FlatBlock:
     first_input: int
     first_output: int
 
+    @classmethod
+    def after(cls, before: FlatBlock | None, *, path: str, at: Path, ports: Ports) -> FlatBlock:
+        """Return a block whose ports are numbered on from those of the block before it."""
+        if before is None:
+            return cls(path=path, at=at, ports=ports, first_input=0, first_output=0)
+        return cls(
+            path=path, at=at, ports=ports,
+            first_input=before.first_input + len(before.ports.inputs),
+            first_output=before.first_output + len(before.ports.outputs),
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
@@ -83,6 +94,34 @@ class Assembled:
     valid: npt.NDArray[np.bool_]
 
 
+class _Layout:
+    """Where the states and delay channels of each block lie among the columns (states, externals, delay channels)."""
+
+    def __init__(self, realizations: Sequence[Realization], *, externals: int, members: int | None) -> None:
+        arrays = (array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays))
+        self._dtype = np.result_type(float, *arrays)
+        self._batch = () if members is None else (members,)
+        self.externals = externals
+        self.states = sum(r.a.shape[-1] for r in realizations)
+        self.delays = sum(r.delays.shape[-1] for r in realizations)
+        self.columns = self.states + externals + self.delays
+        self.x: list[slice] = []
+        self.w: list[slice] = []
+        x = w = 0
+        for realization in realizations:
+            self.x.append(slice(x, x := x + realization.a.shape[-1]))
+            self.w.append(slice(w, w := w + realization.delays.shape[-1]))
+
+    def zeros(self, *shape: int) -> Array:
+        """Return zeros of the type of all coefficients, with the batch axis in front."""
+        return np.zeros((*self._batch, *shape), dtype=self._dtype)
+
+    def split(self, rows: Array, *names: str) -> dict[str, Array]:
+        """Return the parts of ``rows`` that multiply states, externals and delay channels."""
+        n, r = self.states, self.states + self.externals
+        return dict(zip(names, (rows[..., :n], rows[..., n:r], rows[..., r:]), strict=True))
+
+
 class Interconnection:
     """The blocks of a diagram with their ports numbered through, ready to be connected for any values.
 
@@ -118,67 +157,68 @@ class Interconnection:
             If a coefficient of a single system is not finite.
         """
         single = members is None
-        batch = () if members is None else (members,)
-        valid = np.ones(batch, dtype=bool)
-        states = [r.a.shape[-1] for r in realizations]
-        delays = [r.delays.shape[-1] for r in realizations]
-        n, m, externals = sum(states), sum(delays), len(wiring.inputs)
-        outputs, columns = self.outputs, n + externals + m
-        dtype = np.result_type(float, *(array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays)))
-
-        signals = np.zeros((*batch, outputs + externals + 1, columns), dtype=dtype)
-        signals[..., outputs + np.arange(externals), n + np.arange(externals)] = 1.0
-        x, w = 0, n + externals
-        for block, realization, nb, mb in zip(self._blocks, realizations, states, delays, strict=True):
-            rows = slice(block.first_output, block.first_output + len(block.ports.outputs))
-            if nb:
-                signals[..., rows, x : x + nb] = realization.c
-            if realization.d12 is not None:
-                signals[..., rows, w : w + mb] = realization.d12
-            x, w = x + nb, w + mb
-
+        valid = np.ones(() if members is None else (members,), dtype=bool)
+        layout = _Layout(realizations, externals=len(wiring.inputs), members=members)
+        signals = self._sources(realizations, layout)
         for step in self._order(realizations, wiring):
             if isinstance(step, _Term):
                 factor = realizations[step.block].d[..., step.i, step.j, None]
                 signals[..., step.row, :] += factor * signals[..., step.source, :]
             else:
                 self._solve(step, realizations, signals, valid, single=single)
-
-        flow = np.zeros((*batch, n, columns), dtype=dtype)
-        channel_in = np.zeros((*batch, m, columns), dtype=dtype)
-        lengths = np.zeros((*batch, m), dtype=dtype)
-        start = np.zeros((*batch, n), dtype=dtype)
-        x = w = 0
-        for block, realization, nb, mb in zip(self._blocks, realizations, states, delays, strict=True):
-            sources = wiring.sources[block.first_input : block.first_input + len(block.ports.inputs)]
-            if nb:
-                flow[..., x : x + nb, x : x + nb] = realization.a
-                for j, source in enumerate(sources):
-                    flow[..., x : x + nb, :] += realization.b[..., :, j, None] * signals[..., source, None, :]
-                if realization.initial is not None:
-                    start[..., x : x + nb] = realization.initial
-            if mb:
-                assert realization.d21 is not None  # a delay channel has an input
-                lengths[..., w : w + mb] = realization.delays
-                for j, source in enumerate(sources):
-                    channel_in[..., w : w + mb, :] += realization.d21[..., :, j, None] * signals[..., source, None, :]
-            x, w = x + nb, w + mb
-
-        read = signals[..., list(wiring.reads), :]
-        finite = _finite(flow) & _finite(read) & _finite(channel_in) & np.isfinite(lengths).all(axis=-1)
+        matrices = {
+            **self._dynamics(realizations, wiring, layout, signals),
+            **layout.split(signals[..., list(wiring.reads), :], "c1", "d11", "d12"),
+        }
+        finite = np.ones_like(valid)
+        for array in matrices.values():
+            finite &= np.isfinite(array).all(axis=tuple(range(valid.ndim, array.ndim)))
         if single and not finite:
             raise DiagramError("the coefficients of the system must be finite, but they overflow at these values")
         valid &= finite
-        to_r, to_w = slice(n, n + externals), slice(n + externals, columns)
-        matrices = {
-            "a": flow[..., :n], "b1": flow[..., to_r], "b2": flow[..., to_w],
-            "c1": read[..., :n], "d11": read[..., to_r], "d12": read[..., to_w],
-            "c2": channel_in[..., :n], "d21": channel_in[..., to_r], "d22": channel_in[..., to_w],
-            "delays": lengths, "x0": start,
-        }  # fmt: skip
-        if not single:
+        if not valid.all():
             matrices = {name: _cleared(array, valid) for name, array in matrices.items()}
         return Assembled(matrices={name: np.ascontiguousarray(array) for name, array in matrices.items()}, valid=valid)
+
+    def _sources(self, realizations: Sequence[Realization], layout: _Layout) -> Array:
+        """Return the rows of all signals as far as they follow from states, externals and delay channels alone."""
+        signals = layout.zeros(self.outputs + layout.externals + 1, layout.columns)
+        externals = np.arange(layout.externals)
+        signals[..., self.outputs + externals, layout.states + externals] = 1.0
+        for block, realization, x, w in zip(self._blocks, realizations, layout.x, layout.w, strict=True):
+            rows = slice(block.first_output, block.first_output + len(block.ports.outputs))
+            if x.stop > x.start:
+                signals[..., rows, x] = realization.c
+            if realization.d12 is not None:
+                first = layout.states + layout.externals
+                signals[..., rows, first + w.start : first + w.stop] = realization.d12
+        return signals
+
+    def _dynamics(
+        self, realizations: Sequence[Realization], wiring: Wiring, layout: _Layout, signals: Array
+    ) -> dict[str, Array]:
+        """Return what drives the states and enters the delay channels, all signals being known."""
+        flow = layout.zeros(layout.states, layout.columns)
+        entering = layout.zeros(layout.delays, layout.columns)
+        lengths, start = layout.zeros(layout.delays), layout.zeros(layout.states)
+        for block, realization, x, w in zip(self._blocks, realizations, layout.x, layout.w, strict=True):
+            sources = wiring.sources[block.first_input : block.first_input + len(block.ports.inputs)]
+            if x.stop > x.start:
+                flow[..., x, x] = realization.a
+                for j, source in enumerate(sources):
+                    flow[..., x, :] += realization.b[..., :, j, None] * signals[..., source, None, :]
+                if realization.initial is not None:
+                    start[..., x] = realization.initial
+            if realization.d21 is not None:
+                lengths[..., w] = realization.delays
+                for j, source in enumerate(sources):
+                    entering[..., w, :] += realization.d21[..., :, j, None] * signals[..., source, None, :]
+        return {
+            **layout.split(flow, "a", "b1", "b2"),
+            **layout.split(entering, "c2", "d21", "d22"),
+            "delays": lengths,
+            "x0": start,
+        }
 
     def _order(self, realizations: Sequence[Realization], wiring: Wiring) -> tuple[_Term | _Loop, ...]:
         """Return the feed-through in the order in which it can be followed; remembered for each pattern of zeros in D."""
@@ -212,7 +252,13 @@ class Interconnection:
         return tuple(steps)
 
     def _solve(
-        self, loop: _Loop, realizations: Sequence[Realization], signals: Array, valid: npt.NDArray[np.bool_], *, single: bool
+        self,
+        loop: _Loop,
+        realizations: Sequence[Realization],
+        signals: Array,
+        valid: npt.NDArray[np.bool_],
+        *,
+        single: bool,
     ) -> None:
         """Replace the rows of an algebraic loop by their solution, in place."""
         for term in loop.outer:
@@ -249,21 +295,13 @@ class Interconnection:
         )
 
 
-def _finite(array: Array) -> npt.NDArray[np.bool_]:
-    finite: npt.NDArray[np.bool_] = np.isfinite(array).all(axis=(-2, -1))
-    return finite
-
-
 def _cleared(array: Array, valid: npt.NDArray[np.bool_]) -> Array:
     """Return ``array`` with zeros in place of the members that do not exist, so that they cannot disturb the others."""
-    if valid.all():
-        return array
     return np.where(valid.reshape(-1, *[1] * (array.ndim - 1)), array, 0.0)
 
 
 def _pattern(d: Array) -> npt.NDArray[np.bool_]:
-    nonzero = d != 0
-    return nonzero.any(axis=0) if d.ndim > 2 else nonzero
+    return np.asarray((d != 0).any(axis=0) if d.ndim > 2 else d != 0)
 
 
 def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:

@@ -72,7 +72,7 @@ class Element(ABC):
     parameters: ClassVar[tuple[Param, ...]] = ()
     example: ClassVar[Mapping[str, Any]] = {}
 
-    @classmethod
+    @classmethod  # noqa: B027 - most elements have nothing to check
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Raise DiagramError where values that are right one by one do not go together; ``at`` is the parameter.
 

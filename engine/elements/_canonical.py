@@ -47,7 +47,7 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
         raise DiagramError("denominator must not lose its order at this value: its derivative does not exist there",
                            at=("denominator",))  # fmt: skip
     monic = [coefficient / leading for coefficient in bottom[1:]]
-    padded = [*[0.0] * (len(bottom) - len(top)), *(coefficient / leading for coefficient in top)]
+    padded = _padded([coefficient / leading for coefficient in top], len(bottom))
     direct = padded[0]
     remainder = [n - direct * m for n, m in zip(padded[1:], monic, strict=True)]
     if order == 0:
@@ -66,6 +66,11 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
 def _without_leading_zeros(coefficients: Sequence[Scalar]) -> list[Scalar]:
     first = next((i for i, coefficient in enumerate(coefficients) if not absent(coefficient)), len(coefficients))
     return list(coefficients[first:])
+
+
+def _padded(coefficients: Sequence[Scalar], length: int) -> list[Scalar]:
+    """Return the polynomial with zeros for its missing highest powers."""
+    return [*[0.0] * (length - len(coefficients)), *coefficients]
 
 
 def _typical(values: Array) -> Array:
@@ -154,7 +159,7 @@ def _times(polynomial: tuple[Scalar, ...], root: Scalar) -> tuple[Scalar, ...]:
 def _realize_section(section: _Section) -> Realization:
     if len(section.poles) == 1 and section.poles[0].im is None:
         pole = section.poles[0].re
-        direct, constant = (0.0, section.zeros[0]) if len(section.zeros) == 1 else section.zeros
+        direct, constant = _padded(section.zeros, 2)
         return Realization(
             a=matrix([[pole]]), b=np.ones((1, 1)), c=matrix([[constant + direct * pole]]), d=matrix([[direct]])
         )
@@ -163,12 +168,14 @@ def _realize_section(section: _Section) -> Realization:
         re, im = section.poles[0].re, section.poles[0].im
         assert im is not None  # a pair
         rows: list[list[Scalar]] = [[re, -im], [im, re]]
-        q, link, total, product = re, im, 2.0 * re, re * re + im * im
+        link: Scalar = im
+        q, total, product = re, 2.0 * re, re * re + im * im
     else:
         first, second = section.poles[0].re, section.poles[1].re
         rows = [[first, 0.0], [1.0, second]]
-        q, link, total, product = second, 1.0, first + second, first * second
-    n2, n1, n0 = (*[0.0] * (3 - len(section.zeros)), *section.zeros)
+        link = 1.0
+        q, total, product = second, first + second, first * second
+    n2, n1, n0 = _padded(section.zeros, 3)
     r1, r0 = n1 + n2 * total, n0 - n2 * product
     b = np.array([[1.0], [0.0]])
     return Realization(a=matrix(rows), b=b, c=matrix([[r1, (r0 + r1 * q) / link]]), d=matrix([[n2]]))

@@ -19,7 +19,9 @@ class LinearPneumaticMotor(Element):
     kind = "linear_pneumatic_motor"
     title = "Linear pneumatic motor"
     equation = "Q = A z' + a_m Δp + (V/(χ p)) Δp';  m z'' + b_m z' + F = A Δp"
-    source = "Assisted optimization of the dynamic behaviour of industrial robots, eq. (1)-(2), Fig. 2, mid-range values."
+    source = (
+        "Assisted optimization of the dynamic behaviour of industrial robots, eq. (1)-(2), Fig. 2, mid-range values."
+    )
     parameters = (
         _linear_motor.area(65e-4),
         Param(

@@ -64,7 +64,9 @@ class ProportionalValve(Element):
         if absent(lag):
             return Realization.static(matrix([[gain]]))
         if not isinstance(lag, np.ndarray) and lag.real == 0:
-            raise DiagramError("time_constant must be away from 0 for its influence to exist, got 0", at=("time_constant",))
+            raise DiagramError(
+                "time_constant must be away from 0 for its influence to exist, got 0", at=("time_constant",)
+            )
         ideal = vanishing(lag)
         rate = 1.0 / (lag + ideal)
         return Realization(

@@ -16,6 +16,8 @@ from engine.elements._canonical import Root, cascade
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
 
+_SAME = 1e-12  # two numbers written as conjugates may differ in their last digits
+
 
 class ZeroPoleGain(Element):
     """Zeros and poles are numbers or ``[re, im]``; of a complex pair both members are listed."""
@@ -51,23 +53,31 @@ def _paired(roots: Sequence[Scalar | Sequence[Scalar]], name: str) -> list[Root]
     found: list[Root] = []
     waiting: list[tuple[Scalar, Scalar]] = []
     for root in roots:
-        re, im = root if isinstance(root, list | tuple) else (root, 0.0)
-        if not np.any(np.real(im)):
+        re, im = _parts(root)
+        if not np.any(im.real):
             found.append(Root(re=re, im=None))
             continue
-        partner = next((w for w in waiting if np.all(_conjugate((re, im), w))), None)
+        partner = next((w for w in waiting if _conjugate((re, im), w)), None)
         if partner is None:
             waiting.append((re, im))
         else:
             waiting.remove(partner)
             found.append(Root(re=(re + partner[0]) / 2.0, im=(im - partner[1]) / 2.0))
     if waiting:
-        re, im = (np.ravel(np.real(part))[0] for part in waiting[0])
-        raise DiagramError(f"{name} must contain the conjugate of {re:g}{im:+g}j", at=(name,))
+        # Of a batch, the first member speaks for all: its structure is that of the document.
+        alone = complex(*(np.atleast_1d(part.real)[0] for part in waiting[0]))
+        raise DiagramError(f"{name} must contain the conjugate of {alone:g}", at=(name,))
     return found
 
 
-def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> np.bool_:
-    tolerance = 1e-12 * (np.abs(np.real(first[0])) + np.abs(np.real(first[1])))
-    same = np.abs(np.real(first[0] - second[0])) <= tolerance
-    return np.bool_(np.all(same & (np.abs(np.real(first[1] + second[1])) <= tolerance)))
+def _parts(root: Scalar | Sequence[Scalar]) -> tuple[Scalar, Scalar]:
+    if isinstance(root, Sequence):
+        re, im = root
+        return re, im
+    return root, 0.0
+
+
+def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> bool:
+    (re, im), (other_re, other_im) = first, second
+    distance = np.hypot(np.real(re) - np.real(other_re), np.real(im) + np.real(other_im))
+    return bool(np.all(distance <= _SAME * np.hypot(np.real(re), np.real(im))))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Chirp(Signal):
         Param(name="end_frequency", symbol="ω₁", unit="rad/s", lower=0.0, doc="angular frequency at the end"),
         Param(name="duration", symbol="T", unit="s", lower=0.0, lower_open=True, doc="length of the sweep; then 0"),
     )
-    example = {"start_frequency": 1.0, "end_frequency": 20.0, "duration": 10.0}
+    example: ClassVar[Mapping[str, Any]] = {"start_frequency": 1.0, "end_frequency": 20.0, "duration": 10.0}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class Sampled(Signal):
         Param(name="time", symbol="t_k", unit="s", shape="list", lower=0.0, doc="times of the points, increasing"),
         Param(name="values", symbol="u_k", shape="list", doc="values at these times"),
     )
-    example = {"time": [0.0, 1.0, 2.0], "values": [0.0, 1.0, 1.0]}
+    example: ClassVar[Mapping[str, Any]] = {"time": [0.0, 1.0, 2.0], "values": [0.0, 1.0, 1.0]}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:

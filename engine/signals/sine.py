@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Sine(Signal):
         ),
         Param(name="phase", symbol="φ", unit="rad", default=0.0, doc="phase at time 0"),
     )
-    example = {"frequency": 2.0}
+    example: ClassVar[Mapping[str, Any]] = {"frequency": 2.0}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
