@@ -129,7 +129,8 @@ class ChannelReader:
     def samples(self, start: int, stop: int) -> Float:
         """Return the samples start <= i < stop as recorded, shape (stop - start,)."""
         self._check(start, stop)
-        return self._read(0, start, stop)[0]
+        samples: Float = self._read(0, start, stop)[0]
+        return samples
 
     def envelope(self, start: int, stop: int, *, points: int) -> Envelope:
         """Return the extremes of at most ``points`` (>= 2) stretches that cover start <= i < stop.

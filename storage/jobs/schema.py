@@ -7,9 +7,8 @@ from dbos._error import DBOSInitializationError
 from sqlalchemy import Engine
 
 
-def upgrade(engine: Engine, url: str) -> None:
+def upgrade(url: str) -> None:
     """Create or update the job engine's tables."""
-    del engine
     DBOS.migrate(url)
 
 
@@ -17,8 +16,7 @@ def is_current(engine: Engine) -> bool:
     """Return whether the job engine's tables are as this version of it needs them."""
     client = DBOSClient(system_database_engine=engine, lazy=True, retry_connection_errors=False)
     try:
-        # Private, for want of a public question; held by a test.
-        client._sys_db.verify_migrations()
+        client._sys_db.verify_migrations()  # noqa: SLF001 - there is no public question; held by a test
     except DBOSInitializationError:
         return False
     finally:

@@ -38,7 +38,7 @@ def upgrade(engine: Engine, url: str) -> None:
                 connection.exec_driver_sql("BEGIN IMMEDIATE")
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
-        job_schema.upgrade(engine, url)
+        job_schema.upgrade(url)
 
 
 def is_current(engine: Engine) -> bool:

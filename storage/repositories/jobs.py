@@ -113,7 +113,7 @@ def begin(session: Session, job_id: str, *, worker: str) -> Job | None:
 
 def report(session: Session, job_id: str, *, attempt: int, progress: float | None, message: str | None) -> bool:
     """Write down how far a job is; False when this attempt does not have the job any more."""
-    if not _holds(session, job_id, attempt):
+    if not lock(session, job_id, attempt=attempt):
         return False
     payload: Document = {}
     if progress is not None:
@@ -134,7 +134,7 @@ def finish(
     result_id: str | None = None,
 ) -> bool:
     """Bring a job to its end; False when it had ended before, or ``attempt`` does not have it any more."""
-    if not _holds(session, job_id, attempt):
+    if not lock(session, job_id, attempt=attempt):
         return False
     values: Document = {"status": status, "finished_at": utc_now(), "error": error, "result_id": result_id}
     if status is JobStatus.SUCCEEDED:
@@ -146,13 +146,19 @@ def finish(
 
 def give_back(session: Session, job_id: str, *, attempt: int) -> None:
     """Return an unfinished job of a worker that stops in good order: that attempt does not count."""
-    if _holds(session, job_id, attempt):
+    if lock(session, job_id, attempt=attempt):
         values: Document = {"status": JobStatus.QUEUED, "worker": None, "attempts": Job.attempts - 1}
         append_event(session, job_id, "status", {"status": JobStatus.QUEUED}, **values)
 
 
-def _holds(session: Session, job_id: str, attempt: int | None) -> bool:
-    """Lock the job's row and tell whether it is unfinished and (still) in the hands of ``attempt``."""
+def is_wanted(session: Session, job_id: str, *, attempt: int) -> bool:
+    """Tell, without a lock, whether a job is running in the hands of ``attempt``."""
+    row = session.execute(select(Job.status, Job.attempts).where(Job.id == job_id)).one()
+    return (row.status, row.attempts) == (JobStatus.RUNNING, attempt)
+
+
+def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:
+    """Lock a job's row and tell whether it is unfinished and (still) in the hands of ``attempt``."""
     held = update(Job).where(Job.id == job_id, Job.status.in_(_ALIVE)).values(last_event=Job.last_event)
     if attempt is not None:
         held = held.where(Job.attempts == attempt, Job.status == JobStatus.RUNNING)

@@ -16,8 +16,6 @@ from storage.models.base import utc_now
 HEARTBEAT_INTERVAL = 2.0
 #: ... and counts as dead when it has not for this long.
 STALE_AFTER = timedelta(seconds=10)
-#: What `seen_at` becomes when a worker stops in good order: its jobs are free at once.
-_LONG_AGO = datetime.fromisoformat("1970-01-01T00:00:00+00:00")
 
 
 class WorkerRepository:
@@ -43,8 +41,8 @@ class WorkerRepository:
         return self._update(identifier, token, seen_at=utc_now())
 
     def retire(self, identifier: str, token: str) -> None:
-        """Say that the worker stops."""
-        self._update(identifier, token, seen_at=_LONG_AGO)
+        """Say that the worker stops, so that its jobs are free at once."""
+        self._update(identifier, token, seen_at=utc_now() - STALE_AFTER)
 
     def alive(self) -> Sequence[Worker]:
         """Return the workers with a fresh heartbeat."""
@@ -58,10 +56,10 @@ class WorkerRepository:
         """Return the names of workers that have stopped or gone silent."""
         return self._session.scalars(select(Worker.id).where(Worker.seen_at < utc_now() - STALE_AFTER)).all()
 
-    def _update(self, identifier: str, token: str, **values: object) -> bool:
+    def _update(self, identifier: str, holder: str, **values: object) -> bool:
         updated = self._session.execute(
             update(Worker)
-            .where(Worker.id == identifier, Worker.token == token)
+            .where(Worker.id == identifier, Worker.token == holder)
             .values(**values)
             .returning(Worker.id)
             .execution_options(synchronize_session=False)

@@ -1,0 +1,126 @@
+"""A process that has imported the compute function and forks a child for each job, within milliseconds.
+
+It listens on a socket to its worker. When that closes, because the worker stopped or was killed, it kills every child;
+when it dies itself, the kernel kills them (Linux). So no computation outlives its worker, also not one that
+sits in compiled code. It has one thread and computes nothing, which is what makes forking safe and answers quick.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import importlib
+import os
+import selectors
+import signal
+import socket
+import struct
+import sys
+from typing import NoReturn, cast
+
+from storage.jobs.compute import Compute, compute_one
+
+#: Worker to zygote: what to do, and with which child; with START comes the child's end of its pipe.
+COMMAND = struct.Struct("<cq")
+START, KILL = b"S", b"K"
+#: Zygote to worker: which child has ended, and its wait status.
+EXITED = struct.Struct("<qi")
+
+_PR_SET_PDEATHSIG = 1
+
+
+def main(compute_path: str, control: socket.socket) -> NoReturn:
+    """Serve until the worker closes its end of ``control``."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the worker's to handle
+    wake_reader, wake_writer = os.pipe()
+    os.set_blocking(wake_writer, False)
+    signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)
+    signal.set_wakeup_fd(wake_writer)
+    module, _, function = compute_path.partition(":")
+    compute = cast("Compute", getattr(importlib.import_module(module), function))
+    gc.freeze()  # what is imported stays shared between the children
+    children: dict[int, int] = {}  # process id by number
+    with selectors.DefaultSelector() as selector:
+        selector.register(control, selectors.EVENT_READ)
+        selector.register(wake_reader, selectors.EVENT_READ)
+        while True:
+            for key, _events in selector.select():
+                if key.fileobj is control:
+                    _obey(control, children, compute, inherited=(wake_reader, wake_writer))
+                else:
+                    os.read(wake_reader, 512)
+                    _reap(control, children)
+
+
+def _obey(control: socket.socket, children: dict[int, int], compute: Compute, *, inherited: tuple[int, ...]) -> None:
+    data, descriptors, _flags, _address = socket.recv_fds(control, COMMAND.size, 1)
+    if not data:
+        for process in children.values():
+            _kill(process)
+        os._exit(0)
+    command, number = COMMAND.unpack(data)
+    if command == START:
+        pipe = socket.socket(fileno=descriptors[0])
+        process = os.fork()
+        if process == 0:
+            _be_child(control, pipe, compute, inherited)
+        pipe.close()
+        # Both sides set the group, so that it exists before either goes on.
+        _set_group(process)
+        children[number] = process
+    elif number in children:
+        _kill(children[number])
+
+
+def _be_child(control: socket.socket, pipe: socket.socket, compute: Compute, inherited: tuple[int, ...]) -> NoReturn:
+    zygote = os.getppid()
+    _set_group(0)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != zygote:
+            os._exit(1)
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    control.close()
+    for descriptor in inherited:
+        os.close(descriptor)
+    try:
+        compute_one(compute, pipe)
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
+
+
+def _set_group(process: int) -> None:
+    try:
+        os.setpgid(process, process)
+    except (PermissionError, ProcessLookupError):
+        return  # it has done so itself, or is gone already
+
+
+def _kill(process: int) -> None:
+    try:
+        os.killpg(process, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def _reap(control: socket.socket, children: dict[int, int]) -> None:
+    numbers = {process: number for number, process in children.items()}
+    while True:
+        try:
+            process, status = os.waitpid(-1, os.WNOHANG)
+        except ChildProcessError:
+            return
+        if process == 0:
+            return
+        if (number := numbers.get(process)) is not None:
+            # Whatever the child has started and left behind goes with it.
+            _kill(process)
+            del children[number]
+            control.sendall(EXITED.pack(number, status))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], socket.socket(fileno=int(sys.argv[2])))
