@@ -241,6 +241,7 @@ class Evaluated(TypedDict):
     evaluation: int
     objective: float | None
     violation: float | None
+    variables: NotRequired[dict[str, float]]
 
 
 class Map(TypedDict):

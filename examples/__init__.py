@@ -1,0 +1,1 @@
+"""What a user's scripts look like; run them from the root of the repository."""
