@@ -11,6 +11,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from examples.demo.findings import PLACES, Behaviour, Check, Findings
 from examples.demo.report.style import BAD, BEFORE, GOOD, INK, LAWS, MEASURED, QUIET, drawing, legend_above, svg
@@ -132,7 +133,7 @@ def bode(findings: Findings) -> Markup:
             _mark_margins(gain, phase, loop, LAWS[law])
         gain.axhline(1, color=QUIET, linewidth=0.8)
         phase.axhline(-180, color=QUIET, linewidth=0.8)
-        gain.set(title="Bode diagram of the open loop L", ylabel="|L|", ylim=(1e-2, 30), xlim=(3, 3000))
+        gain.set(title="Bode diagram of L", ylabel="|L|", ylim=(1e-2, 30), xlim=(3, 3000))
         phase.set(ylabel="phase (°)", xlabel="frequency (rad/s)", ylim=(-400, -60), yticks=range(-360, -59, 60))
         legend_above(gain)
         return svg(figure, "bode", "Bode diagram of the open loop before and after, with gain and phase margins")
@@ -225,6 +226,10 @@ def grid_map(findings: Findings, law: str, aim: str) -> Markup:
         scale = "log" if vertical.endswith(".kp") else "linear"
         axes.set(title=f"{law}: {words(aim)}", xlabel=across, ylabel=vertical, yscale=scale, facecolor="#f1f2f4")
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+        if scale == "log":
+            axes.yaxis.set_major_locator(FixedLocator([100, 150, 200, 300, 400, 500, 600, 800, 1000]))
+            axes.yaxis.set_major_formatter(ScalarFormatter())
+            axes.yaxis.set_minor_locator(NullLocator())
         axes.grid(visible=False)
         return svg(
             figure,
