@@ -79,6 +79,15 @@ def _elementary(
     return apply
 
 
+def _divide(dividend: Scalar, divisor: Scalar) -> Scalar:
+    # An infinitesimal alone is no divisor: the quotient would be a large number that no limit has.
+    if isinstance(divisor, np.ndarray):
+        return np.asarray(dividend / np.where(divisor.real == 0, np.nan, divisor))
+    if divisor.real == 0:
+        raise ZeroDivisionError
+    return dividend / divisor
+
+
 def _power(base: Scalar, exponent: Scalar) -> Scalar:
     if isinstance(base, np.ndarray) or isinstance(exponent, np.ndarray):
         base, exponent = np.asarray(base), np.asarray(exponent)
@@ -107,7 +116,7 @@ _OPERATORS: Final[Mapping[str, Callable[[Any, Any], Scalar]]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
-    "/": operator.truediv,
+    "/": _divide,
 }
 
 
@@ -239,7 +248,16 @@ class _Parser:
         self._depth -= 1
         return (lambda values: -operand(values)) if symbol == "-" else operand
 
-    def _power(self) -> _Evaluate:
+    def _divide(dividend: Scalar, divisor: Scalar) -> Scalar:
+    # An infinitesimal alone is no divisor: the quotient would be a large number that no limit has.
+    if isinstance(divisor, np.ndarray):
+        return np.asarray(dividend / np.where(divisor.real == 0, np.nan, divisor))
+    if divisor.real == 0:
+        raise ZeroDivisionError
+    return dividend / divisor
+
+
+def _power(self) -> _Evaluate:
         base = self._atom()
         if self._take("**") is None:
             return base

@@ -163,18 +163,19 @@ def _realize_section(section: _Section) -> Realization:
         return Realization(
             a=matrix([[pole]]), b=np.ones((1, 1)), c=matrix([[constant + direct * pole]]), d=matrix([[direct]])
         )
+    link: Scalar
+    total: Scalar
+    product: Scalar
     # x1 = (s - q)/Δ u and x2 = link/Δ u, with Δ = s² - total s + product
     if len(section.poles) == 1:
         re, im = section.poles[0].re, section.poles[0].im
         assert im is not None  # a pair
         rows: list[list[Scalar]] = [[re, -im], [im, re]]
-        link: Scalar = im
-        q, total, product = re, 2.0 * re, re * re + im * im
+        link, q, total, product = im, re, 2.0 * re, re * re + im * im
     else:
         first, second = section.poles[0].re, section.poles[1].re
         rows = [[first, 0.0], [1.0, second]]
-        link = 1.0
-        q, total, product = second, first + second, first * second
+        link, q, total, product = 1.0, second, first + second, first * second
     n2, n1, n0 = _padded(section.zeros, 3)
     r1, r0 = n1 + n2 * total, n0 - n2 * product
     b = np.array([[1.0], [0.0]])

@@ -78,6 +78,5 @@ def _parts(root: Scalar | Sequence[Scalar]) -> tuple[Scalar, Scalar]:
 
 
 def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> bool:
-    (re, im), (other_re, other_im) = first, second
-    distance = np.hypot(np.real(re) - np.real(other_re), np.real(im) + np.real(other_im))
-    return bool(np.all(distance <= _SAME * np.hypot(np.real(re), np.real(im))))
+    one, other = (np.asarray(re).real + 1j * np.asarray(im).real for re, im in (first, second))
+    return bool(np.all(np.abs(one - other.conj()) <= _SAME * np.abs(one)))
