@@ -248,16 +248,7 @@ class _Parser:
         self._depth -= 1
         return (lambda values: -operand(values)) if symbol == "-" else operand
 
-    def _divide(dividend: Scalar, divisor: Scalar) -> Scalar:
-    # An infinitesimal alone is no divisor: the quotient would be a large number that no limit has.
-    if isinstance(divisor, np.ndarray):
-        return np.asarray(dividend / np.where(divisor.real == 0, np.nan, divisor))
-    if divisor.real == 0:
-        raise ZeroDivisionError
-    return dividend / divisor
-
-
-def _power(self) -> _Evaluate:
+    def _power(self) -> _Evaluate:
         base = self._atom()
         if self._take("**") is None:
             return base
