@@ -59,6 +59,7 @@ def position_loop(law: str) -> Document:
         "name": f"Servo-hydraulic position loop, {law} law",
         "blocks": {
             "reference": {"kind": "input"},
+            "load": {"kind": "input", "role": "disturbance"},
             "error": {"kind": "sum", "signs": "+-"},
             "controller": dict(LAWS[law]),
             "transport": {"kind": "delay", "time": {"value": 3, "unit": "ms"}},
@@ -81,6 +82,7 @@ def position_loop(law: str) -> Document:
             {"from": "controller", "to": "transport"},
             {"from": "transport", "to": "valve"},
             {"from": "valve", "to": "cylinder.flow"},
+            {"from": "load", "to": "cylinder.force"},
             {"from": "cylinder.position", "to": "recording"},
         ],
         "outputs": {

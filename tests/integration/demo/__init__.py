@@ -1,0 +1,1 @@
+"""The demonstration, end to end, on a service of its own."""
