@@ -6,7 +6,8 @@
     ├── DiagramError      a block, port, connection, parameter or size
     ├── ExpressionError   a parameter expression
     ├── SignalError       a command signal
-    └── IllPosedError     an algebraic loop without a solution
+    ├── IllPosedError     an algebraic loop without a solution
+    └── UnresolvedError   a response beyond the limits of resolution
 """
 
 from __future__ import annotations
@@ -54,3 +55,7 @@ class IllPosedError(EngineError):
     def __init__(self, message: str, *, at: Path = (), ports: tuple[str, ...] = ()) -> None:
         super().__init__(message, at=at)
         self.ports = ports
+
+
+class UnresolvedError(EngineError):
+    """A response cannot be resolved within the limits (a delay far shorter than the response, say)."""

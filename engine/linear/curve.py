@@ -17,6 +17,9 @@ import numpy.typing as npt
 from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, integration_matrix, weights
 from engine.linear.system import Array
 
+_STILL = 1e-14
+"""A piece that varies by less than this part of the curve does not move: its turning points are rounding."""
+
 _SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
 _TO_SCAN = weights(_SCAN)
 
@@ -147,9 +150,10 @@ class Curve:
         best: tuple[Array, float] | None = None
         scale = max(float(np.abs(nodes).max()), 1e-300)
         for k in candidates:
-            slope = differentiation_matrix() @ nodes[k]
             points = [(self.values[k, 0], float(edges[k]))]
-            points += [(self.at(int(k), th), float(edges[k] + th * (edges[k + 1] - edges[k]))) for th in _roots(slope)]
+            if spread[k] > _STILL * scale:
+                inside = _roots(differentiation_matrix() @ nodes[k])
+                points += [(self.at(int(k), th), float(edges[k] + th * (edges[k + 1] - edges[k]))) for th in inside]
             points += [(self.values[k, -1], float(edges[k + 1]))]
             for value, instant in points:
                 if best is None or value[0].real > best[0][0].real + 1e-15 * scale:
@@ -193,7 +197,9 @@ class Curve:
         """Return |y| with an edge at every change of sign, so that it stays polynomial on each piece."""
         edges, values = self.edges, self.values
         signs = np.where(values[:, :, 0].real.sum(axis=1) < 0, -1.0, 1.0)
-        mixed = (values[:, :, 0].real.min(axis=1) < 0) & (values[:, :, 0].real.max(axis=1) > 0)
+        nodes = values[:, :, 0].real
+        mixed = (nodes.min(axis=1) < 0) & (nodes.max(axis=1) > 0)
+        mixed &= np.abs(nodes).max(axis=1) > _STILL * np.abs(nodes).max()
         out_edges: list[Array] = []
         out_values: list[Array] = []
         for k in range(len(values)):

@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
 
 from engine.linear.poles import poles
 from engine.linear.system import ARRAYS, LaneSystem
@@ -78,13 +77,7 @@ def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt
 
 def _minimal(system: LaneSystem) -> LaneSystem:
     """Leave out the numerically uncontrollable and unobservable directions."""
-    _, transform = matrix_balance(system.a[0].real, permute=False)
-    scale = np.diag(transform)
-    balanced = replace(
-        system,
-        a=system.a * (scale[None, :] / scale[:, None]), b1=system.b1 / scale[:, None], b2=system.b2 / scale[:, None],
-        c1=system.c1 * scale, c2=system.c2 * scale, x0=system.x0 / scale,
-    )  # fmt: skip
+    balanced = system.balanced()
     driven = np.concatenate([balanced.b1[0].real, balanced.b2[0].real, balanced.x0[0].real[:, None]], axis=1)
     balanced = _project(balanced, _reachable(balanced.a[0].real, driven))
     watched = np.concatenate([balanced.c1[0].real, balanced.c2[0].real]).T

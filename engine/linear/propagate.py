@@ -65,16 +65,20 @@ class Exponential:
         # x and the two coefficients of the inputs c0 + c1 θ as one autonomous system
         joint = np.zeros((lanes, n + 2 * m, n + 2 * m), dtype=np.result_type(a, b, width))
         h = np.asarray(width)[:, None, None]
+        # inputs in units (powers of two) that make B as large as A: the exponential would lose what a larger norm costs
+        size = max(float(np.abs(a[0]).max(initial=0.0)), 1e-300)
+        strength = np.maximum(np.abs(b[0]).max(axis=0, initial=0.0), 1e-300)
+        self._units = 2.0 ** np.round(np.log2(strength / size))
         joint[:, :n, :n] = h * a
-        joint[:, :n, n : n + m] = h * b
+        joint[:, :n, n : n + m] = h * (b / self._units)
         joint[:, n : n + m, n + m :] = np.eye(m)
         stack = exponentials(joint[:, None] * NODES[None, :, None, None])
         self._maps = stack[:, :, :n, :]
 
     def states(self, x0: Array, inputs: Array) -> Array:
         """See :class:`Propagator`; only the end values of ``inputs`` are used."""
-        start = inputs[:, 0]
-        joint = np.concatenate([x0, start, inputs[:, -1] - start], axis=-1)
+        start, end = inputs[:, 0] * self._units, inputs[:, -1] * self._units
+        joint = np.concatenate([x0, start, end - start], axis=-1)
         return np.asarray((self._maps @ joint[:, None, :, None])[..., 0])
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import matrix_balance
 
 Array = npt.NDArray[Any]
 """float64, or complex128 where a parameter carries an infinitesimal in its imaginary part."""
@@ -118,6 +119,19 @@ class LaneSystem:
     def dtype(self) -> type[np.float64] | type[np.complex128]:
         """float64, or complex128 when a lane carries infinitesimals."""
         return np.complex128 if any(np.iscomplexobj(getattr(self, name)) for name in ARRAYS) else np.float64
+
+    def balanced(self) -> LaneSystem:
+        """Return the system with states scaled by powers of two, so that rounding does not depend on the units.
+
+        In SI a pressure is 1e5 where a position is 1e-3; unscaled, exponentials would lose those eight digits.
+        """
+        _, transform = matrix_balance(self.a[0].real, permute=False)
+        scale = np.diag(transform)
+        return replace(
+            self,
+            a=self.a * (scale[None, :] / scale[:, None]), b1=self.b1 / scale[:, None], b2=self.b2 / scale[:, None],
+            c1=self.c1 * scale, c2=self.c2 * scale, x0=self.x0 / scale,
+        )  # fmt: skip
 
     @property
     def value(self) -> LaneSystem:

@@ -52,6 +52,10 @@ class Signal(ABC):
     def degree(self) -> int | None:
         """Return the polynomial degree of u between breakpoints, None where it is smooth but no polynomial."""
 
+    def period(self) -> float | None:
+        """Return the period (s) of a command that repeats for ever, None for all others."""
+        return None
+
 
 def checked(params: tuple[Param, ...], kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return every parameter's value: numbers as float, lists as read-only arrays.

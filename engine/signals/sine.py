@@ -60,3 +60,7 @@ class Sine(Signal):
     def degree(self) -> int | None:
         """Return None: smooth, no polynomial."""
         return 0 if self.amplitude == 0 else None
+
+    def period(self) -> float | None:
+        """Return 2π / frequency."""
+        return None if self.amplitude == 0 else 2 * np.pi / self.frequency

@@ -1,0 +1,254 @@
+"""One diagram at one set of values, with infinitesimals: its systems, poles and exact responses, each computed once.
+
+A derivative is asked for by naming parameters: every one becomes a lane, p + i·1e-30·max(|p|, tiny), and all that is
+computed from then on carries ∂/∂p beside the value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import DiagramError
+from engine.linear.frequency import FrequencyResponse
+from engine.linear.path import path
+from engine.linear.poles import Poles, poles, static_gain
+from engine.linear.system import LaneSystem
+from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.linear.trajectory import Trajectory, respond
+from engine.metrics._base import LoopSubject, PathSubject, SystemSubject, TimeSubject
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.linear.system import Array
+    from engine.signals import Signal
+
+LIFETIMES = 36.0
+"""A response is followed for so many time constants of its slowest mode: e^-36 = 2e-16 is rounding."""
+
+LARGEST = 1e100
+"""Beyond this a growing response is not followed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeResponse:
+    """The response of some outputs to the same command.
+
+    ``joint`` follows every output whose path decays, to its very end; ``settled`` tells which column each of them is.
+    """
+
+    joint: Trajectory | None
+    columns: Mapping[str, int]
+    verdicts: Mapping[str, Verdict]
+    finals: Mapping[str, Array | None]
+    initials: Mapping[str, Array]
+    hidden: tuple[str, ...]
+
+
+class Evaluation:
+    """A diagram at given values.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    overrides : mapping, optional
+        Parameter values (SI) by path that replace the document's.
+    gradient : sequence of str, optional
+        Parameters whose derivatives are wanted; each is a lane.
+    """
+
+    def __init__(self, diagram: Diagram, overrides: Mapping[str, float] | None = None, gradient: Sequence[str] = ()) -> None:
+        self.diagram = diagram
+        self.overrides = dict(overrides or {})
+        self.gradient = tuple(gradient)
+        self._scales = np.array([self._scale(name) for name in self.gradient])
+        self._loops: dict[str, LoopSubject] = {}
+        self._responses: dict[tuple[object, ...], TimeResponse] = {}
+        self._paths: dict[tuple[str, str], PathSubject] = {}
+
+    def _scale(self, name: str) -> float:
+        value = self.value_of(name)
+        return abs(value) if value else 1.0
+
+    def value_of(self, name: str) -> float:
+        """Return the value of a parameter here."""
+        if name in self.overrides:
+            return float(self.overrides[name])
+        info = self.diagram.parameters.get(name)
+        if info is None:
+            known = ", ".join(list(self.diagram.parameters)[:12])
+            msg = f"parameter must be one of the system's ({known}, ...), got '{name}'"
+            raise DiagramError(msg, at=("parameters", name))
+        return info.value
+
+    def derivatives(self, value: Array) -> npt.NDArray[np.float64]:
+        """Return d value / d p for every parameter of the gradient, shape (lanes,), from a value of shape (lanes,)."""
+        return np.asarray(np.broadcast_to(slopes(value), (len(self.gradient),)) / self._scales)
+
+    def _realize(self, open_at: str | None) -> LaneSystem:
+        if not self.gradient:
+            return LaneSystem.of([self.diagram.realize(self.overrides, open_at)]).balanced()
+        lanes = []
+        for name, scale in zip(self.gradient, self._scales, strict=True):
+            stepped = {**self.overrides, name: self.value_of(name) + 1j * INFINITESIMAL * scale}
+            lanes.append(self.diagram.realize(stepped, open_at))
+        return LaneSystem.of(lanes).balanced()
+
+    @cached_property
+    def system(self) -> LaneSystem:
+        """The closed system, all inputs and outputs."""
+        return self._realize(None)
+
+    @cached_property
+    def poles(self) -> Poles:
+        """Poles of the whole closed system."""
+        return poles(self.system)
+
+    @property
+    def system_subject(self) -> SystemSubject:
+        """What a metric of the poles measures."""
+        return SystemSubject(poles=self.poles)
+
+    def loop(self, open_at: str) -> LoopSubject:
+        """Return the open loop at ``open_at``, signed so that 1 + L = 0 is the characteristic equation."""
+        if open_at not in self._loops:
+            whole = self._realize(open_at)
+            opened = _negated(path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1]))
+            closed = poles(_closed(opened.value))
+            static = None if np.any(poles(opened.value).at_zero) else static_gain(opened)[:, 0, 0]
+            response = FrequencyResponse(opened, corners=closed.values)
+            self._loops[open_at] = LoopSubject(response=response, static=static, verdict=closed.verdict)
+        return self._loops[open_at]
+
+    def path(self, source: str, target: str) -> PathSubject:
+        """Return the frequency response from an input to an output of the diagram."""
+        key = (source, target)
+        if key not in self._paths:
+            part = path(self.system, [self.input_index(source)], [self.output_index(target)])
+            own = poles(part.value)
+            static = None if np.any(own.at_zero) else static_gain(part)[:, 0, 0]
+            response = FrequencyResponse(part, corners=own.values)
+            self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
+        return self._paths[key]
+
+    def input_index(self, name: str) -> int:
+        """Return the number of an input.
+
+        Raises
+        ------
+        DiagramError
+            When there is none of that name.
+        """
+        return _index(self.diagram.inputs, name, "input")
+
+    def output_index(self, name: str) -> int:
+        """Return the number of an output; see :meth:`input_index`."""
+        return _index(self.diagram.outputs, name, "output")
+
+    def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
+        """Return the whole response of ``outputs`` to ``signals`` (absent inputs are 0)."""
+        key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(outputs))
+        if key not in self._responses:
+            self._responses[key] = self._respond(signals, outputs)
+        return self._responses[key]
+
+    def _respond(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
+        inputs = [self.input_index(name) for name in signals]
+        verdicts: dict[str, Verdict] = {}
+        slowest = np.inf
+        for name in outputs:
+            own = poles(path(self.system, inputs, [self.output_index(name)]).value)
+            verdicts[name] = own.verdict
+            if own.verdict is Verdict.OK:
+                slowest = min(slowest, own.slowest)
+        decaying = [name for name in outputs if verdicts[name] is Verdict.OK]
+        x0 = np.einsum("poi,pi->po", self.system.c1, self.system.x0)
+        initials = {name: x0[:, self.output_index(name)] for name in outputs}
+        finals: dict[str, Array | None] = dict.fromkeys(outputs)
+        joint = None
+        if decaying:
+            part = path(self.system, inputs, [self.output_index(name) for name in decaying])
+            ends = [signal.final() for signal in signals.values()]
+            if all(end is not None for end in ends):
+                values = np.einsum("poi,i->po", static_gain(part), np.array([float(end or 0.0) for end in ends]))
+                finals.update({name: values[:, k] for k, name in enumerate(decaying)})
+            joint = respond(part, list(signals.values()), _horizon(part, signals, slowest))
+        whole = self.poles.verdict
+        hidden = tuple(name for name in decaying if whole is not Verdict.OK)
+        columns = {name: k for k, name in enumerate(decaying)}
+        return TimeResponse(
+            joint=joint, columns=columns, verdicts=verdicts, finals=finals, initials=initials, hidden=hidden
+        )
+
+    def time_subject(
+        self, signals: Mapping[str, Signal], output: str, duration: float | None = None, outputs: Sequence[str] | None = None
+    ) -> TimeSubject:
+        """Return what a time metric of ``output`` measures; ``outputs`` are computed together with it."""
+        response = self.time_response(signals, [output] if outputs is None else outputs)
+        verdict = response.verdicts[output]
+        final = response.finals[output]
+        start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
+        ends = [signal.end() for signal in signals.values()]
+        end = None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
+        y = error = error_final = None
+        if response.joint is not None and verdict is Verdict.OK:
+            y = response.joint.output(response.columns[output])
+            roles = self.diagram.input_roles
+            reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
+            error = y * -1.0 if reference is None else response.joint.input(reference).minus(y)
+            target = 0.0 if reference is None else list(signals.values())[reference].final()
+            if final is not None and target is not None:
+                error_final = target - final
+            elif _has_settled(error.values[:, :, 0].real):
+                error_final = error.values[-1, -1]
+        return TimeSubject(
+            y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
+            error_final=error_final, duration=duration, verdict=verdict,
+        )  # fmt: skip
+
+
+def _has_settled(values: npt.NDArray[np.float64]) -> bool:
+    """Return whether the last tenth of the pieces is constant: a ramp's error does not move any more."""
+    last = values[-max(1, len(values) // 10) :]
+    return bool(np.ptp(last) <= 1e-9 * np.abs(values).max())
+
+
+def _horizon(system: LaneSystem, signals: Mapping[str, Signal], slowest: float) -> float:
+    """Return when nothing moves any more, s."""
+    last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
+    delays = float(system.delays[0].real.sum()) if system.m else 0.0
+    life = LIFETIMES / slowest if np.isfinite(slowest) else 0.0
+    periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+    horizon = last + delays + life + 3 * periods
+    return horizon if horizon > last else last + 1.0
+
+
+def _negated(system: LaneSystem) -> LaneSystem:
+    return replace(system, c1=-system.c1, d11=-system.d11, d12=-system.d12)
+
+
+def _closed(loop: LaneSystem) -> LaneSystem:
+    """Return the loop closed by u = -L u: its poles decide what a margin means."""
+    gain = 1 / (1 + loop.d11[:, 0, 0]) if abs(1 + loop.d11[0, 0, 0]) > 1e-12 else np.array([np.inf])
+    k = -gain[:, None, None]
+    if not np.isfinite(k).all():
+        return loop
+    return replace(
+        loop,
+        a=loop.a + loop.b1 @ (k * loop.c1), b2=loop.b2 + loop.b1 @ (k * loop.d12),
+        c2=loop.c2 + loop.d21 @ (k * loop.c1), d22=loop.d22 + loop.d21 @ (k * loop.d12),
+    )  # fmt: skip
+
+
+def _index(names: tuple[str, ...], name: str, what: str) -> int:
+    if name not in names:
+        msg = f"{what} must be one of the system's ({', '.join(names)}), got '{name}'"
+        raise DiagramError(msg, at=(what, name))
+    return names.index(name)
+

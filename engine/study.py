@@ -1,0 +1,450 @@
+"""What users ask of a system: curves, frequency responses, and metrics with their derivatives; the exact path.
+
+Everything shown to a user comes from here; the batch kernels only search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import DiagramError, IllPosedError, UnresolvedError
+from engine.evaluation import LARGEST, Evaluation
+from engine.linear.path import path
+from engine.linear.poles import Poles
+from engine.linear.trajectory import respond
+from engine.metrics import Absent, Finding, Found, catalogue
+from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
+from engine.metrics._loop import delay_margins, gain_margins, phase_margins
+from engine.verdicts import Measured, Verdict
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.document import Remark
+    from engine.metrics import Metric
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MetricRequest:
+    """One metric of one experiment.
+
+    ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
+    need none. ``duration`` limits integrals, s (None: infinity).
+    """
+
+    metric: str
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    output: str | None = None
+    source: str | None = None
+    target: str | None = None
+    open_at: str | None = None
+    duration: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gradient:
+    """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps."""
+
+    values: Real
+    one_sided: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulation:
+    """Curves and metrics of one experiment; curves beyond 1e100 are NaN."""
+
+    time: Real
+    curves: Mapping[str, Real]
+    metrics: Mapping[str, Mapping[str, Measured]]
+    verdict: Verdict
+    warnings: tuple[Remark, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """Every crossing of the loop: (frequency in rad/s, margin)."""
+
+    gain: tuple[tuple[float, float], ...]
+    phase: tuple[tuple[float, float], ...]
+    delay: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrequencyStudy:
+    """A frequency response with its metrics; ``margins`` only for an open loop."""
+
+    frequency: Real
+    response: npt.NDArray[np.complex128]
+    phase: Real
+    metrics: Mapping[str, Measured]
+    margins: Margins | None
+    poles: npt.NDArray[np.complex128]
+    verdict: Verdict
+    warnings: tuple[Remark, ...]
+
+
+def measure(
+    diagram: Diagram,
+    requests: Sequence[MetricRequest],
+    *,
+    overrides: Mapping[str, float] | None = None,
+    gradient: Sequence[str] = (),
+) -> list[tuple[Measured, Gradient | None]]:
+    """Return each metric, and its derivatives with respect to the parameters of ``gradient``.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    requests : sequence of MetricRequest
+    overrides : mapping, optional
+        Parameter values, SI.
+    gradient : sequence of str, optional
+        Parameter paths. The derivative is exact (no step size); None where the metric has no value.
+
+    Raises
+    ------
+    DiagramError
+        When a request names an unknown metric, input, output, endpoint or parameter.
+    """
+    values = [finding for finding, _ in _findings(Evaluation(diagram, overrides), requests)]
+    measured = [_measured(diagram, request, finding) for request, finding in zip(requests, values, strict=True)]
+    if not gradient:
+        return [(m, None) for m in measured]
+    slopes: list[list[float]] = [[] for _ in requests]
+    for group in _lanes(diagram, overrides, gradient):
+        for row, (finding, evaluation) in enumerate(_findings(group, requests)):
+            if isinstance(finding, Found):
+                slopes[row].extend(evaluation.derivatives(finding.value).tolist())
+            else:
+                slopes[row].extend([np.nan] * len(group.gradient))
+    order = [name for group in _lanes(diagram, overrides, gradient) for name in group.gradient]
+    place = [order.index(name) for name in gradient]
+    result: list[tuple[Measured, Gradient | None]] = []
+    for m, finding, row in zip(measured, values, slopes, strict=True):
+        if not isinstance(finding, Found):
+            result.append((m, None))
+            continue
+        result.append((m, Gradient(values=np.array(row)[place], one_sided=finding.one_sided)))
+    return result
+
+
+def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str]) -> list[Evaluation]:
+    """Return evaluations that together carry the gradient; parameters at 0 may bring states of their own."""
+    base = Evaluation(diagram, overrides)
+    zero = [name for name in gradient if base.value_of(name) == 0]
+    plain = [name for name in gradient if name not in zero]
+    groups = ([plain] if plain else []) + [[name] for name in zero]
+    return [Evaluation(diagram, overrides, group) for group in groups]
+
+
+def _findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[tuple[Finding, Evaluation]]:
+    together: dict[tuple[int, ...], list[str]] = {}
+    for request in requests:
+        if request.output is not None:
+            outputs = together.setdefault(_command(request), [])
+            if request.output not in outputs:
+                outputs.append(request.output)
+    return [(_find(evaluation, request, together), evaluation) for request in requests]
+
+
+def _command(request: MetricRequest) -> tuple[int, ...]:
+    return tuple(id(signal) for signal in request.signals.values())
+
+
+def metric_named(name: str) -> type[Metric]:
+    """Return the metric class of a kind.
+
+    Raises
+    ------
+    DiagramError
+        When the catalogue has none.
+    """
+    found = catalogue().get(name)
+    if found is None:
+        msg = f"metric must be one of the catalogue's ({', '.join(catalogue())}), got '{name}'"
+        raise DiagramError(msg, at=("metrics",))
+    return found
+
+
+def _find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
+    metric = metric_named(request.metric)
+    try:
+        if issubclass(metric, TimeMetric):
+            if request.output is None or not request.signals:
+                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs an input signal and the name of an output")
+            outputs = together.get(_command(request), [request.output])
+            return metric.measure(evaluation.time_subject(request.signals, request.output, request.duration, outputs))
+        if issubclass(metric, PathMetric):
+            if request.source is None or request.target is None:
+                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs 'from' (an input) and 'to' (an output)")
+            return metric.measure(evaluation.path(request.source, request.target))
+        if issubclass(metric, LoopMetric):
+            if request.open_at is None:
+                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs 'open_at': where the loop is cut open")
+            return metric.measure(evaluation.loop(request.open_at))
+        assert issubclass(metric, SystemMetric)
+        return metric.measure(evaluation.system_subject)
+    except IllPosedError as error:
+        return Absent(verdict=Verdict.ILL_POSED, advice=error.message)
+    except UnresolvedError as error:
+        return Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
+
+
+def unit_of(diagram: Diagram, request: MetricRequest) -> str:
+    """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
+    unit = metric_named(request.metric).unit
+    if unit == "output/input":
+        return _named_unit(diagram, request.target)
+    if "output" not in unit:
+        return unit
+    own = _named_unit(diagram, request.output)
+    if own == "1":
+        rest = unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
+        return rest
+    base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own
+    return unit.replace("output", base)
+
+
+def _named_unit(diagram: Diagram, output: str | None) -> str:
+    return (diagram.output_units.get(output) if output else None) or "1"
+
+
+def _measured(diagram: Diagram, request: MetricRequest, finding: Finding) -> Measured:
+    unit = unit_of(diagram, request)
+    if isinstance(finding, Absent):
+        return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice)
+    value = float(np.ravel(finding.value)[0].real)
+    if not np.isfinite(value):
+        return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
+    advice = "a turning point just touches the band: a small change makes this value jump" if finding.one_sided else ""
+    return Measured(value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at)
+
+
+def simulate(
+    diagram: Diagram,
+    *,
+    signals: Mapping[str, Signal],
+    overrides: Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
+    duration: float | None = None,
+    samples: int = 1000,
+    metrics: Sequence[str] | None = None,
+) -> Simulation:
+    """Return sampled curves, and metrics of the continuous response (they do not depend on ``samples``).
+
+    Parameters
+    ----------
+    diagram : Diagram
+    signals : mapping of input name to Signal
+        Inputs left out are 0.
+    overrides : mapping, optional
+        Parameter values, SI.
+    outputs : sequence of str, optional
+        All by default.
+    duration : float, optional
+        End of the curves, s; chosen from the response when absent. Integrals are then taken to infinity.
+    samples : int
+        Points of the curves, both ends included.
+    metrics : sequence of str, optional
+        Time metrics; by default all that have a value or a telling verdict for each output.
+    """
+    names = tuple(diagram.outputs if outputs is None else outputs)
+    evaluation = Evaluation(diagram, overrides)
+    response = evaluation.time_response(signals, names)
+    length = duration if duration is not None else _length(evaluation, signals, names)
+    time = np.linspace(0.0, length, samples)
+    curves = _curves(evaluation, signals, names, time)
+    wanted = tuple(name for name, metric in catalogue().items() if issubclass(metric, TimeMetric)) if metrics is None else tuple(metrics)
+    found: dict[str, dict[str, Measured]] = {}
+    for name in names:
+        requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration) for m in wanted]
+        together = {_command(r): names for r in requests}
+        found[name] = {r.metric: _measured(diagram, r, _find(evaluation, r, together)) for r in requests}
+        if metrics is None:
+            found[name] = {m: v for m, v in found[name].items() if v.verdict is not Verdict.NOT_APPLICABLE}
+    remarks = (*diagram.warnings, *_hidden(response.hidden))
+    return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
+
+
+def _hidden(names: Sequence[str]) -> tuple[Remark, ...]:
+    from engine.document import Remark
+
+    return tuple(
+        Remark(at=("outputs", name), detail=f"output {name} settles, but the system has modes that do not decay and are not seen there")
+        for name in names
+    )
+
+
+def _length(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str]) -> float:
+    """Return how much of the response is worth looking at, s."""
+    response = evaluation.time_response(signals, names)
+    last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
+    periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+    ends = [last + 5 * periods]
+    if response.joint is not None:
+        y = response.joint.y[:, :, 0].real
+        edges = response.joint.edges[:, 0].real
+        for column in range(y.shape[2]):
+            values = y[:, :, column]
+            rest = np.abs(values - values[-1, -1]).max(axis=1)
+            moving = np.flatnonzero(rest > 0.005 * max(float(np.ptp(values)), 1e-300))
+            if len(moving) and not periods:
+                ends.append(1.25 * (float(edges[moving[-1] + 1]) - last) + last)
+    ends.append(last + _pace(evaluation.poles) if response.joint is None or len(response.columns) < len(names) else 0.0)
+    length = max(ends)
+    return _rounded(length) if length > 0 else 1.0
+
+
+def _pace(found: Poles) -> float:
+    """Return a telling length for a response that does not settle: growth by 1000, or ten times the slowest mode."""
+    growing = found.values.real[(found.values.real > 0) & ~found.on_axis & ~found.at_zero]
+    if len(growing):
+        return float(np.log(1e3) / growing.max())
+    swinging = np.abs(found.values.imag[found.on_axis & ~found.at_zero])
+    if len(swinging) and swinging.max() > 0:
+        return float(10 * 2 * np.pi / swinging.max())
+    return 10.0 / found.slowest if np.isfinite(found.slowest) else 1.0
+
+
+def _rounded(length: float) -> float:
+    """Round up to two digits, so that axes and sample times are readable."""
+    unit = 10.0 ** (np.floor(np.log10(length)) - 1)
+    return float(np.ceil(length / unit * (1 - 1e-12)) * unit)
+
+
+def _curves(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str], time: Real) -> dict[str, Real]:
+    response = evaluation.time_response(signals, names)
+    curves: dict[str, Real] = {}
+    rest = [name for name in names if name not in response.columns]
+    if response.joint is not None:
+        curves = {name: response.joint.output(k).sample(time) for name, k in response.columns.items()}
+        late = time > response.joint.edges[-1, 0].real
+        if late.any():
+            rest += list(response.columns)
+            curves = {}
+    if rest:
+        inputs = [evaluation.input_index(name) for name in signals]
+        part = path(evaluation.system, inputs, [evaluation.output_index(name) for name in rest])
+        fastest = max(float(evaluation.poles.values.real.max(initial=0.0)), 0.0)
+        seen = time[-1] if fastest == 0 else min(float(time[-1]), float(np.log(LARGEST)) / fastest)
+        trajectory = respond(part.value, list(signals.values()), max(seen, 1e-300))
+        for k, name in enumerate(rest):
+            values = trajectory.output(k).sample(time)
+            values[(time > seen) | ~(np.abs(values) <= LARGEST)] = np.nan
+            curves[name] = values
+    return {name: curves[name] for name in names}
+
+
+PATH_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, PathMetric))
+LOOP_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, LoopMetric))
+SYSTEM_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, SystemMetric))
+
+
+def frequency_response(
+    diagram: Diagram,
+    *,
+    overrides: Mapping[str, float] | None = None,
+    source: str | None = None,
+    target: str | None = None,
+    open_at: str | None = None,
+    frequencies: Real | None = None,
+    metrics: Sequence[str] | None = None,
+) -> FrequencyStudy:
+    """Return the response of a path, or of the open loop at ``open_at``, with its metrics.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    overrides : mapping, optional
+        Parameter values, SI.
+    source, target : str, optional
+        An input and an output.
+    open_at : str, optional
+        Where the loop is cut; the curve is then L, with 1 + L = 0 the characteristic equation.
+    frequencies : ndarray, optional
+        rad/s, rising, > 0; chosen from poles, zeros and crossings when absent.
+    metrics : sequence of str, optional
+        By default those of the path, the loop and the poles that apply.
+
+    Raises
+    ------
+    DiagramError
+        When neither a path nor a loop is named, or a name is unknown.
+    """
+    if open_at is None and (source is None or target is None):
+        msg = "a frequency response must have 'from' and 'to', or 'open_at', got neither"
+        raise DiagramError(msg)
+    evaluation = Evaluation(diagram, overrides)
+    margins = None
+    if open_at is not None:
+        loop = evaluation.loop(open_at)
+        curve = loop.response
+        margins = Margins(
+            gain=_listed(gain_margins(curve, loop.static)),
+            phase=_listed(phase_margins(curve)),
+            delay=_listed(delay_margins(curve)),
+        )
+    else:
+        assert source is not None
+        assert target is not None
+        curve = evaluation.path(source, target).response
+    scan, values = curve.scan
+    chosen = _chosen(scan, values, margins) if frequencies is None else np.asarray(frequencies, dtype=float)
+    response = curve(chosen)
+    union = np.unique(np.concatenate([scan, chosen]))
+    with np.errstate(invalid="ignore"):
+        phase = np.unwrap(np.angle(curve(union)))[np.searchsorted(union, chosen)]
+    wanted = metrics
+    if wanted is None:
+        wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
+    requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at) for m in wanted]
+    found = {r.metric: _measured(diagram, r, _find(evaluation, r, {})) for r in requests}
+    return FrequencyStudy(
+        frequency=chosen,
+        response=response,
+        phase=np.asarray(phase),
+        metrics=found,
+        margins=margins,
+        poles=evaluation.poles.values,
+        verdict=evaluation.poles.verdict,
+        warnings=diagram.warnings,
+    )
+
+
+def _listed(crossings: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]) -> tuple[tuple[float, float], ...]:
+    return tuple((float(frequency[0].real), float(value[0].real)) for frequency, value in crossings)
+
+
+def _chosen(scan: Real, values: npt.NDArray[np.complex128], margins: Margins | None, most: int = 800) -> Real:
+    """Return at most about ``most`` frequencies: evenly on the log axis, thinned from the scan, crossings included."""
+    magnitude = np.abs(values)
+    finite = np.isfinite(magnitude) & (magnitude > 0)
+    seen = np.flatnonzero(finite & (magnitude > 1e-6 * np.median(magnitude[finite])))
+    low, high = scan[seen[0]], scan[seen[-1]]
+    inside = scan[(scan >= low) & (scan <= high)]
+    stride = max(1, len(inside) // (most // 2))
+    points = [np.geomspace(low, high, most // 2), inside[::stride]]
+    if margins is not None:
+        points.append(np.array([w for w, _ in (*margins.gain, *margins.phase) if w > 0]))
+    return np.unique(np.concatenate(points))
+
+
+__all__ = [
+    "FrequencyStudy",
+    "Gradient",
+    "Margins",
+    "MetricRequest",
+    "Simulation",
+    "frequency_response",
+    "measure",
+    "metric_named",
+    "simulate",
+    "unit_of",
+]
