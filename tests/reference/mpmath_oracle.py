@@ -46,6 +46,17 @@ def add(a: Poly, b: Poly) -> Poly:
     return [x + y for x, y in zip(left, right, strict=True)]
 
 
+def evaluate(a: Poly, s: Any) -> Any:
+    value = mp.mpf(0)
+    for c in a:
+        value = value * s + c
+    return value
+
+
+def slope_of(a: Poly) -> Poly:
+    return [c * (len(a) - 1 - i) for i, c in enumerate(a[:-1])]
+
+
 @dataclass(frozen=True)
 class Rational:
     """num(s)/den(s)."""
@@ -54,7 +65,7 @@ class Rational:
     den: Poly
 
     def __call__(self, s: Any) -> Any:
-        return mp.polyval(self.num, s) / mp.polyval(self.den, s)
+        return evaluate(self.num, s) / evaluate(self.den, s)
 
     def closed(self) -> Rational:
         """G/(1 + G): unity negative feedback."""
@@ -64,7 +75,7 @@ class Rational:
         den = list(self.den)
         while den[0] == 0:
             den.pop(0)
-        return list(mp.polyroots(den, maxsteps=1000, extraprec=600))
+        return list(mp.polyroots(den[::-1], asc=True, maxsteps=1000, extraprec=600))
 
     def on_grid(self, frequency: np.ndarray) -> np.ndarray:
         s = 1j * frequency
@@ -82,9 +93,9 @@ class ExponentialSum:
         num, den = list(g.num), list(g.den)
         while num[-1] == 0 and den[-1] == 0:
             num.pop(), den.pop()
-        slope = [c * (len(den) - 1 - i) for i, c in enumerate(den[:-1])]
+        slope = slope_of(den)
         terms = [(num[-1] / den[-1], mp.mpf(0))]
-        terms += [(mp.polyval(num, p) / (p * mp.polyval(slope, p)), p) for p in Rational(num, den).poles()]
+        terms += [(evaluate(num, p) / (p * evaluate(slope, p)), p) for p in Rational(num, den).poles()]
         return cls(tuple(terms))
 
     def __call__(self, t: Any) -> Any:
@@ -211,16 +222,18 @@ def loop_metrics(loop: Rational) -> dict[str, Any]:
 
 
 def magnitude_peak(g: Rational, w: np.ndarray | None = None) -> tuple[Any, Any]:
-    """Frequency and value of max |g(j w)|; the ends of the grid stand for 0 and infinity."""
+    """Frequency and value of max |g(j w)|, which may lie at 0 or at infinity."""
     grid = frequency_grid(g) if w is None else w
     k = int(np.argmax(np.abs(g.on_grid(grid))))
-    if k in (0, len(grid) - 1):
-        return mp.mpf(grid[k]), abs(g(mp.mpc(0, grid[k])))
+    if k == 0:
+        return mp.mpf(0), abs(g(mp.mpf(0)))
+    if k == len(grid) - 1:
+        return mp.inf, abs(g.num[0] / g.den[0]) if len(g.num) == len(g.den) else mp.mpf(0)
 
     def slope(x: Any) -> Any:
         s = mp.mpc(0, x)
-        d_num = mp.polyval(g.num, s, derivative=True)[1] / mp.polyval(g.num, s)
-        d_den = mp.polyval(g.den, s, derivative=True)[1] / mp.polyval(g.den, s)
+        d_num = evaluate(slope_of(g.num), s) / evaluate(g.num, s)
+        d_den = evaluate(slope_of(g.den), s) / evaluate(g.den, s)
         return mp.re(mp.mpc(0, 1) * (d_num - d_den))  # d ln|g| / d w
 
     x = polished(slope, grid[k - 1], grid[k + 1])
