@@ -172,9 +172,8 @@ class Diagram:
             realizations = list(self._realizations)
             for number in change.blocks:
                 realizations[number] = self._realize_block(number, values)
-            assembled = self._interconnection.assemble(realizations, wiring, members=count)
-        valid = assembled.valid & admitted
-        return StackedSystem(**assembled.matrices, valid=valid, inputs=wiring.inputs, outputs=wiring.outputs)
+            assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
+        return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
 
     def _realize_block(self, number: int, values: list[Scalar]) -> Realization:
         try:

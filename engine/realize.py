@@ -97,10 +97,10 @@ class Assembled:
 class _Layout:
     """Where the states and delay channels of each block lie among the columns (states, externals, delay channels)."""
 
-    def __init__(self, realizations: Sequence[Realization], *, externals: int, members: int | None) -> None:
+    def __init__(self, realizations: Sequence[Realization], *, externals: int, batch: tuple[int, ...]) -> None:
         arrays = (array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays))
         self._dtype = np.result_type(float, *arrays)
-        self._batch = () if members is None else (members,)
+        self._batch = batch
         self.externals = externals
         self.states = sum(r.a.shape[-1] for r in realizations)
         self.delays = sum(r.delays.shape[-1] for r in realizations)
@@ -139,15 +139,17 @@ class Interconnection:
         self._owner = [block for block in blocks for _ in block.ports.outputs]
         self._steps: dict[Any, tuple[_Term | _Loop, ...]] = {}
 
-    def assemble(self, realizations: Sequence[Realization], wiring: Wiring, *, members: int | None = None) -> Assembled:
+    def assemble(
+        self, realizations: Sequence[Realization], wiring: Wiring, *, admitted: npt.NDArray[np.bool_] | None = None
+    ) -> Assembled:
         """Connect the realised blocks.
 
         Parameters
         ----------
         realizations : sequence of Realization
             One for each block, with a leading batch axis or without.
-        members : int, optional
-            Size of the batch. Without it there is a single system, and what is wrong with it is raised.
+        admitted : ndarray (B,) of bool, optional
+            The members of a batch that may exist. Without it there is a single system, and what is wrong is raised.
 
         Raises
         ------
@@ -156,9 +158,16 @@ class Interconnection:
         DiagramError
             If a coefficient of a single system is not finite.
         """
-        single = members is None
-        valid = np.ones(() if members is None else (members,), dtype=bool)
-        layout = _Layout(realizations, externals=len(wiring.inputs), members=members)
+        with np.errstate(all="ignore"):
+            # What overflows is found at the end, once, as a coefficient that is not finite.
+            return self._assemble(realizations, wiring, admitted)
+
+    def _assemble(
+        self, realizations: Sequence[Realization], wiring: Wiring, admitted: npt.NDArray[np.bool_] | None
+    ) -> Assembled:
+        single = admitted is None
+        valid = np.ones((), dtype=bool) if admitted is None else admitted.copy()
+        layout = _Layout(realizations, externals=len(wiring.inputs), batch=valid.shape)
         signals = self._sources(realizations, layout)
         for step in self._order(realizations, wiring):
             if isinstance(step, _Term):
