@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
+from engine.linear import single_delay
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
 from engine.linear.poles import poles, static_gain
@@ -87,6 +88,7 @@ class Drive:
             raise ValueError(f"sample_time must be > 0 s, got {sample_time}")
         self._inputs = inputs
         self._h = sample_time
+        self._instants: Samples = sample_time * np.arange(inputs.shape[1], dtype=np.float64)
         self._growth_limit = growth_limit
         # how many intervals the last system's transient took: a neighbour's takes about as long
         self._settled: dict[tuple[int, int], int] = {}
@@ -106,7 +108,9 @@ class Drive:
             Zero for lanes without an imaginary part.
         """
         if system.n_in != len(self._inputs):
-            raise ValueError(f"inputs must be {system.n_in} rows of samples, got an array of shape {self._inputs.shape}")
+            raise ValueError(
+                f"inputs must be {system.n_in} rows of samples, got an array of shape {self._inputs.shape}"
+            )
         samples = self._inputs.shape[1]
         rest = replace(system, x0=np.zeros_like(system.x0))
         values = np.zeros((system.n_out, samples))
@@ -123,7 +127,7 @@ class Drive:
                 tangents[:, output] += tangent
                 settles &= kernel.step is None
             if not settles and system.x0.any():
-                free = _values(respond(path(system, [], [output]), [], self._h * samples).output(0), self._h * np.arange(samples))
+                free = _values(respond(path(system, [], [output]), [], self._h * samples).output(0), self._instants)
                 values[output] += free[0].real
                 tangents[:, output] += slopes(free)
         return values, tangents
@@ -144,7 +148,9 @@ class Drive:
                 return None
         if found.verdict is not Verdict.OK:
             curve = _step_response(part, h * samples)
-            return _Kernel(gain=np.zeros(part.lanes), transient=_means(curve, h, samples), step=_values(curve, h * np.arange(samples)))
+            return _Kernel(
+                gain=np.zeros(part.lanes), transient=_means(curve, h, samples), step=_values(curve, self._instants)
+            )
         transient = -np.log(SETTLED) / found.slowest + float(part.delays[0].real.sum())
         count = int(np.ceil(1.2 * transient / h)) + 4
         while count < samples:
@@ -197,6 +203,8 @@ def _settled(part: LaneSystem, h: float, count: int) -> _Kernel | None:
 
 
 def _step_response(part: LaneSystem, horizon: float) -> Curve:
+    if part.m == 1:
+        return single_delay.step_response(part, horizon)
     return respond(part, [_STEP], horizon).output(0)
 
 
@@ -221,6 +229,7 @@ def _means(curve: Curve, h: float, count: int) -> Array:
     width = np.diff(curve.edges, axis=0)
     primitive = np.einsum("jl,klp->kjp", integration_matrix(), curve.values) * width[:, None, :]
     before = np.concatenate([np.zeros((1, width.shape[1])), np.cumsum(primitive[:, -1], axis=0)])
-    piece, w = _located(curve, h * np.arange(count + 1))
+    ends: Samples = h * np.arange(count + 1, dtype=np.float64)
+    piece, w = _located(curve, ends)
     integral = before[piece] + np.einsum("kpj,kjp->kp", w, primitive[piece])
     return np.asarray(np.diff(integral, axis=0).T / h)

@@ -1,0 +1,117 @@
+"""Bounded nonlinear least squares from several starts: the trust-region reflective method with exact Jacobians.
+
+    minimize  ½ ||r(x)||²   subject to   lower <= x <= upper
+
+A start where the residuals do not exist (an unstable trial model) is passed over; a trial step into such a place is
+taken back by the trust region. The best of the local minima counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+Vector = npt.NDArray[np.float64]
+
+Evaluation = Callable[[Vector], tuple[Vector, Vector]]
+"""x -> (residuals (m,), Jacobian (m, n)); not finite where the residuals do not exist."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Minimum:
+    """A local minimum: where, what is left, the slopes there, and whether the method says that it is one."""
+
+    x: Vector
+    residuals: Vector
+    jacobian: Vector
+    converged: bool
+    evaluations: int
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squared residuals."""
+        return 0.5 * float(np.sum(self.residuals**2))
+
+
+def minimize_squares(
+    evaluate: Evaluation, starts: npt.NDArray[np.float64], *, lower: Vector, upper: Vector, max_evaluations: int = 100
+) -> Minimum | None:
+    """Return the best local minimum of the sum of squares, None when the residuals exist at no start.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Residuals with their Jacobian.
+    starts : ndarray, shape (starts, n)
+        Within the bounds.
+    lower, upper : ndarray, shape (n,)
+        May be infinite.
+    max_evaluations : int
+        For each start.
+
+    References
+    ----------
+    M. Branch, T. Coleman, Y. Li, "A subspace, interior, and conjugate gradient method for large-scale
+    bound-constrained minimization problems", SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy.
+    """
+    best: Minimum | None = None
+    for start in starts:
+        minimum = _local(evaluate, start, lower, upper, max_evaluations)
+        if minimum is not None and (best is None or minimum.cost < best.cost):
+            best = minimum
+    return best
+
+
+def _local(evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, max_evaluations: int) -> Minimum | None:
+    last: dict[bytes, tuple[Vector, Vector]] = {}
+
+    def at(x: Vector) -> tuple[Vector, Vector]:
+        # the residuals of a step and, if it is taken, its slopes are asked for one after the other
+        key = x.tobytes()
+        if key not in last:
+            found = evaluate(x)
+            last.clear()
+            last[key] = found
+        return last[key]
+
+    def residuals_at(x: Vector) -> Vector:
+        return at(x)[0]
+
+    def jacobian_at(x: Vector) -> Vector:
+        return at(x)[1]
+
+    inside = _strictly_inside(start, lower, upper)
+    if not np.isfinite(at(inside)[0]).all():
+        return None
+    result = least_squares(
+        residuals_at, inside, jac=jacobian_at, bounds=(lower, upper), x_scale="jac",
+        xtol=1e-8, ftol=1e-9, gtol=1e-12, max_nfev=max_evaluations,
+    )  # fmt: skip
+    x = _snapped(result.x, lower, upper)
+    if not np.isfinite(at(x)[0]).all():
+        x = result.x  # the model exists beside the bound but not on it
+    residuals, jacobian = at(x)
+    return Minimum(
+        x=x, residuals=residuals, jacobian=jacobian, converged=result.status > 0, evaluations=int(result.nfev)
+    )
+
+
+def _strictly_inside(x: Vector, lower: Vector, upper: Vector) -> Vector:
+    """Return the point moved off the bounds a little: an interior method cannot start on them."""
+    span = np.where(np.isfinite(upper - lower), upper - lower, np.maximum(np.abs(x), 1.0))
+    return np.clip(
+        x,
+        np.where(np.isfinite(lower), lower + 1e-3 * span, lower),
+        np.where(np.isfinite(upper), upper - 1e-3 * span, upper),
+    )
+
+
+def _snapped(x: Vector, lower: Vector, upper: Vector) -> Vector:
+    """Return the point with coordinates that came to rest beside a bound put on it."""
+    scale = np.where(np.isfinite(upper - lower), upper - lower, np.maximum(np.abs(x), 1.0))
+    x = np.where(x - lower <= 1e-6 * scale, lower, x)
+    return np.where(upper - x <= 1e-6 * scale, upper, x)
