@@ -1,0 +1,130 @@
+"""Reading a JSON body strictly: finite numbers, no key twice, bounded depth.
+
+The standard parser takes NaN and Infinity, and keeps the last of two equal keys; a document that says two things
+about one block must not silently lose one of them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from fastapi import HTTPException, Request, Response
+from fastapi.routing import APIRoute
+
+_DEEPEST = 64
+_LONGEST_INTEGER = 300
+
+
+class _RefusedError(ValueError):
+    """The text is JSON, but not what a document may hold."""
+
+
+def _constant(text: str) -> Any:
+    raise _RefusedError(f"numbers must be finite, got {text}")
+
+
+def _float(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise _RefusedError(f"numbers must be below 1.8e308, got {text[:40]}")
+    return value
+
+
+def _integer(text: str) -> int:
+    if len(text) > _LONGEST_INTEGER:
+        raise _RefusedError(f"numbers must be below 1.8e308, got {len(text)} digits")
+    return int(text)
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    document = dict(pairs)
+    if len(document) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for i, key in enumerate(keys) if key in keys[:i])
+        raise _RefusedError(f"a key must stand once in an object, got {twice!r} twice")
+    return document
+
+
+def _check_depth(document: Any) -> None:
+    level = [document]
+    for _ in range(_DEEPEST):
+        level = [
+            child
+            for node in level
+            for child in (node.values() if isinstance(node, dict) else node if isinstance(node, list) else ())
+            if isinstance(child, dict | list)
+        ]
+        if not level:
+            return
+    raise _RefusedError(f"a document must be at most {_DEEPEST} levels deep")
+
+
+def parse(body: bytes) -> Any:
+    """Return the JSON document in ``body``.
+
+    Raises
+    ------
+    json.JSONDecodeError
+        When it is malformed, not UTF-8, or holds NaN, an infinity, a key twice or too many levels.
+    """
+    try:
+        text = body.decode("utf-8")
+        document = json.loads(
+            text, parse_constant=_constant, parse_float=_float, parse_int=_integer, object_pairs_hook=_object
+        )
+        _check_depth(document)
+    except json.JSONDecodeError:
+        raise
+    except RecursionError:
+        raise json.JSONDecodeError(f"a document must be at most {_DEEPEST} levels deep", "", 0) from None
+    except UnicodeDecodeError as error:
+        raise json.JSONDecodeError("the body must be UTF-8", "", error.start) from None
+    except _RefusedError as error:
+        raise json.JSONDecodeError(str(error), "", 0) from None
+    return document
+
+
+class _StrictRequest(Request):
+    async def body(self) -> bytes:
+        if not hasattr(self, "_body"):
+            self._body = await read_limited(self, self.app.state.installation.settings.body_limit, "a document")
+        return self._body
+
+    async def json(self) -> Any:
+        return parse(await self.body())
+
+
+async def read_limited(request: Request, limit: int, what: str) -> bytes:
+    """Return the body of a request, read no further than the limit.
+
+    Raises
+    ------
+    HTTPException
+        413 naming the limit.
+    """
+    told = request.headers.get("content-length", "")
+    data = bytearray()
+    if not (told.isdigit() and int(told) > limit):
+        async for chunk in request.stream():
+            data += chunk
+            if len(data) > limit:
+                break
+        else:
+            return bytes(data)
+    raise HTTPException(413, f"{what} must be at most {limit} bytes, got {told or 'more'}")
+
+
+class DocumentRoute(APIRoute):
+    """A route whose JSON body is read by :func:`parse`."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Return the handler that sees a strict request."""
+        handle = super().get_route_handler()
+
+        async def strict(request: Request) -> Response:
+            return await handle(_StrictRequest(request.scope, request.receive))
+
+        return strict

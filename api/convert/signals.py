@@ -1,0 +1,68 @@
+"""Command signals of documents as signals of the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from api.convert.values import nested_si
+from api.errors import at, invalid
+from api.pointers import Place
+from api.schemas.signals import InputDocument, SampledSignal
+from engine.diagram import Diagram
+from engine.signals import Signal, catalogue, make
+
+Channel = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+"""Time (s, from 0) and values (SI) of a recorded channel."""
+ReadChannel = Callable[[str, str, Place], Channel]
+"""Reads (dataset, channel); the place is where the request names them."""
+
+
+def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) -> Signal:
+    """Return the signal of the core.
+
+    Raises
+    ------
+    Problem
+        422 with the place of a parameter that is missing, out of bounds or in a wrong unit.
+    """
+    given = document.model_dump(exclude_unset=True, exclude={"kind"})
+    if isinstance(document, SampledSignal) and document.dataset is not None and document.channel is not None:
+        time, values = read_channel(document.dataset, document.channel, place)
+        given = {"time": time, "values": values}
+    else:
+        units = {param.name: param.unit for param in catalogue()[document.kind].parameters}
+        given = {name: nested_si(value, units[name], name=name, place=(*place, name)) for name, value in given.items()}
+    with at(*place):
+        return make(document.kind, given)
+
+
+def signals_from_wire(
+    documents: InputDocument | Sequence[InputDocument], diagram: Diagram, *, place: Place, read_channel: ReadChannel
+) -> dict[str, Signal]:
+    """Return input port -> signal, every port checked against the diagram.
+
+    Raises
+    ------
+    Problem
+        422 for a port that is not there or commanded twice, or a wrong signal.
+    """
+    single = isinstance(documents, InputDocument)
+    listed = [documents] if isinstance(documents, InputDocument) else list(documents)
+    signals: dict[str, Signal] = {}
+    for i, document in enumerate(listed):
+        here = place if single else (*place, i)
+        check_name(document.port, diagram.inputs, name="port", what="the system's inputs", place=(*here, "port"))
+        if document.port in signals:
+            raise invalid(f"port must be commanded once, got {document.port!r} twice", *here, "port")
+        signals[document.port] = signal_from_wire(document.signal, place=(*here, "signal"), read_channel=read_channel)
+    return signals
+
+
+def check_name(given: str, allowed: Sequence[str], *, name: str, what: str, place: Place) -> None:
+    """Refuse a name that is not one of those that exist."""
+    if given not in allowed:
+        raise invalid(f"{name} must be one of {what} ({', '.join(allowed)}), got {given!r}", *place)

@@ -1,0 +1,120 @@
+"""Simulations, frequency responses and influence studies as replies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from api.convert.values import measured_to_wire, number, numbers
+from api.errors import invalid
+from api.pointers import Place, pointer
+from engine.influence import Influence
+from engine.metrics import catalogue
+from engine.study import FrequencyStudy, Simulation
+
+
+def check_metrics(names: Sequence[str] | None, *, place: Place = ("metrics",)) -> tuple[str, ...] | None:
+    """Return the metrics asked for, each one known.
+
+    Raises
+    ------
+    Problem
+        422 at the first name that no metric has.
+    """
+    if names is None:
+        return None
+    for i, name in enumerate(names):
+        if name not in catalogue():
+            raise invalid(f"metric must be one of {', '.join(catalogue())}, got {name!r}", *place, i)
+    return tuple(dict.fromkeys(names))
+
+
+def warnings_to_wire(warnings: Iterable[Any], *, place: Place | None) -> list[dict[str, str]]:
+    """Return warnings with pointers, each once.
+
+    Parameters
+    ----------
+    warnings : iterable of engine.diagram.Warning
+    place : tuple or None
+        Where the system stands in the request; None when the request only names a stored one: there is nothing to
+        point into then, and the sentence begins with the place in the document.
+    """
+    found: dict[tuple[str, str], None] = {}
+    for warning in warnings:
+        if place is None:
+            found["/system", f"{pointer(warning.at)}: {warning.detail}"] = None
+        else:
+            found[pointer((*place, *warning.at)), warning.detail] = None
+    return [{"pointer": where, "detail": detail} for where, detail in found]
+
+
+def simulation_to_wire(simulation: Simulation) -> dict[str, Any]:
+    """Return one variant of a simulation."""
+    return {
+        "time": numbers(simulation.time),
+        "outputs": {name: numbers(curve) for name, curve in simulation.curves.items()},
+        "metrics": {
+            output: {metric: measured_to_wire(measured) for metric, measured in metrics.items()}
+            for output, metrics in simulation.metrics.items()
+        },
+        "verdict": str(simulation.verdict),
+    }
+
+
+def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
+    """Return one variant of a frequency response."""
+    response = np.asarray(study.response)
+    body: dict[str, Any] = {
+        "verdict": str(study.verdict),
+        "frequency": numbers(study.frequency),
+        "magnitude": numbers(np.abs(response)),
+        "phase": numbers(study.phase),
+        "real": numbers(response.real),
+        "imag": numbers(response.imag),
+        "metrics": {metric: measured_to_wire(measured) for metric, measured in study.metrics.items()},
+        "poles": [{"real": number(pole.real), "imag": number(pole.imag)} for pole in study.poles],
+    }
+    if study.margins is not None:
+        body["margins"] = {
+            kind: [{"frequency": number(frequency), "value": number(value)} for frequency, value in crossings]
+            for kind, crossings in (
+                ("gain", study.margins.gain),
+                ("phase", study.margins.phase),
+                ("delay", study.margins.delay),
+            )
+        }
+    return body
+
+
+def influence_to_wire(influence: Influence) -> dict[str, Any]:
+    """Return base values, elasticities, coefficients of eq. (4) and what is strongest."""
+    return {
+        "base": {metric: measured_to_wire(measured) for metric, measured in influence.base.items()},
+        "elasticities": {
+            metric: {
+                parameter: {
+                    "value": number(elasticity.value),
+                    "one_sided": bool(elasticity.one_sided),
+                    "verdict": str(elasticity.verdict),
+                }
+                for parameter, elasticity in row.items()
+            }
+            for metric, row in influence.elasticities.items()
+        },
+        "coefficients": {
+            metric: {
+                parameter: {
+                    "value": number(coefficient.value),
+                    "change": number(coefficient.change),
+                    "initial": number(coefficient.initial),
+                    "final": number(coefficient.final),
+                    "verdict": str(coefficient.verdict),
+                }
+                for parameter, coefficient in row.items()
+            }
+            for metric, row in influence.coefficients.items()
+        },
+        "strongest": {"by_parameter": dict(influence.by_parameter), "by_metric": dict(influence.by_metric)},
+    }

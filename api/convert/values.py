@@ -1,0 +1,139 @@
+"""Numbers and quantities of documents as SI values, and numbers of the core as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from api.errors import invalid
+from api.pointers import Place
+from api.units import UnitError, declared, known, to_si
+from engine.diagram import Diagram
+from engine.verdicts import Measured
+
+_LARGEST = 1e100
+"""Curves beyond this are no longer numbers that anything can draw."""
+
+
+def si(value: Any, unit: str, *, name: str, place: Place) -> float:
+    """Return a number or quantity in the SI unit that is declared.
+
+    Raises
+    ------
+    Problem
+        422 naming the parameter, the unit expected and the one got.
+    """
+    if not isinstance(value, Mapping):
+        return _finite(value, name, place)
+    try:
+        return to_si(value["value"], value["unit"], unit)
+    except UnitError as error:
+        message = str(error)
+        raise invalid(f"{name} {message}" if message.startswith("must") else f"{name}: {message}", *place) from error
+
+
+def _finite(value: Any, name: str, place: Place) -> float:
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise invalid(f"{name} must be below 1.8e308, got a larger number", *place) from error
+
+
+def optional_si(value: Any, unit: str, *, name: str, place: Place) -> float | None:
+    """Return None for None, else what :func:`si` returns."""
+    return None if value is None else si(value, unit, name=name, place=place)
+
+
+def nested_si(value: Any, unit: str, *, name: str, place: Place) -> Any:
+    """Return a parameter value with every quantity in it converted; expressions, texts and None pass."""
+    if isinstance(value, list):
+        return [nested_si(item, unit, name=name, place=(*place, i)) for i, item in enumerate(value)]
+    if value is None or isinstance(value, str):
+        return value
+    return si(value, unit, name=name, place=place)
+
+
+def free_unit(value: Any, unit: str | None, *, name: str, place: Place) -> str:
+    """Return the SI unit in which a free parameter is kept: that of its declaration, or of its value."""
+    given = unit or (value["unit"] if isinstance(value, Mapping) else "")
+    if not given:
+        return ""
+    try:
+        return declared(given)
+    except UnitError as error:
+        raise invalid(f"{name}: {error}", *place) from error
+
+
+def check_unit(unit: str, *, name: str, place: Place) -> None:
+    """Refuse a unit that the unit library does not know."""
+    try:
+        known(unit)
+    except UnitError as error:
+        raise invalid(f"{name}: {error}", *place) from error
+
+
+def overrides_from_wire(given: Mapping[str, Any], diagram: Diagram, *, place: Place) -> dict[str, float]:
+    """Return parameter path -> SI value, every path checked against the diagram.
+
+    Raises
+    ------
+    Problem
+        422 for a path that does not exist, is given by an expression, is out of its bounds, or a wrong unit.
+    """
+    values: dict[str, float] = {}
+    for path, value in given.items():
+        info = diagram.parameters.get(path)
+        if info is None:
+            raise invalid(f"parameter must be one of the system's, got {path!r}", *place, path)
+        if info.bound:
+            raise invalid(
+                f"{path} must be a number to be replaced, but an expression gives it (replace what it is made of)",
+                *place,
+                path,
+            )
+        values[path] = si(value, info.unit, name=path, place=(*place, path))
+    return values
+
+
+def numbers(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return a real array in which what is not finite or beyond 1e100 is NaN: :func:`listed` makes that null.
+
+    >>> numbers([1.0, float("inf"), 1e101]).tolist()
+    [1.0, nan, nan]
+    """
+    values = np.array(array, dtype=np.float64)
+    values[~(np.abs(values) <= _LARGEST)] = np.nan
+    return values
+
+
+def listed(array: npt.NDArray[Any]) -> list[Any]:
+    """Return an array as nested lists of JSON numbers, null for NaN and infinity.
+
+    >>> listed(np.array([[1.0, np.nan]]))
+    [[1.0, None]]
+    """
+    if np.isfinite(array).all():
+        plain: list[Any] = array.tolist()
+    else:
+        plain = [listed(row) if row.ndim else None if not np.isfinite(row) else row.item() for row in array]
+    return plain
+
+
+def number(value: float | None) -> float | None:
+    """Return a finite number, or None."""
+    return float(value) if value is not None and np.isfinite(value) else None
+
+
+def measured_to_wire(measured: Measured) -> dict[str, Any]:
+    """Return a metric as {"value", "unit", "verdict"[, "advice"]}."""
+    body: dict[str, Any] = {
+        "value": number(measured.value),
+        "unit": measured.unit,
+        "verdict": str(measured.verdict),
+    }
+    if measured.advice:
+        body["advice"] = measured.advice
+    return body

@@ -1,0 +1,103 @@
+"""Every answer of 400 or more leaves as application/problem+json: what FastAPI calls for each exception."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+
+from api.errors import KNOWN, MEDIA_TYPE, Fault, Problem, invalid_document, problem_of
+from api.pointers import place_in
+
+_log = logging.getLogger("servotune.api")
+_MOST_FAULTS = 50
+
+
+def problem_response(problem: Problem) -> Response:
+    """Return the response that carries a problem."""
+    return Response(
+        json.dumps(problem.document(), ensure_ascii=False, allow_nan=False),
+        status_code=problem.status,
+        headers=problem.headers,
+        media_type=MEDIA_TYPE,
+    )
+
+
+def _fault(error: dict[str, Any], body: Any) -> Fault:
+    where, *location = error["loc"]
+    message = str(error["msg"])
+    kind = error["type"]
+    if where != "body":
+        name = ".".join(str(part) for part in location)
+        return Fault(place=(), detail=f"{where} parameter {name}: {message}, got {error.get('input')!r}")
+    if kind == "json_invalid":
+        return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}")
+    if not location and not isinstance(body, dict):
+        return Fault(place=(), detail="the body must be a JSON object sent with Content-Type: application/json")
+    place = place_in(body, location, names_a_field=kind in {"missing", "extra_forbidden"})
+    name = str(place[-1]) if place else "the document"
+    got = _shown(error.get("input"))
+    sentences = {
+        "missing": f"{name} must be given",
+        "extra_forbidden": f"{name} is not a field here; must be left out",
+        "value": f"{name} {message}",
+        "value_error": f"{name} {message.removeprefix('Value error, ')}",
+        "string_pattern_mismatch": f"{name} must match {error.get('ctx', {}).get('pattern')}, got {got}",
+    }
+    if kind in {"union_tag_invalid", "union_tag_not_found"} and isinstance(error.get("input"), dict):
+        expected = error.get("ctx", {}).get("expected_tags", "")
+        got = _shown(error["input"].get("kind"))
+        return Fault(place=(*place, "kind"), detail=f"kind must be one of {expected or 'the catalogue'}, got {got}")
+    return Fault(place=place, detail=sentences.get(kind, f"{name}: {message}, got {got}"))
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def validation_problem(errors: Sequence[Any], body: Any) -> Problem:
+    """Return the 422 for what pydantic found."""
+    return invalid_document([_fault(dict(error), body) for error in errors[:_MOST_FAULTS]])
+
+
+def _on_invalid(_: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    return problem_response(validation_problem(error.errors(), error.body))
+
+
+def _on_http(_: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    phrase = HTTPStatus(error.status_code).phrase
+    kind = phrase.lower().replace(" ", "-")
+    detail = {404: "no such path", 405: "the path exists, but not with this method"}.get(
+        error.status_code, error.detail
+    )
+    return problem_response(Problem(error.status_code, kind, detail, headers=error.headers))
+
+
+def _on_known(_: Request, error: Exception) -> Response:
+    problem = problem_of(error)
+    assert problem is not None
+    return problem_response(problem)
+
+
+def _on_unknown(request: Request, error: Exception) -> Response:
+    _log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return problem_response(Problem(500, "internal-error", "the service failed on this request; its log says where"))
+
+
+def install(app: FastAPI) -> None:
+    """Let ``app`` answer every error with a problem document."""
+    app.add_exception_handler(RequestValidationError, _on_invalid)
+    app.add_exception_handler(HTTPException, _on_http)
+    for kind in KNOWN:
+        app.add_exception_handler(kind, _on_known)
+    app.add_exception_handler(Exception, _on_unknown)

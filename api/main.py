@@ -1,0 +1,81 @@
+"""The application: routers, errors as problems, keys, limits, the API reference."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import Depends, FastAPI
+
+from api import handlers
+from api.auth import Authentication, bearer
+from api.errors import MEDIA_TYPE
+from api.routers import HEALTH, ROUTERS
+from api.schemas.replies import ProblemReply
+from api.services.computing import Computing
+from api.services.installation import Installation
+from api.settings import Settings
+from storage.jobs.queue import JobQueue
+from storage.session import open_database
+
+DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
+
+Systems are diagrams of blocks; their responses, metrics and elasticities are exact. Values are in SI unless a unit is
+written. Everything under `/v1` needs a key: `Authorization: Bearer <key>`. Errors are RFC 9457 problem documents."""
+
+_PROBLEMS = {
+    401: "no key, or one that opens nothing",
+    403: "the key lacks the scope",
+    413: "the body is too large",
+    422: "the document is wrong: `errors` says where",
+}
+
+
+def create_app(settings: Settings | None = None, *, expects_worker: bool = False) -> FastAPI:
+    """Return the application; the database is opened when it starts, and must have been migrated.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        Read from the environment by default.
+    expects_worker : bool
+        Whether a missing worker makes the service not ready.
+    """
+    chosen = settings if settings is not None else Settings()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        database = open_database(chosen.database_url)
+        queue = JobQueue(database)
+        app.state.installation = Installation(
+            settings=chosen,
+            database=database,
+            queue=queue,
+            computing=Computing(chosen),
+            expects_worker=expects_worker,
+        )
+        try:
+            yield
+        finally:
+            queue.close()
+            database.dispose()
+
+    app = FastAPI(
+        title="Servotune",
+        version=version("servotune"),
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        separate_input_output_schemas=False,
+    )
+    handlers.install(app)
+    problems: dict[int | str, dict[str, Any]] = {
+        status: {"description": text, "content": {MEDIA_TYPE: {"schema": ProblemReply.model_json_schema()}}}
+        for status, text in _PROBLEMS.items()
+    }
+    for router in ROUTERS:
+        app.include_router(router, dependencies=[Depends(bearer)], responses=problems)
+    app.include_router(HEALTH)
+    app.add_middleware(Authentication)
+    return app

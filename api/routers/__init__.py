@@ -1,0 +1,15 @@
+"""The paths of the API: each reads its request, calls one use case, and says what comes back."""
+
+from __future__ import annotations
+
+from api.routers import catalog, datasets, health, jobs, results, studies, systems
+
+ROUTERS = (
+    systems.router,
+    studies.router,
+    jobs.router,
+    datasets.router,
+    results.router,
+    catalog.router,
+)
+HEALTH = health.router

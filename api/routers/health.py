@@ -1,0 +1,25 @@
+"""Liveness and readiness, without a key."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+from starlette.concurrency import run_in_threadpool
+
+from api.calls import InstallationDep, answer, respond
+from api.schemas.replies import Health, Readiness
+from api.services.health import readiness
+
+router = APIRouter(tags=["health"])
+
+
+@router.get("/healthz", response_model=Health, summary="Is the process alive?")
+async def healthz() -> Response:
+    """Answer without asking anything else."""
+    return respond(answer({"status": "ok"}))
+
+
+@router.get("/readyz", response_model=Readiness, summary="Can the service work?")
+async def readyz(service: InstallationDep) -> Response:
+    """200 when the database answers, migrations are current and the worker beside the service is alive; else 503."""
+    ready, body = await run_in_threadpool(readiness, service)
+    return respond(answer(body, status=200 if ready else 503))

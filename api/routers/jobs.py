@@ -1,0 +1,146 @@
+"""Long work: optimisations and identifications are answered 202 with a job; /v1/jobs tells how it goes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from api.auth import Reader, Runner
+from api.bodies import DocumentRoute
+from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
+from api.errors import invalid
+from api.schemas.jobs import IdentificationRequest, OptimizationRequest
+from api.schemas.replies import JobReply, Page
+from api.services import identifications, jobs, optimizations
+from storage.repositories import Answer
+
+router = APIRouter(prefix="/v1", tags=["jobs"], route_class=DocumentRoute)
+
+#: How often (s) a stream looks for new events; a cancellation is seen well within a second.
+_POLL = 0.15
+
+
+def _accepted(job: dict[str, object]) -> Answer:
+    return answer(job, status=202, headers={"Location": f"/v1/jobs/{job['id']}", "Retry-After": "1"})
+
+
+@router.post("/optimizations", status_code=202, response_model=JobReply, summary="Optimise parameters")
+def optimize(request: OptimizationRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
+    """Prove that the problem makes sense, then hand it to a worker."""
+    subject = optimizations.prepare(service, caller, request)
+
+    def work(session: Session) -> Answer:
+        return _accepted(optimizations.submit(service, session, caller, request, subject))
+
+    return creation.create(work)
+
+
+@router.post("/identifications", status_code=202, response_model=JobReply, summary="Identify parameters")
+def identify(
+    request: IdentificationRequest, caller: Runner, service: InstallationDep, creation: CreationDep
+) -> Response:
+    """Prove that the recording and the model fit together, then hand them to a worker."""
+    subject = identifications.prepare(service, caller, request)
+
+    def work(session: Session) -> Answer:
+        return _accepted(identifications.submit(service, session, caller, request, subject))
+
+    return creation.create(work)
+
+
+Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+
+@router.get("/jobs", response_model=Page[JobReply], summary="List the jobs")
+def page(
+    caller: Reader,
+    service: InstallationDep,
+    kind: Annotated[str | None, Query(max_length=64)] = None,
+    status: Status | None = None,
+    cursor: Cursor = None,
+    limit: Limit = 100,
+) -> Response:
+    """Newest first."""
+    with service.database.session() as session:
+        return respond(answer(jobs.page(session, caller, kind=kind, status=status, cursor=cursor, limit=limit)))
+
+
+@router.get("/jobs/{identifier}", response_model=JobReply, summary="Get a job")
+def get(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+    """Return how far the job is."""
+    with service.database.session() as session:
+        return respond(answer(jobs.get(session, caller, identifier)))
+
+
+@router.get("/jobs/{identifier}/result", response_model=dict[str, object], summary="Get the result of a job")
+def result(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+    """Return what came out of a succeeded job; 409 before."""
+    with service.database.session() as session:
+        body = jobs.result(session, caller, identifier)
+    return respond(answer(body))
+
+
+@router.post("/jobs/{identifier}/cancel", response_model=JobReply, summary="Cancel a job")
+def cancel(identifier: str, caller: Runner, service: InstallationDep) -> Response:
+    """Stop the computation within a second; a job that has ended stays as it is."""
+    with service.database.session() as session:
+        body = jobs.cancel(session, caller, identifier)
+    return respond(answer(body))
+
+
+def _existing(identifier: str, caller: Reader, service: InstallationDep) -> str:
+    """Answer 404 before the stream begins."""
+    with service.database.session() as session:
+        jobs.get(session, caller, identifier)
+    return identifier
+
+
+LastEventId = Annotated[str | None, Header(alias="Last-Event-ID", description="resume after this event")]
+
+
+def _after(last_event_id: LastEventId = None) -> int:
+    if last_event_id is None or last_event_id == "":
+        return 0
+    if not last_event_id.isdigit() or len(last_event_id) > 15:
+        raise invalid(f"the header Last-Event-ID must be a whole number, got {last_event_id!r}")
+    return int(last_event_id)
+
+
+@router.get("/jobs/{identifier}/events", response_class=EventSourceResponse, summary="Follow a job")
+async def events(
+    request: Request,
+    caller: Reader,
+    service: InstallationDep,
+    identifier: Annotated[str, Depends(_existing)],
+    after: Annotated[int, Depends(_after)],
+) -> AsyncIterator[ServerSentEvent]:
+    """Stream the job's events until it has ended; `Last-Event-ID` resumes without a gap."""
+
+    def look(last: int) -> list[tuple[int, str, dict[str, object]]]:
+        with service.database.session() as session:
+            rows = jobs.events(session, caller, identifier, after=last)
+            return [(row.id, row.type, row.payload) for row in rows]
+
+    while not await request.is_disconnected():
+        found = await run_in_threadpool(look, after)
+        for number, kind, payload in found:
+            after = number
+            yield ServerSentEvent(id=str(number), event=kind, data=payload)
+            if kind == "status" and jobs.is_final(str(payload["status"])):
+                return
+        if not found:
+            if await run_in_threadpool(_has_ended, service, caller, identifier):
+                return
+            await asyncio.sleep(_POLL)
+
+
+def _has_ended(service: InstallationDep, caller: Reader, identifier: str) -> bool:
+    """Return whether nothing more will come: a stream resumed after the last event must end too."""
+    with service.database.session() as session:
+        return jobs.is_final(str(jobs.get(session, caller, identifier)["status"]))

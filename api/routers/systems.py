@@ -1,0 +1,90 @@
+"""/v1/systems: documents with revisions."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+from sqlalchemy.orm import Session
+
+from api.auth import Reader, Writer
+from api.bodies import DocumentRoute
+from api.calls import (
+    CreationDep,
+    Cursor,
+    IfMatch,
+    InstallationDep,
+    Limit,
+    answer,
+    etag,
+    expected_revision,
+    respond,
+)
+from api.schemas.replies import Page, RevisionHead, StoredSystem, SystemHead
+from api.schemas.systems import SystemDocument
+from api.services import systems
+from storage.repositories import Answer
+
+router = APIRouter(prefix="/v1/systems", tags=["systems"], route_class=DocumentRoute)
+
+
+@router.post("", status_code=201, response_model=StoredSystem, summary="Keep a system document")
+def create(document: SystemDocument, caller: Writer, creation: CreationDep) -> Response:
+    """Check the document and keep it as revision 1."""
+
+    def work(session: Session) -> Answer:
+        body = systems.create(session, caller, document)
+        headers = {"Location": f"/v1/systems/{body['id']}", "ETag": etag(body["revision"])}
+        return answer(body, status=201, headers=headers)
+
+    return creation.create(work)
+
+
+@router.get("", response_model=Page[SystemHead], summary="List the systems")
+def page(caller: Reader, service: InstallationDep, cursor: Cursor = None, limit: Limit = 100) -> Response:
+    """Newest first, without the documents."""
+    with service.database.session() as session:
+        return respond(answer(systems.page(session, caller, cursor=cursor, limit=limit)))
+
+
+@router.get("/{identifier}", response_model=StoredSystem, summary="Get a system")
+def get(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+    """Return the document at its current revision, with its ETag."""
+    with service.database.session() as session:
+        body = systems.get(session, caller, identifier)
+    return respond(answer(body, headers={"ETag": etag(body["revision"])}))
+
+
+@router.put("/{identifier}", response_model=StoredSystem, summary="Change a system")
+def update(
+    identifier: str, document: SystemDocument, caller: Writer, service: InstallationDep, if_match: IfMatch = None
+) -> Response:
+    """Append a revision; `If-Match` names the one that the change is meant for."""
+    with service.database.session() as session:
+        expected = expected_revision(if_match, lambda: systems.current_revision(session, caller, identifier))
+        body = systems.update(session, caller, identifier, document, expected_revision=expected)
+    return respond(answer(body, headers={"ETag": etag(body["revision"])}))
+
+
+@router.delete("/{identifier}", status_code=204, summary="Delete a system")
+def delete(identifier: str, caller: Writer, service: InstallationDep, if_match: IfMatch = None) -> Response:
+    """Hide the system; results keep the revisions that they used."""
+    with service.database.session() as session:
+        expected = expected_revision(if_match, lambda: systems.current_revision(session, caller, identifier))
+        systems.delete(session, caller, identifier, expected_revision=expected)
+    return Response(status_code=204)
+
+
+@router.get("/{identifier}/revisions", response_model=Page[RevisionHead], summary="List the revisions of a system")
+def revisions(
+    identifier: str, caller: Reader, service: InstallationDep, cursor: Cursor = None, limit: Limit = 100
+) -> Response:
+    """Newest first, without the documents."""
+    with service.database.session() as session:
+        return respond(answer(systems.revisions(session, caller, identifier, cursor=cursor, limit=limit)))
+
+
+@router.get("/{identifier}/revisions/{number}", response_model=StoredSystem, summary="Get a revision of a system")
+def revision(identifier: str, number: int, caller: Reader, service: InstallationDep) -> Response:
+    """Return the document as it was."""
+    with service.database.session() as session:
+        body = systems.get(session, caller, identifier, revision=number)
+    return respond(answer(body, headers={"ETag": etag(body["revision"])}))

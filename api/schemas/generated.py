@@ -1,0 +1,53 @@
+"""Pydantic models made from declared parameters, so that a catalogue entry is written once, in the core."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Literal
+
+from pydantic import Field, create_model
+
+from api.schemas.values import Document, Quantity, Root, Rows, Scalar, Scalars
+from engine.parameters import Param
+
+
+def document_of(
+    kind: str, title: str, parameters: Iterable[Param], *, expressions: bool, extra: dict[str, Any] | None = None
+) -> type[Document]:
+    """Return the model of ``{"kind": kind, parameter: value, ...}``.
+
+    Parameters
+    ----------
+    kind : str
+        The value of ``kind`` that chooses this model.
+    title : str
+        One sentence for the API reference.
+    parameters : iterable of Param
+        What the catalogue declares.
+    expressions : bool
+        Whether a value may be an expression (blocks), or only a number or quantity (signals).
+    extra : mapping
+        Further fields, as ``create_model`` takes them.
+    """
+    fields: dict[str, Any] = {"kind": (Literal[kind], Field(description=title))}
+    for param in parameters:
+        fields[param.name] = _field(param, expressions=expressions)
+    name = "".join(part.capitalize() for part in kind.split("_"))
+    return create_model(
+        f"{name}{'Block' if expressions else 'Signal'}", __doc__=title, __base__=Document, **fields, **(extra or {})
+    )
+
+
+def _field(param: Param, *, expressions: bool) -> tuple[Any, Any]:
+    scalar = Scalar if expressions else Quantity
+    shapes: dict[str, Any] = {"scalar": scalar, "list": Scalars, "roots": list[Root], "matrix": Rows, "text": str}
+    kind = Literal[param.choices] if param.choices else shapes[param.shape]
+    extra: dict[str, Any] = {"x-symbol": param.symbol, "x-unit": param.unit, "x-scale": param.scale}
+    if math.isfinite(param.lower):
+        extra["x-lower"] = param.lower
+    if math.isfinite(param.upper):
+        extra["x-upper"] = param.upper
+    if param.required and param.default is None:
+        return kind, Field(description=param.doc, json_schema_extra=extra)
+    return kind | None, Field(default=param.default, description=param.doc, json_schema_extra=extra)

@@ -1,0 +1,107 @@
+"""The bodies of optimisations, identifications and validations: what a measurement or a set of goals asks for."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from api.schemas.methods import MethodDocument
+from api.schemas.signals import Inputs
+from api.schemas.systems import SystemRef
+from api.schemas.values import AutoOrQuantity, Document, Identifier, Name, Overrides, Path, Port, Quantity
+
+Window = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[t0, t1] in s")]
+
+
+class VariableDocument(Document):
+    """A parameter that may be chosen; bounds, scale and start default to those of the parameter itself."""
+
+    parameter: Path
+    lower: Quantity | None = None
+    upper: Quantity | None = None
+    scale: Literal["linear", "log"] | None = None
+    start: Quantity | None = None
+
+
+class ExperimentDocument(Document):
+    """Commands under which time metrics are taken."""
+
+    name: str = Field(min_length=1, max_length=100)
+    input: Inputs
+    duration: AutoOrQuantity = "auto"
+
+
+class GoalDocument(Document):
+    """A metric as objective (`sense`), as constraint (`lower`, `upper`), or as both."""
+
+    metric: str
+    experiment: str | None = None
+    output: Port | None = None
+    source: Port | None = Field(default=None, alias="from")
+    target: Port | None = Field(default=None, alias="to")
+    open_at: Port | None = None
+    sense: Literal["minimize", "maximize"] | None = None
+    lower: Quantity | None = None
+    upper: Quantity | None = None
+    weight: float = 1.0
+
+
+class OptimizationRequest(Document):
+    """Variables, experiments, goals, the scenarios that one choice must serve, and the method."""
+
+    system: SystemRef
+    variables: list[VariableDocument] = Field(min_length=1, max_length=100)
+    experiments: list[ExperimentDocument] = Field(default_factory=list, max_length=100)
+    goals: list[GoalDocument] = Field(min_length=1, max_length=100)
+    scenarios: list[Overrides] = Field(default=[{}], min_length=1, max_length=100)
+    method: MethodDocument
+
+
+class IdentifiedParameter(Document):
+    """A parameter to estimate, with bounds and start where they are not those of the parameter itself."""
+
+    parameter: Path
+    lower: Quantity | None = None
+    upper: Quantity | None = None
+    start: Quantity | None = None
+
+
+def _path_or_document(value: Any) -> str:
+    return "path" if isinstance(value, str) else "document"
+
+
+ParameterChoice = Annotated[
+    Annotated[Path, Tag("path")] | Annotated[IdentifiedParameter, Tag("document")], Discriminator(_path_or_document)
+]
+Channels = Annotated[dict[Path, str], Field(min_length=1, max_length=50)]
+
+
+class IdentificationRequest(Document):
+    """A model, a recording, what is measured where, and what is to be estimated."""
+
+    system: SystemRef
+    dataset: Identifier
+    inputs: Channels = Field(description="input port -> channel")
+    outputs: dict[Name, str] = Field(min_length=1, max_length=50, description="output -> channel")
+    parameters: list[ParameterChoice] = Field(min_length=1, max_length=50)
+    split: float = Field(default=0.5, gt=0.0, lt=1.0, description="share of the recording that estimates")
+    offsets: Literal["none", "estimate"] = "none"
+    estimation: Window | None = None
+    validation: Window | None = None
+
+
+class ValidationRequest(Document):
+    """A model with given parameters against a recording."""
+
+    system: SystemRef
+    dataset: Identifier
+    inputs: Channels = Field(description="input port -> channel")
+    outputs: dict[Name, str] = Field(min_length=1, max_length=50, description="output -> channel")
+    parameters: Overrides = Field(default_factory=dict)
+    offsets: dict[Name, Quantity] | Literal["none", "estimate"] = Field(
+        default="none", description="a constant for each output: given, estimated, or none"
+    )
+    window: Window | None = None
+    limit_percent: float = Field(default=10.0, gt=0.0)
+    keep: bool = False

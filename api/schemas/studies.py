@@ -1,0 +1,56 @@
+"""The bodies of simulations, frequency responses and influence studies."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from api.schemas.signals import Inputs, SignalDocument
+from api.schemas.systems import SystemRef
+from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Document, Overrides, Path, Port
+
+Names = Annotated[list[str], Field(max_length=100)]
+
+
+class SimulationRequest(Document):
+    """A command on one or more inputs; the answers of the outputs and their metrics."""
+
+    system: SystemRef
+    input: Inputs
+    outputs: Names | None = Field(default=None, description="default: all")
+    duration: AutoOrQuantity = Field(default="auto", description="s, or chosen by the service")
+    samples: int = Field(default=1000, ge=2, description="points of each curve, both ends included")
+    metrics: Names | None = Field(default=None, description="default: those that apply")
+    variants: list[Overrides] | None = Field(default=None, min_length=1)
+    keep: bool = Field(default=False, description="remember the reply under /v1/results")
+
+
+class FrequencyRequest(Document):
+    """A path from an input to an output, or the loop opened at a block's output."""
+
+    system: SystemRef
+    source: Port | None = Field(default=None, alias="from")
+    target: Port | None = Field(default=None, alias="to")
+    open_at: Port | None = None
+    frequencies: AutoOrQuantities = Field(default="auto", description="rad/s")
+    metrics: Names | None = Field(default=None, description="default: those that apply")
+    variants: list[Overrides] | None = Field(default=None, min_length=1)
+    keep: bool = False
+
+
+class InfluenceRequest(Document):
+    """How much each metric changes with each parameter."""
+
+    system: SystemRef
+    input: Port
+    output: Port
+    signal: SignalDocument | None = Field(default=None, description="default: a step of amplitude 1")
+    open_at: Port | None = None
+    source: Port | None = Field(default=None, alias="from", description="default: input")
+    target: Port | None = Field(default=None, alias="to", description="default: output")
+    duration: AutoOrQuantity = "auto"
+    parameters: list[Path] = Field(min_length=1, max_length=200)
+    metrics: list[str] = Field(min_length=1, max_length=100)
+    change: float = Field(default=0.1, gt=-1.0, description="relative change for the coefficients of eq. (4)")
+    keep: bool = False

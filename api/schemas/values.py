@@ -1,0 +1,133 @@
+"""The values that documents are made of: numbers, quantities, expressions, names.
+
+A value is checked by one function instead of a union of models, so that a wrong one gives one sentence at one place.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+NAME = "^[a-z][a-z0-9_]*$"
+PATH = "^[a-z][a-z0-9_]*(\\.[a-z][a-z0-9_]*)*$"
+
+
+class Document(BaseModel):
+    """Base of every request: unknown fields refused, no conversion between types, finite numbers."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _wrong(rule: str, got: Any) -> PydanticCustomError:
+    shown = repr(got)
+    shown = shown if len(shown) <= 60 else shown[:57] + "..."
+    return PydanticCustomError("value", "must be {rule}, got {got}", {"rule": rule, "got": shown})
+
+
+def is_number(value: Any) -> bool:
+    """Say whether a JSON value is a finite number (true and false are none)."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_quantity(value: Any) -> bool:
+    """Say whether a JSON value is {"value": number, "unit": text} and nothing else."""
+    return (
+        isinstance(value, dict)
+        and set(value) == {"value", "unit"}
+        and is_number(value["value"])
+        and isinstance(value["unit"], str)
+        and value["unit"] != ""
+    )
+
+
+def is_expression(value: Any) -> bool:
+    """Say whether a JSON value is text that begins with "="."""
+    return isinstance(value, str) and value.startswith("=")
+
+
+def _quantity(value: Any) -> Any:
+    if is_number(value) or is_quantity(value):
+        return value
+    raise _wrong('a number or a quantity {"value", "unit"}', value)
+
+
+def _scalar(value: Any) -> Any:
+    if is_number(value) or is_quantity(value) or is_expression(value):
+        return value
+    raise _wrong('a number, a quantity {"value", "unit"} or an expression "=..."', value)
+
+
+def _root(value: Any) -> Any:
+    if isinstance(value, list) and len(value) == 2 and all(is_number(part) for part in value):
+        return value
+    if is_number(value) or is_quantity(value) or is_expression(value):
+        return value
+    raise _wrong("a number, a quantity, an expression or [real, imaginary]", value)
+
+
+QUANTITY_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "required": ["value", "unit"],
+    "additionalProperties": False,
+    "properties": {"value": {"type": "number"}, "unit": {"type": "string", "minLength": 1, "examples": ["cm**2"]}},
+}
+_NUMBER: dict[str, Any] = {"type": "number", "description": "in the declared SI unit"}
+_EXPRESSION: dict[str, Any] = {"type": "string", "pattern": "^=", "examples": ["=kp/20"]}
+_QUANTITY_OR_NUMBER = {"anyOf": [_NUMBER, QUANTITY_SCHEMA]}
+SCALAR_SCHEMA: dict[str, Any] = {"anyOf": [_NUMBER, QUANTITY_SCHEMA, _EXPRESSION]}
+
+Quantity = Annotated[Any, PlainValidator(_quantity), WithJsonSchema(_QUANTITY_OR_NUMBER)]
+"""A number in SI, or {"value", "unit"}."""
+Scalar = Annotated[Any, PlainValidator(_scalar), WithJsonSchema(SCALAR_SCHEMA)]
+"""A number in SI, a quantity, or an expression."""
+Root = Annotated[
+    Any,
+    PlainValidator(_root),
+    WithJsonSchema(
+        {"anyOf": [SCALAR_SCHEMA, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}]}
+    ),
+]
+"""A zero or pole: real as a scalar, complex as [real, imaginary]."""
+Scalars = Annotated[list[Scalar], Field(min_length=1, max_length=100_000)]
+Rows = Annotated[list[list[Scalar]], Field(max_length=500)]
+Name = Annotated[str, Field(pattern=NAME, max_length=64)]
+Path = Annotated[str, Field(pattern=PATH, max_length=300)]
+Port = Path
+Identifier = Annotated[str, Field(min_length=1, max_length=64)]
+Overrides = Annotated[dict[Path, Quantity], Field(description="parameter path -> value", max_length=200)]
+
+
+def _auto_or_quantity(value: Any) -> Any:
+    if value == "auto" or is_number(value) or is_quantity(value):
+        return value
+    raise _wrong('"auto", a number or a quantity {"value", "unit"}', value)
+
+
+AutoOrQuantity = Annotated[
+    Any,
+    PlainValidator(_auto_or_quantity),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, _NUMBER, QUANTITY_SCHEMA]}),
+]
+"""A quantity, or "auto": the service chooses."""
+
+
+def _auto_or_quantities(value: Any) -> Any:
+    if value == "auto" or (isinstance(value, list) and len(value) > 0 and all(map(is_scalar_quantity, value))):
+        return value
+    raise _wrong('"auto" or a list of numbers or quantities', value)
+
+
+def is_scalar_quantity(value: Any) -> bool:
+    """Say whether a JSON value is a number or a quantity."""
+    return is_number(value) or is_quantity(value)
+
+
+AutoOrQuantities = Annotated[
+    Any,
+    PlainValidator(_auto_or_quantities),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "array", "minItems": 1, "items": _QUANTITY_OR_NUMBER}]}),
+]
+"""A list of quantities, or "auto"."""

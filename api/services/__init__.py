@@ -1,0 +1,1 @@
+"""The use cases. They know the core, the storage and the wire documents, but no web framework."""

@@ -1,0 +1,309 @@
+"""Recordings: opened, filled in verified segments, committed, read channel by channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from api.convert.recordings import Values, envelope, in_si, physical
+from api.convert.signals import Channel, ReadChannel
+from api.convert.values import check_unit, numbers
+from api.errors import Problem, invalid
+from api.pointers import Place
+from api.schemas.datasets import CommitRequest, DatasetRequest
+from api.services.installation import Caller, Installation
+from api.services.jobs import job_to_wire
+from storage.errors import NotFoundError
+from storage.models import Dataset, DatasetStatus
+from storage.repositories import DatasetRepository
+from storage.session import Database
+
+PARSING = "dataset"
+"""Kind of the job that parses a file."""
+
+
+def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[str, Any]:
+    """Open a recording for its segments."""
+    _check(request)
+    document = request.model_dump(by_alias=True, exclude_unset=True, mode="json")
+    channels = document.get("channels") or document["import"]["columns"]
+    row = DatasetRepository(session, caller.workspace).create(
+        name=request.name,
+        format=request.format,
+        channels=channels,
+        sample_rate=request.sample_rate or (request.import_.sample_rate if request.import_ else None),
+        start_time=request.start_time,
+        description=document,
+        origin=request.origin,
+    )
+    return to_wire(row)
+
+
+def _check(request: DatasetRequest) -> None:
+    raw = request.format == "raw"
+    needed = (
+        (("channels", request.channels), ("sample_rate", request.sample_rate))
+        if raw
+        else (("import", request.import_),)
+    )
+    refused = (
+        (("import", request.import_),)
+        if raw
+        else (("channels", request.channels), ("sample_rate", request.sample_rate))
+    )
+    for name, value in needed:
+        if value is None:
+            raise invalid(f"{name} must be given for the format {request.format}", name)
+    for name, value in refused:
+        if value is not None:
+            raise invalid(f"{name} must be left out for the format {request.format}", name)
+    place: Place = ("channels",) if raw else ("import", "columns")
+    seen: set[str] = set()
+    for i, channel in enumerate(request.channels or (request.import_.columns if request.import_ else ())):
+        if channel.name in seen:
+            raise invalid(f"name must be different for each channel, got {channel.name!r} twice", *place, i, "name")
+        seen.add(channel.name)
+        check_unit(channel.unit, name=f"unit of {channel.name}", place=(*place, i, "unit"))
+        if channel.scale == 0.0:
+            raise invalid(f"scale of {channel.name} must not be 0, got 0", *place, i, "scale")
+
+
+_REVISION = {DatasetStatus.OPEN: 1, DatasetStatus.PARSING: 2, DatasetStatus.READY: 3, DatasetStatus.FAILED: 3}
+
+
+def to_wire(row: Dataset) -> dict[str, Any]:
+    """Return a recording with everything that is known of it but its samples."""
+    rate, count = row.sample_rate, row.sample_count
+    return {
+        **_head(row),
+        "revision": revision(row),
+        "document": row.description,
+        "sample_rate": rate,
+        "sample_count": count,
+        "duration": (count - 1) / rate if count and rate else None,
+        "channels": row.channels,
+        "size": row.size,
+        "sha256": row.sha256,
+        "error": row.error,
+    }
+
+
+def revision(row: Dataset) -> int:
+    """Return a number that grows with the status."""
+    return _REVISION[DatasetStatus(row.status)]
+
+
+def _head(row: Dataset) -> dict[str, Any]:
+    return {
+        "id": row.id,
+        "name": row.name,
+        "format": row.format,
+        "status": row.status,
+        "created_at": row.created_at.isoformat(),
+        "start_time": row.start_time.isoformat() if row.start_time else None,
+    }
+
+
+def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return a recording."""
+    return to_wire(DatasetRepository(session, caller.workspace).get(identifier))
+
+
+def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
+    """Return one page of the recordings, newest first."""
+    found = DatasetRepository(session, caller.workspace).page(cursor=cursor, limit=limit)
+    return {"items": [_head(row) for row in found.items], "next_cursor": found.next_cursor}
+
+
+def delete(session: Session, caller: Caller, identifier: str, *, expected_revision: int) -> None:
+    """Forget a recording."""
+    repository = DatasetRepository(session, caller.workspace)
+    actual = revision(repository.get(identifier))
+    if actual != expected_revision:
+        raise Problem(412, "revision-conflict", f"revision of {identifier!r} must be {actual}, got {expected_revision}")
+    repository.delete(identifier)
+
+
+def put_segment(session: Session, caller: Caller, identifier: str, sha256: str, data: bytes) -> bool:
+    """Keep a segment; return whether it is new."""
+    if not data:
+        raise invalid("a segment must hold at least one byte, got none")
+    repository = DatasetRepository(session, caller.workspace)
+    row = repository.get(identifier)
+    if row.format == "raw" and len(data) % (8 * len(row.channels)):
+        raise invalid(
+            f"a segment must hold whole samples of {len(row.channels)} channels x 8 bytes, got {len(data)} bytes"
+        )
+    return repository.put_segment(identifier, sha256, data)
+
+
+def segments(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return the segments that are there."""
+    rows = DatasetRepository(session, caller.workspace).segments(identifier)
+    return {"items": [{"sha256": row.sha256, "size": row.size} for row in rows], "next_cursor": None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Committed:
+    """A committed recording, and the job that parses it where it is a file."""
+
+    dataset: dict[str, Any]
+    job: dict[str, Any] | None
+
+
+def commit(
+    service: Installation, session: Session, caller: Caller, identifier: str, request: CommitRequest
+) -> Committed:
+    """Close a recording: raw samples are ready at once, a file is parsed by a job."""
+    repository = DatasetRepository(session, caller.workspace)
+    before = repository.get(identifier).status
+    row = repository.commit(identifier, segments=request.segments, sha256=request.sha256)
+    if row.status != DatasetStatus.PARSING:
+        return Committed(dataset=to_wire(row), job=None)
+    if row.format == "raw":
+        return Committed(dataset=to_wire(repository.ingest_raw(identifier)), job=None)
+    if before == DatasetStatus.PARSING:
+        return Committed(dataset=to_wire(row), job=None)
+    job = service.queue.enqueue(session, kind=PARSING, body={"dataset": identifier}, workspace_id=caller.workspace)
+    return Committed(dataset=to_wire(row), job=job_to_wire(job))
+
+
+def original(service: Installation, caller: Caller, identifier: str) -> Iterator[bytes]:
+    """Give the bytes as they were received, piece by piece."""
+    with service.database.session() as session:
+        yield from DatasetRepository(session, caller.workspace).original(identifier)
+
+
+def check_committed(session: Session, caller: Caller, identifier: str) -> int:
+    """Return the size in bytes of a committed recording, 409 for one that is still open."""
+    row = DatasetRepository(session, caller.workspace).get(identifier)
+    if row.size is None:
+        raise Problem(409, "conflict", f"dataset {identifier!r} must be committed first, it is {row.status}")
+    return row.size
+
+
+def channel(
+    service: Installation,
+    caller: Caller,
+    identifier: str,
+    name: str,
+    *,
+    start: float | None,
+    end: float | None,
+    points: int | None,
+) -> dict[str, Any]:
+    """Return a stretch of a channel in its unit: every sample, or minimum and maximum of ``points`` stretches."""
+    with service.database.session() as session:
+        repository = DatasetRepository(session, caller.workspace)
+        row = repository.get(identifier)
+        described = _channel_of(row, name)
+        assert row.sample_count is not None
+        rate = row.sample_rate or 1.0
+        first, stop = _stretch(row.sample_count, rate, start, end)
+        count = stop - first
+        if points is not None and count > points:
+            found = repository.read_decimated(identifier, name, first, stop, points=points)
+            low, high = envelope(found.minimum, found.maximum, described)
+            curves = {"time": numbers(found.index / rate), "min": numbers(low), "max": numbers(high)}
+        else:
+            limit = service.settings.max_numbers
+            if count > limit:
+                raise invalid(f"points must be given for more than {limit} samples, got {count}")
+            values = physical(repository.read_channel(identifier, name, first, stop), described)
+            curves = {"time": numbers(np.arange(first, stop) / rate), "values": numbers(values)}
+    return {"unit": described.get("unit", ""), "sample_rate": rate, **curves}
+
+
+def _channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
+    if row.status != DatasetStatus.READY:
+        raise Problem(409, "conflict", f"dataset {row.id!r} must be ready, it is {row.status}")
+    for described in row.channels:
+        if described["name"] == name:
+            found: Mapping[str, Any] = described
+            return found
+    raise NotFoundError("channel", name)
+
+
+def _stretch(count: int, rate: float, start: float | None, end: float | None) -> tuple[int, int]:
+    """Return the samples first <= i < stop whose times lie in start ... end (s)."""
+    first = 0 if start is None else int(np.ceil(min(max(start * rate, 0.0), count) - 1e-9))
+    stop = count if end is None else int(np.floor(min(max(end * rate, -1.0), count - 1) + 1e-9)) + 1
+    if first >= stop:
+        raise invalid(f"start ... end must hold at least one of the samples 0 ... {(count - 1) / rate:g} s, got none")
+    return first, stop
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Channels of one dataset in SI."""
+
+    sample_time: float
+    channels: Mapping[str, Values]
+    units: Mapping[str, str]
+
+    @property
+    def length(self) -> float:
+        """Time from the first to the last sample, s."""
+        return self.sample_time * (next(iter(self.channels.values())).size - 1)
+
+
+def read_recording(
+    database: Database, workspace: str, identifier: str, names: Mapping[Place, str], *, place: Place = ("dataset",)
+) -> Recording:
+    """Return channels of a dataset in SI.
+
+    Parameters
+    ----------
+    names : mapping
+        Place in the request -> name of a channel.
+
+    Raises
+    ------
+    Problem
+        422 with the place for a dataset or channel that does not exist or has missing samples, 409 for one not ready.
+    """
+    with database.session() as session:
+        repository = DatasetRepository(session, workspace)
+        try:
+            row = repository.get(identifier)
+        except NotFoundError as error:
+            raise invalid(f"dataset must be one that exists, got {identifier!r}", *place) from error
+        if row.sample_rate is None:
+            raise invalid(f"dataset must have a sample_rate, {identifier!r} has none", *place)
+        values: dict[str, Values] = {}
+        units: dict[str, str] = {}
+        for where, name in names.items():
+            try:
+                described = _channel_of(row, name)
+                raw = repository.read_channel(identifier, name)
+            except NotFoundError as error:
+                known = ", ".join(str(entry["name"]) for entry in row.channels)
+                raise invalid(f"channel must be one of the dataset's ({known}), got {name!r}", *where) from error
+            values[name], units[name] = in_si(raw, described, place=where)
+            if not np.all(np.isfinite(values[name])):
+                raise invalid(f"channel {name!r} must have no missing samples to be used here", *where)
+            if values[name].size < 2:
+                raise invalid(f"channel {name!r} must have at least 2 samples, got {values[name].size}", *where)
+    return Recording(sample_time=1.0 / row.sample_rate, channels=values, units=units)
+
+
+def channel_reader(service: Installation, caller: Caller) -> ReadChannel:
+    """Return the function that reads the channel a sampled signal names."""
+    return reader_of(service.database, caller.workspace)
+
+
+def reader_of(database: Database, workspace: str) -> ReadChannel:
+    """Return the function that reads the channel a sampled signal names, in one workspace."""
+
+    def read(dataset: str, name: str, place: Place) -> Channel:
+        where = (*place, "channel")
+        recording = read_recording(database, workspace, dataset, {where: name}, place=(*place, "dataset"))
+        values = recording.channels[name]
+        time: Values = np.arange(values.size, dtype=np.float64) * recording.sample_time
+        return time, values
+
+    return read

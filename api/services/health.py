@@ -1,0 +1,38 @@
+"""Whether the installation can work: database, migrations, a worker with a fresh heartbeat."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from api.services.installation import Installation
+from storage.errors import UNAVAILABLE
+from storage.models.base import utc_now
+from storage.repositories import WorkerRepository
+
+
+def readiness(service: Installation) -> tuple[bool, dict[str, Any]]:
+    """Return whether the service is ready, and what was found.
+
+    A missing worker counts only where one runs beside the service.
+    """
+    checks = {"database": "ok", "migrations": "ok", "worker": "absent"}
+    try:
+        service.database.ping()
+        if service.database.is_current():
+            checks["worker"] = _worker(service)
+        else:
+            checks["migrations"] = "behind"
+    except UNAVAILABLE:
+        checks["database"] = checks["migrations"] = "unavailable"
+    sound = checks["database"] == "ok" and checks["migrations"] == "ok"
+    ready = sound and (checks["worker"] == "ok" or not service.expects_worker)
+    return ready, {"status": "ready" if ready else "not ready", "checks": checks}
+
+
+def _worker(service: Installation) -> str:
+    with service.database.session() as session:
+        seen = WorkerRepository(session).last_seen()
+    if seen is None:
+        return "absent"
+    age = (utc_now() - seen).total_seconds()
+    return "ok" if age <= service.settings.worker_stale_seconds else "stale"

@@ -1,0 +1,68 @@
+"""Long work: what was asked for, how far it is, what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from api.errors import Problem
+from api.services.installation import Caller
+from storage.models import Job, JobEvent, JobStatus
+from storage.repositories import JobRepository, ResultRepository
+
+
+def job_to_wire(job: Job) -> dict[str, Any]:
+    """Return a job as the contract has it."""
+    return {
+        "id": job.id,
+        "kind": job.kind,
+        "status": str(job.status),
+        "progress": job.progress,
+        "message": job.message,
+        "created_at": job.created_at.isoformat(),
+        "started_at": job.started_at.isoformat() if job.started_at else None,
+        "finished_at": job.finished_at.isoformat() if job.finished_at else None,
+        "result": f"/v1/jobs/{job.id}/result" if job.result_id else None,
+        "error": job.error,
+        "system": job.body.get("system_reference"),
+        "warnings": job.body.get("warnings", []),
+    }
+
+
+def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return a job."""
+    return job_to_wire(JobRepository(session, caller.workspace).get(identifier))
+
+
+def page(
+    session: Session, caller: Caller, *, kind: str | None, status: str | None, cursor: str | None, limit: int
+) -> dict[str, Any]:
+    """Return one page of the jobs, newest first."""
+    found = JobRepository(session, caller.workspace).page(kind=kind, status=status, cursor=cursor, limit=limit)
+    return {"items": [job_to_wire(job) for job in found.items], "next_cursor": found.next_cursor}
+
+
+def result(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return what came out; 409 for a job that has nothing (yet)."""
+    job = JobRepository(session, caller.workspace).get(identifier)
+    if job.result_id is None:
+        raise Problem(409, "no-result", f"job {identifier!r} must have succeeded to have a result, it is {job.status}")
+    results = ResultRepository(session, caller.workspace)
+    return results.body(results.get(job.result_id))
+
+
+def cancel(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Stop a job; one that has ended already stays as it is."""
+    return job_to_wire(JobRepository(session, caller.workspace).cancel(identifier))
+
+
+def events(session: Session, caller: Caller, identifier: str, *, after: int) -> Sequence[JobEvent]:
+    """Return the events of a job after the one with this id."""
+    return JobRepository(session, caller.workspace).events(identifier, after=after)
+
+
+def is_final(status: str) -> bool:
+    """Return whether nothing happens any more after this status."""
+    return JobStatus(status).final

@@ -1,0 +1,238 @@
+"""Simulations, frequency responses and influence studies: computed at once, by the exact engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from api.convert.optimizations import duration_from_wire
+from api.convert.signals import check_name, signal_from_wire, signals_from_wire
+from api.convert.studies import (
+    check_metrics,
+    frequency_to_wire,
+    influence_to_wire,
+    simulation_to_wire,
+    warnings_to_wire,
+)
+from api.convert.values import overrides_from_wire, si
+from api.errors import at, invalid
+from api.pointers import Place
+from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
+from api.services.datasets import channel_reader
+from api.services.installation import Caller, Installation
+from api.services.results import Study
+from api.services.systems import Subject, subject_of
+from engine.diagram import Diagram
+from engine.errors import EngineError, IllPosedError
+from engine.influence import influence
+from engine.metrics import catalogue
+from engine.signals import make
+from engine.study import MetricRequest, frequency_response, simulate
+from engine.verdicts import Verdict
+
+_MOST_FREQUENCIES = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """Parameter values as given and in SI, and the place in the request to which errors at these values belong."""
+
+    given: Mapping[str, Any]
+    overrides: Mapping[str, float]
+    place: Place
+
+
+def _variants(given: Sequence[Mapping[str, Any]] | None, diagram: Diagram) -> list[Variant]:
+    if given is None:
+        return [Variant(given={}, overrides={}, place=("system",))]
+    return [
+        Variant(
+            given=values,
+            overrides=overrides_from_wire(values, diagram, place=("variants", i)),
+            place=("variants", i),
+        )
+        for i, values in enumerate(given)
+    ]
+
+
+def _study(subject: Subject, body: dict[str, Any], request: Any) -> Study:
+    body["system"] = dict(subject.reference) if subject.reference else None
+    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=subject.reference)
+
+
+def run_simulation(service: Installation, caller: Caller, request: SimulationRequest) -> Study:
+    """Return the answers of the outputs to the commands, one variant after the other."""
+    subject = subject_of(service, caller, request.system)
+    diagram = subject.diagram
+    signals = signals_from_wire(request.input, diagram, place=("input",), read_channel=channel_reader(service, caller))
+    outputs = diagram.outputs if request.outputs is None else tuple(dict.fromkeys(request.outputs))
+    for i, name in enumerate(outputs if request.outputs is not None else ()):
+        check_name(name, diagram.outputs, name="output", what="the system's outputs", place=("outputs", i))
+    metrics = check_metrics(request.metrics)
+    duration = duration_from_wire(request.duration, place=("duration",))
+    variants = _variants(request.variants, diagram)
+    service.computing.check_size(samples=request.samples, curves=len(outputs) + 1, variants=len(variants))
+
+    def compute(overrides: Mapping[str, float]) -> tuple[dict[str, Any], Sequence[Any]]:
+        found = simulate(
+            diagram,
+            signals=signals,
+            overrides=overrides,
+            outputs=outputs,
+            duration=duration,
+            samples=request.samples,
+            metrics=metrics,
+        )
+        return simulation_to_wire(found), found.warnings
+
+    empty = {"time": [], "outputs": {name: [] for name in outputs}, "metrics": {name: {} for name in outputs}}
+    return _study(subject, _each(service, subject, variants, compute, empty), request)
+
+
+def _each(
+    service: Installation,
+    subject: Subject,
+    variants: Sequence[Variant],
+    compute: Callable[[Mapping[str, float]], tuple[dict[str, Any], Sequence[Any]]],
+    empty: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Compute one variant after the other; one whose algebraic loop has no solution is ``empty`` with that verdict."""
+    listed: list[dict[str, Any]] = []
+    remarks: list[Any] = list(subject.diagram.warnings)
+    with service.computing.slot() as deadline:
+        for variant in variants:
+            deadline.check(len(listed), len(variants), "variants")
+            try:
+                body, found = compute(variant.overrides)
+            except IllPosedError as error:
+                body, found = {**empty, "verdict": str(Verdict.ILL_POSED), "advice": error.message}, ()
+            except EngineError as error:
+                raise invalid(error.message, *variant.place) from error
+            listed.append({"parameters": dict(variant.given), **body})
+            remarks += found
+    return {"variants": listed, "warnings": warnings_to_wire(remarks, place=subject.place)}
+
+
+def run_frequency_response(service: Installation, caller: Caller, request: FrequencyRequest) -> Study:
+    """Return the frequency response of a path or of an opened loop, one variant after the other."""
+    subject = subject_of(service, caller, request.system)
+    diagram = subject.diagram
+    _check_path(request, diagram)
+    metrics = check_metrics(request.metrics)
+    frequencies = _frequencies(request.frequencies)
+    variants = _variants(request.variants, diagram)
+    count = 1000 if frequencies is None else frequencies.size
+    service.computing.check_size(samples=count, curves=5, variants=len(variants))
+
+    def compute(overrides: Mapping[str, float]) -> tuple[dict[str, Any], Sequence[Any]]:
+        found = frequency_response(
+            diagram,
+            overrides=overrides,
+            source=request.source,
+            target=request.target,
+            open_at=request.open_at,
+            frequencies=frequencies,
+            metrics=metrics,
+        )
+        return frequency_to_wire(found), found.warnings
+
+    curves = ("frequency", "magnitude", "phase", "real", "imag", "poles")
+    return _study(
+        subject, _each(service, subject, variants, compute, {"metrics": {}, **{name: [] for name in curves}}), request
+    )
+
+
+def _check_path(request: FrequencyRequest, diagram: Diagram) -> None:
+    if request.open_at is None:
+        for key, value in (("from", request.source), ("to", request.target)):
+            if value is None:
+                raise invalid(f"{key} must be given where open_at is not", key)
+    if (request.source is None) != (request.target is None):
+        missing = "from" if request.source is None else "to"
+        raise invalid("from and to must be given together, got one of them", missing)
+    if request.source is not None:
+        check_name(request.source, diagram.inputs, name="from", what="the system's inputs", place=("from",))
+    if request.target is not None:
+        check_name(request.target, diagram.outputs, name="to", what="the system's outputs", place=("to",))
+    check_open_at(request.open_at, diagram)
+
+
+def check_open_at(open_at: str | None, diagram: Diagram) -> None:
+    """Refuse a place where no loop can be opened."""
+    if open_at is None:
+        return
+    try:
+        diagram.realize(open_at=open_at)
+    except EngineError as error:
+        # What is wrong is the name in the request, not a place in the document.
+        raise invalid(error.message, "open_at") from error
+
+
+def _frequencies(given: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    if given == "auto":
+        return None
+    if len(given) > _MOST_FREQUENCIES:
+        raise invalid(f"frequencies must be at most {_MOST_FREQUENCIES}, got {len(given)}", "frequencies")
+    values = [si(value, "rad/s", name="frequency", place=("frequencies", i)) for i, value in enumerate(given)]
+    for i, value in enumerate(values):
+        if value <= 0.0 or (i > 0 and value <= values[i - 1]):
+            raise invalid(f"frequencies must be > 0 rad/s and increasing, got {value:g}", "frequencies", i)
+    return np.array(values)
+
+
+def run_influence(service: Installation, caller: Caller, request: InfluenceRequest) -> Study:
+    """Return how each metric changes with each parameter: exact elasticities and the coefficients of eq. (4)."""
+    subject = subject_of(service, caller, request.system)
+    diagram = subject.diagram
+    check_name(request.input, diagram.inputs, name="input", what="the system's inputs", place=("input",))
+    check_name(request.output, diagram.outputs, name="output", what="the system's outputs", place=("output",))
+    source, target = request.source or request.input, request.target or request.output
+    check_name(source, diagram.inputs, name="from", what="the system's inputs", place=("from",))
+    check_name(target, diagram.outputs, name="to", what="the system's outputs", place=("to",))
+    check_open_at(request.open_at, diagram)
+    if request.change == 0.0:
+        raise invalid("change must be > -1 and not 0, got 0", "change")
+    if request.signal is None:
+        signal = make("step", {})
+    else:
+        signal = signal_from_wire(request.signal, place=("signal",), read_channel=channel_reader(service, caller))
+    duration = duration_from_wire(request.duration, place=("duration",))
+    metrics = check_metrics(request.metrics) or ()
+    requests = {
+        name: _metric_request(
+            name,
+            request,
+            signals={request.input: signal},
+            source=source,
+            target=target,
+            duration=duration,
+        )
+        for name in metrics
+    }
+    _check_parameters(request.parameters, diagram)
+    with service.computing.slot(), at("system"):
+        found = influence(diagram, requests, tuple(dict.fromkeys(request.parameters)), change=request.change)
+    return _study(subject, {**influence_to_wire(found), "warnings": subject.warnings()}, request)
+
+
+def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> MetricRequest:
+    domain = catalogue()[name].domain
+    if domain == "time":
+        return MetricRequest(metric=name, signals=given["signals"], output=request.output, duration=given["duration"])
+    if domain == "loop":
+        return MetricRequest(metric=name, open_at=request.open_at)
+    if domain == "path":
+        return MetricRequest(metric=name, source=given["source"], target=given["target"])
+    return MetricRequest(metric=name)
+
+
+def _check_parameters(paths: Sequence[str], diagram: Diagram) -> None:
+    for i, path in enumerate(paths):
+        info = diagram.parameters.get(path)
+        if info is None:
+            raise invalid(f"parameter must be one of the system's, got {path!r}", "parameters", i)
+        if info.bound:
+            raise invalid(f"{path} must be a number to be varied, but an expression gives it", "parameters", i)

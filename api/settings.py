@@ -1,0 +1,44 @@
+"""Every setting of the service, in one table.
+
+| environment variable | default | meaning |
+|---|---|---|
+| ``SERVOTUNE_DATABASE_URL`` | ``sqlite:///./servotune.db`` | SQLAlchemy URL of the one database |
+| ``SERVOTUNE_BOOTSTRAP_KEY`` | (random, printed once) | the first admin key |
+| ``SERVOTUNE_BODY_LIMIT`` | 1048576 | largest JSON body, bytes |
+| ``SERVOTUNE_SEGMENT_LIMIT`` | 8388608 | largest segment of a dataset, bytes |
+| ``SERVOTUNE_MAX_SAMPLES`` | 100000 | samples of one curve |
+| ``SERVOTUNE_MAX_VARIANTS`` | 1000 | variants of one request |
+| ``SERVOTUNE_MAX_NUMBERS`` | 5000000 | samples x curves x variants of one reply |
+| ``SERVOTUNE_COMPUTE_SLOTS`` | (CPU cores) | requests that compute at the same time |
+| ``SERVOTUNE_REQUEST_SECONDS`` | 60 | longest computation inside a request, s |
+| ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
+| ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
+| ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Literal
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """The settings of one process, read from ``SERVOTUNE_*``; the module docstring is their table."""
+
+    model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True)
+
+    database_url: str = "sqlite:///./servotune.db"
+    bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200)
+    body_limit: int = Field(default=1 << 20, ge=1 << 10)
+    segment_limit: int = Field(default=8 << 20, ge=1 << 10)
+    max_samples: int = Field(default=100_000, ge=10)
+    max_variants: int = Field(default=1000, ge=1)
+    max_numbers: int = Field(default=5_000_000, ge=1000)
+    compute_slots: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
+    request_seconds: float = Field(default=60.0, gt=0)
+    worker_stale_seconds: float = Field(default=30.0, gt=0)
+    idempotency_hours: float = Field(default=24.0, gt=0)
+    log_level: Literal["debug", "info", "warning", "error"] = "info"

@@ -1,0 +1,149 @@
+"""Conversion of quantities to SI at the edge: the only door to the unit library.
+
+    value_SI = value * factor(unit, expected),   1 Hz of an angular frequency = 2 pi rad/s
+
+The unit library takes "Hz" for "rad/s" without the 2 pi (hgrecco/pint issue 1288); this module multiplies by it.
+Units whose zero is not zero (dB, degC) have no factor and are refused.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from fractions import Fraction
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pint
+
+_SUPERSCRIPTS = str.maketrans({"²": "**2", "³": "**3", "⁴": "**4", "⁵": "**5", "·": "*", "^": "**"})
+# Names with an optional one-digit power, joined by * and /: nothing that could be a computation.
+_ATOM = r"(?:1|[^\W\d_][^\W\d_]*|%)(?:\s*\*\*\s*(?:-?\d|\(-?\d\)))?"
+_UNIT = re.compile(rf"\s*\(*\s*{_ATOM}\s*\)*(?:\s*[*/]\s*\(*\s*{_ATOM}\s*\)*)*\s*")
+_LONGEST = 64
+
+
+class UnitError(ValueError):
+    """A unit that is unknown, has no factor, or measures something else."""
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    # Imported here because building the registry costs a good part of a second, which most processes never need.
+    import pint  # noqa: PLC0415
+
+    # Rational numbers, so that 65 cm**2 is exactly the float64 nearest to 0.0065 m**2.
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, non_int_type=Fraction)
+
+
+def _parse(unit: str) -> pint.Unit:
+    import pint  # noqa: PLC0415 -- see _registry
+
+    plain = unit.translate(_SUPERSCRIPTS)
+    if len(unit) > _LONGEST or plain.count("(") != plain.count(")") or not _UNIT.fullmatch(plain):
+        raise UnitError(f"unit must be names joined by * and / with powers like m**2, got {unit[:_LONGEST]!r}")
+    try:
+        return _registry().parse_units(plain)
+    except (pint.errors.PintError, ValueError, AssertionError, TypeError) as error:
+        raise UnitError(f"unit must be known, got {unit!r}") from error
+
+
+def _reduced(unit: str) -> tuple[Fraction, str, Any]:
+    """Return the factor to SI base units, their name and the dimension of ``unit``; angles stay named."""
+    parsed = _parse(unit or "1")
+    try:
+        zero, one = (_registry().Quantity(Fraction(x), parsed).to_base_units() for x in (0, 1))
+        offset = bool(zero.magnitude != 0)
+    except TypeError as error:  # a logarithm has no rational factor
+        raise UnitError(f"unit must be linear (no dB), got {unit!r}") from error
+    if offset:
+        raise UnitError(f"unit must have a zero that is zero (no degC), got {unit!r}")
+    return Fraction(one.magnitude), _name(one.unit_items()), one.dimensionality
+
+
+def _items(unit: str) -> Iterable[tuple[str, Any]]:
+    return _registry().Quantity(Fraction(1), _parse(unit or "1")).unit_items()
+
+
+def _name(items: Iterable[tuple[str, Any]]) -> str:
+    """Return "kg*m/s**2" for [("kilogram", 1), ("meter", 1), ("second", -2)]."""
+    above: list[str] = []
+    below: list[str] = []
+    for unit, power in items:
+        side, exponent = (above, power) if power > 0 else (below, -power)
+        side.append(_registry().get_symbol(unit) + ("" if exponent == 1 else f"**{exponent}"))
+    text = "*".join(above) or ("1" if below else "")
+    return text + "".join(f"/{part}" for part in below)
+
+
+@lru_cache(maxsize=4096)
+def factor(unit: str, expected: str) -> Fraction:
+    """Return what a value in ``unit`` is multiplied by to be in the SI unit ``expected``, exactly.
+
+    Parameters
+    ----------
+    unit : str
+        As the user writes it, e.g. "cm**2", "daN*s**2/cm", "Hz".
+    expected : str
+        SI unit that is declared; "" for a generic gain, which is reduced to SI base units.
+
+    Raises
+    ------
+    UnitError
+        When ``unit`` is unknown, has no factor, or measures something else.
+
+    Examples
+    --------
+    >>> factor("cm**2", "m**2")
+    Fraction(1, 10000)
+    >>> float(factor("Hz", "rad/s")) == 2 * math.pi
+    True
+    """
+    scale, _, dimension = _reduced(unit)
+    hertz = sum(int(str(power)) for name, power in _items(unit) if "hertz" in name)
+    if expected == "":
+        if hertz:
+            raise UnitError(f"unit must be rad/s or 1/s where no unit is declared (Hz leaves out 2 pi), got {unit!r}")
+        return scale
+    base, _, wanted = _reduced(expected)
+    if dimension != wanted:
+        raise UnitError(f"must be in {'a unit of a ratio' if expected == '1' else expected}, got {unit!r}")
+    if hertz and _is_angular(expected):
+        scale *= Fraction(2 * math.pi) ** hertz
+    return scale / base
+
+
+def to_si(value: float, unit: str, expected: str) -> float:
+    """Return ``value`` in ``unit`` as a number in the SI unit ``expected`` ("" reduces to base units).
+
+    >>> to_si(65, "cm**2", "m**2")
+    0.0065
+    """
+    try:
+        return float(Fraction(value) * factor(unit, expected))
+    except OverflowError as error:
+        raise UnitError(f"must be finite in SI units, got {value:g} {unit}") from error
+
+
+@lru_cache(maxsize=4096)
+def declared(unit: str) -> str:
+    """Return the SI unit that a free parameter given in ``unit`` is kept in; a frequency becomes angular.
+
+    >>> declared("daN*s**2/cm"), declared("kHz")
+    ('kg', 'rad/s')
+    """
+    if _reduced(unit)[2] == _reduced("1/s")[2] and "hertz" in str(_parse(unit)):
+        return "rad/s"
+    return _reduced(unit)[1]
+
+
+def known(unit: str) -> None:
+    """Raise UnitError for a unit that the library does not know; dB and degC are known."""
+    if unit:
+        _parse(unit)
+
+
+def _is_angular(expected: str) -> bool:
+    return "rad" in re.split(r"[^a-z]+", expected)

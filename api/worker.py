@@ -1,0 +1,80 @@
+"""What a worker computes: one function from a job to its result, run in a child process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from api.errors import KNOWN, problem_of
+from api.services import datasets, identifications, optimizations, parsing
+from storage.jobs.compute import ComputeJob, Refusal, Reporter
+from storage.session import Database, open_database
+
+
+class _Watch:
+    """The monitor of an optimisation, told to whoever follows the job; cancelling kills the process instead."""
+
+    def __init__(self, reporter: Reporter) -> None:
+        self._reporter = reporter
+
+    def progress(self, fraction: float, message: str) -> None:
+        """Pass the finished share on."""
+        self._reporter.progress(fraction, message)
+
+    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
+        """Pass a new best point on as a line."""
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in variables.items())
+        self._reporter.message(
+            f"best after {evaluation} evaluations: objective {objective:.6g}, violation {violation:.3g} at {values}"
+        )
+
+    def cancelled(self) -> bool:
+        """Return False: this process is killed when its job is cancelled."""
+        return False
+
+
+def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
+    """Compute a job.
+
+    Raises
+    ------
+    Refusal
+        With the problem that the user should read.
+    """
+    with _database(job.database_url) as database:
+        try:
+            return _RUN[job.kind](job, database, reporter)
+        except KNOWN as error:
+            problem = problem_of(error)
+            assert problem is not None
+            document = problem.document()
+            raise Refusal(**document) from error
+
+
+def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    return optimizations.run(job.body, database=database, workspace=job.workspace_id, monitor=_Watch(reporter))
+
+
+def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    return identifications.run(job.body, database=database, workspace=job.workspace_id, monitor=_Watch(reporter))
+
+
+def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    return parsing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
+
+
+_RUN = {
+    optimizations.KIND: _optimization,
+    identifications.KIND: _identification,
+    datasets.PARSING: _dataset,
+}
+
+
+@contextmanager
+def _database(url: str) -> Iterator[Database]:
+    database = open_database(url)
+    try:
+        yield database
+    finally:
+        database.dispose()
