@@ -225,15 +225,22 @@ class FrequencyResponse:
             fresh[shifted] = fresh[shifted + 1] = True
         return omega, values
 
-    def crossings(self, shape: Shape, level: Array | float) -> list[Array]:
-        """Return the frequencies where ``shape`` passes through ``level``, rising, each of shape (lanes,)."""
+    def crossings(self, shape: Shape, level: Array | float, *, floor: float = 0.0) -> list[Array]:
+        """Return the frequencies where ``shape`` passes through ``level``, rising, each of shape (lanes,).
+
+        Where the magnitude stays below ``floor`` nothing is looked for: behind a delay a fading response crosses an axis
+        thousands of times.
+        """
         base = float(np.ravel(np.asarray(level))[0].real)
         omega, values = self.scan
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             level_of = shape(values.real, values.imag) - base
         found = []
         finite = np.isfinite(level_of)
-        for k in np.flatnonzero((level_of[:-1] < 0) != (level_of[1:] < 0)):
+        magnitude = np.abs(values)
+        # the scan is straight to one percent: half the floor at both neighbours keeps what lies between below it
+        matters = np.maximum(magnitude[:-1], magnitude[1:]) >= 0.5 * floor
+        for k in np.flatnonzero(((level_of[:-1] < 0) != (level_of[1:] < 0)) & matters):
             if not (finite[k] and finite[k + 1]):
                 continue
             root = self._root(lambda w: self.shape_slope(shape, w)[0] - base, float(omega[k]), float(omega[k + 1]))

@@ -24,7 +24,7 @@ def gain_margins(response: FrequencyResponse, static: Array | None) -> list[Cros
     found: list[Crossing] = []
     if static is not None and float(static[0].real) < -SMALLEST_LOOP_GAIN:
         found.append((0.0 * static.real, -1 / static))
-    for frequency in response.crossings(imaginary_part, 0.0):
+    for frequency in response.crossings(imaginary_part, 0.0, floor=SMALLEST_LOOP_GAIN):
         re, _ = response.pair(frequency)
         if float(re[0].real) < -SMALLEST_LOOP_GAIN:
             found.append((frequency, -1 / re))
