@@ -16,11 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import EngineError, Path
+from engine.metrics import catalogue as metric_catalogue
+from engine.study import MetricRequest
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram, ParameterInfo
     from engine.signals import Signal
-    from engine.study import MetricRequest
 
 Scenario = Mapping[str, float]
 """Parameter path -> value (SI) that replaces the system's own."""
@@ -236,15 +237,12 @@ def _check_ports(diagram: Diagram, experiment: Experiment, at: Path) -> None:
 
 def _request(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experiment], at: Path) -> MetricRequest:
     """Check a goal and return it as a request to the engine."""
-    from engine.metrics import catalogue as metric_catalogue
-    from engine.study import MetricRequest
-
     metrics = metric_catalogue()
     if goal.metric not in metrics:
         raise ProblemError(f"metric must be one of {_list(metrics)}, got {goal.metric!r}", at=(*at, "metric"))
     _check_bounds(goal, at)
     domain = metrics[goal.metric].domain
-    needs = {"time": ("experiment", "output"), "frequency": ("source", "target"), "loop": ("open_at",)}.get(domain, ())
+    needs = {"time": ("experiment", "output"), "path": ("source", "target"), "loop": ("open_at",)}.get(domain, ())
     wire = {"source": "from", "target": "to"}
     for name in needs:
         if getattr(goal, name) is None:
@@ -267,7 +265,7 @@ def _request(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experiment]
             raise ProblemError(error.message, at=(*at, "open_at")) from error
     return MetricRequest(
         metric=goal.metric,
-        signals=experiment.signals if experiment is not None and domain == "time" else None,
+        signals=experiment.signals if experiment is not None and domain == "time" else {},
         output=goal.output,
         open_at=goal.open_at,
         source=goal.source,

@@ -1,0 +1,234 @@
+"""Candidates -> goals: the one place for scenarios, penalties and the ranking of points.
+
+    objective(p) = max_s Σ_g w_g σ_g f_g(p, s) / n_g,   σ = 1 to minimise, -1 to maximise
+    violation(p) = max_{g,s} excess over the bound / |bound|   (the plain excess where the bound is 0)
+
+A single objective is not normalised (n = 1); of several, each is divided by its size before the optimisation in the
+scenario that serves it worst, so that weights compare relative changes. A point that has no value is ranked by why:
+an absent metric, an unstable system (by how fast it diverges), a system that does not exist.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.linear.screening import Screening
+from engine.metrics import catalogue as metric_catalogue
+from engine.study import MetricRequest, measure
+from engine.verdicts import Measured, Verdict
+from optimizers.certificate import TOLERANCE
+from optimizers.problem import Goal, Problem, Sense, Vector
+
+ABSENT = 1e2
+"""Violation of a goal whose metric has no value although the system is stable."""
+UNSTABLE = 1e3
+"""Violation of an unstable system; it grows with the logarithm of the rate at which it diverges."""
+IMPOSSIBLE = 1e5
+"""Violation of a system that does not exist at these values."""
+UNLIMITED = 1e30
+"""Stands for the infinite value of a margin or bandwidth that is never crossed, where it is an objective."""
+_STEP = 1e-30
+
+Matrix = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assessment:
+    """B points: ``objective`` (B,) (NaN where a metric is absent), ``violation`` (B,), metric ``values`` (B, S, G)."""
+
+    objective: Vector
+    violation: Vector
+    values: Matrix
+    doubtful: npt.NDArray[np.bool_]
+
+    def order(self) -> npt.NDArray[np.intp]:
+        """Return indices from the best to the worst: those that meet every goal by objective, then by violation."""
+        excess = np.where(self.violation <= TOLERANCE, 0.0, self.violation)
+        return np.lexsort((np.where(np.isnan(self.objective), np.inf, self.objective), excess))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Local:
+    """One point with first derivatives: ``values`` (S, G), ``slopes`` (S, G, V) by the position in the unit cube."""
+
+    values: Matrix
+    slopes: Matrix
+
+
+class Evaluator:
+    """Evaluates candidates of a problem, many at a time, and counts them.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.evaluations = 0
+        self._screening = Screening(problem.diagram, problem.requests)
+        self._infinite = np.array([metric_catalogue()[goal.metric].absent_is_infinite for goal in problem.goals])
+        self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
+
+    @cached_property
+    def before(self) -> list[list[Measured]]:
+        """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
+        return [exact(self.problem, self.problem.before, index) for index in range(len(self.problem.scenarios))]
+
+    @cached_property
+    def norms(self) -> Vector:
+        """What each goal is divided by when it is part of the objective, (G,)."""
+        norms = np.ones(len(self.problem.goals))
+        if len(self.problem.objectives) > 1:
+            for goal in self.problem.objectives:
+                sizes = [abs(row[goal].value or 0.0) for row in self.before]
+                norms[goal] = max(sizes) or 1.0
+        return norms
+
+    def assess(self, positions: Matrix) -> Assessment:
+        """Return the ranking quantities of points (B, V) in the unit cube."""
+        values, growth, doubtful = self._values(positions)
+        return self._assessment(values, growth, doubtful)
+
+    def confirm(self, position: Vector) -> Assessment:
+        """Return the ranking quantities of one point by the exact path."""
+        self.evaluations += 1
+        point = self.problem.values(position)
+        scenarios = range(len(self.problem.scenarios))
+        rows = [exact(self.problem, point, index) for index in scenarios]
+        values = np.array([[[_number(m, self._infinite[g]) for g, m in enumerate(row)] for row in rows]])
+        unstable = np.array([[any(m.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for m in row) for row in rows]])
+        return self._assessment(values, np.where(unstable, 0.0, -1.0), np.zeros(values.shape, dtype=bool))
+
+    def local(self, position: Vector) -> Local | None:
+        """Return values and exact slopes at one point, or None where a metric has no value in some scenario."""
+        axes, count = self.problem.axes, len(self.problem.scenarios)
+        point = np.array([float(axis.value(float(x))) for axis, x in zip(axes, position, strict=True)])
+        reach = np.array([axis.slope(value) for axis, value in zip(axes, point, strict=True)])
+        lanes = point + 1j * _STEP * np.diag(reach)
+        overrides = self._overrides(lanes)
+        screened = self._screening(overrides)
+        self.evaluations += 1
+        shape = (count, len(axes), len(self.problem.goals))
+        raw = screened.values.reshape(shape)
+        values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
+        unsure = screened.doubtful.reshape(shape)[:, 0] | np.isnan(values)
+        stable = screened.growth.reshape(count, len(axes))[:, 0] < 0
+        if not (stable | unsure.all(axis=1)).all():
+            return None
+        for scenario in np.flatnonzero(unsure.any(axis=1)):
+            asked = np.flatnonzero(unsure[scenario])
+            names = [axis.parameter for axis in axes]
+            found = measure(
+                self.problem.diagram, [self.problem.requests[g] for g in asked],
+                overrides={**self.problem.scenarios[scenario], **dict(zip(names, point.tolist(), strict=True))}, gradient=names,
+            )  # fmt: skip
+            for goal, (measured, gradient) in zip(asked, found, strict=True):
+                values[scenario, goal] = _number(measured, self._infinite[goal])
+                slopes[scenario, goal] = 0.0 if gradient is None else gradient.values * reach
+        if np.isnan(values).any():
+            return None
+        slopes[~np.isfinite(values)] = 0.0
+        return Local(values=values, slopes=np.ascontiguousarray(slopes))
+
+    def objectives(self, values: Matrix) -> Matrix:
+        """Return the weighted objective in each scenario, (..., S), of metric values (..., S, G)."""
+        total = np.zeros(values.shape[:-1])
+        for goal in self.problem.objectives:
+            total += self.objective_weight(goal) * np.clip(values[..., goal], -UNLIMITED, UNLIMITED)
+        return total
+
+    def objective_weight(self, goal: int) -> float:
+        """Return σ w / n of an objective."""
+        sign = -1.0 if self.problem.goals[goal].sense is Sense.MAXIMIZE else 1.0
+        return sign * self.problem.goals[goal].weight / float(self.norms[goal])
+
+    def violations(self, values: Matrix) -> Matrix:
+        """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones."""
+        result = np.zeros(values.shape)
+        for index, goal in enumerate(self.problem.goals):
+            result[..., index] = violation(goal, values[..., index])
+        return result
+
+    def _assessment(self, values: Matrix, growth: Matrix, doubtful: npt.NDArray[np.bool_]) -> Assessment:
+        unstable = growth >= 0
+        with np.errstate(invalid="ignore"):
+            broken = self.violations(values).max(axis=2)
+        rate = np.where(np.isfinite(growth), np.maximum(growth, 0.0), 0.0)
+        broken = np.where(unstable, UNSTABLE * (1 + np.log10(1 + rate)), broken)
+        broken = np.where(np.isposinf(growth), IMPOSSIBLE, broken)
+        objective = np.where((unstable | np.isnan(values).any(axis=2)).any(axis=1), np.nan, self.objectives(values).max(axis=1))
+        return Assessment(
+            objective=objective, violation=broken.max(axis=1), values=values, doubtful=doubtful.any(axis=(1, 2))
+        )  # fmt: skip
+
+    def _values(self, positions: Matrix) -> tuple[Matrix, Matrix, npt.NDArray[np.bool_]]:
+        """Return metric values (B, S, G), growth (B, S) and doubt (B, S, G); infinite growth: no such system."""
+        batch, count = len(positions), len(self.problem.scenarios)
+        self.evaluations += batch
+        points = np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
+        screened = self._screening(self._overrides(points))
+        shape = (count, batch, len(self.problem.goals))
+        values = screened.values.reshape(shape).swapaxes(0, 1).copy()
+        doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
+        growth = np.where(screened.valid, screened.growth, np.inf).reshape(count, batch).T.copy()
+        # What screening does not know at all has to be measured one by one.
+        unknown = doubtful & np.isnan(values)
+        for b, s in zip(*np.nonzero(unknown.any(axis=2) & ~np.isposinf(growth) & ((growth < 0) | unknown.all(axis=2))), strict=True):
+            asked = np.flatnonzero(unknown[b, s])
+            overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
+            found = measure(
+                self.problem.diagram, [self.problem.requests[g] for g in asked],
+                overrides={**self.problem.scenarios[s], **overrides},
+            )  # fmt: skip
+            for goal, (measured, _) in zip(asked, found, strict=True):
+                values[b, s, goal] = _number(measured, self._infinite[goal])
+            doubtful[b, s, asked] = False
+            if growth[b, s] >= 0 and not np.isnan(values[b, s]).any():
+                growth[b, s] = -1.0
+        return values, growth, doubtful
+
+    def _overrides(self, points: npt.NDArray[np.number]) -> dict[str, npt.NDArray[np.number]]:
+        """Return parameter arrays (S * B,), scenario by scenario, for points (B, V)."""
+        batch, scenarios = len(points), self.problem.scenarios
+        columns: dict[str, npt.NDArray[np.number]] = {
+            axis.parameter: np.tile(points[:, i], len(scenarios)) for i, axis in enumerate(self.problem.axes)
+        }
+        for name in self._keys:
+            own = self.problem.diagram.parameters[name].value
+            columns[name] = np.repeat([scenario.get(name, own) for scenario in scenarios], batch)
+        return columns
+
+
+def exact(problem: Problem, point: dict[str, float], scenario: int) -> list[Measured]:
+    """Return every goal of a problem at parameter values in one scenario, by the exact path."""
+    found = measure(problem.diagram, problem.requests, overrides={**problem.scenarios[scenario], **point})
+    return [measured for measured, _ in found]
+
+
+def violation(goal: Goal, value: Vector | float) -> Vector:
+    """Return by how much values break a goal's bounds, 0 where they do not; an absent value (NaN) breaks it."""
+    number = np.asarray(value, dtype=np.float64)
+    broken = np.zeros(number.shape)
+    for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0)):
+        if bound is not None:
+            excess = sign * (number - bound) / (abs(bound) or 1.0)
+            broken = np.maximum(broken, np.clip(np.nan_to_num(excess, nan=0.0, posinf=ABSENT), 0.0, None))
+    return np.where(np.isnan(number), ABSENT, broken)
+
+
+def _number(measured: Measured, infinite: bool) -> float:  # noqa: FBT001
+    if measured.value is not None:
+        return measured.value
+    return math.inf if infinite and measured.verdict is Verdict.NEVER_CROSSES else math.nan
+
+
+def requests_of(problem: Problem, goals: Sequence[int]) -> list[MetricRequest]:
+    """Return the requests of some goals."""
+    return [problem.requests[goal] for goal in goals]
