@@ -180,8 +180,7 @@ class Diagram:
             return self._flat.elements[number].realize(self._bindings.blocks[number].fill(values))
         except EngineError as error:
             block = self._flat.blocks[number]
-            error.message = f"{block.path}: {error.message}"
-            raise error.within(*block.at) from None
+            raise error.of(block.path).within(*block.at) from None
         except (ZeroDivisionError, OverflowError):
             block = self._flat.blocks[number]
             raise DiagramError(f"{block.path} must have finite coefficients, but they overflow", at=block.at) from None

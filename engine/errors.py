@@ -31,6 +31,14 @@ class EngineError(Exception):
         self.message = message
         self.at = at
 
+    def __str__(self) -> str:
+        return self.message
+
+    def of(self, name: str) -> EngineError:
+        """Return this error with ``name``, whose error it is, put before its message."""
+        self.message = f"{name}: {self.message}"
+        return self
+
     def within(self, *prefix: str | int) -> EngineError:
         """Return this error with ``prefix`` put before its path."""
         self.at = (*prefix, *self.at)

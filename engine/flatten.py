@@ -102,8 +102,7 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
         element.check(given, sketch)
         ports = element.ports(sketch)
     except EngineError as error:
-        error.message = f"{path}: {error.message}"
-        raise error.within(*at) from None
+        raise error.of(path).within(*at) from None
     if block.kind == "input":
         return Entry(ports=ports, role=sketch["role"])
     flat.blocks.append(FlatBlock.after(flat.blocks[-1] if flat.blocks else None, path=path, at=at, ports=ports))

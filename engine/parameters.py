@@ -21,7 +21,7 @@ class Param:
 
     ``unit`` is a coherent SI unit ("" = a generic gain of any unit, "1" = a ratio). ``shape`` is "scalar", "list",
     "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows) or "text" (one of ``choices`` where
-    these are given). A parameter without a default must be given, unless ``required`` is False: then it may be absent.
+    these are given). ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless ``required`` is False: then it may be absent.
     Only scalars have a parameter path and can be varied; entries of a list follow system parameters through expressions.
     """
 
