@@ -20,7 +20,8 @@ class Shown:
         """Return an SI value in the display unit, a dash where there is none."""
         if value is None:
             return "–"
-        number = f"{self.convert(value):.{self.digits}f}".replace("-", "\N{MINUS SIGN}")
+        # Adding 0.0 turns a negative zero into a plain one.
+        number = f"{round(self.convert(value), self.digits) + 0.0:.{self.digits}f}".replace("-", "\N{MINUS SIGN}")
         return f"{number} {self.unit}" if with_unit and self.unit else number
 
 
