@@ -17,7 +17,7 @@ from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
 from engine.errors import DiagramError, EngineError
 from engine.flatten import Flat, flatten
-from engine.linear.system import ARRAYS, LinearSystem, StackedSystem
+from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
@@ -174,6 +174,34 @@ class Diagram:
                 realizations[number] = self._realize_block(number, values)
             assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
+
+    def realize_lanes(
+        self, steps: Mapping[str, float], overrides: Mapping[str, float] | None = None, open_at: str | None = None
+    ) -> LaneSystem:
+        """Return the state space with one lane for each parameter of ``steps``, which carries its infinitesimal.
+
+        All lanes share their real part and their states, also where a single one would have fewer (ki = 0).
+
+        Parameters
+        ----------
+        steps : mapping of str to float
+            Size of the infinitesimal by parameter path: lane k has the value p_k + i step_k.
+        overrides, open_at
+            As in `realize`, which tells what is raised, too.
+        """
+        values = {**{path: self._value(path) for path in steps}, **(overrides or {})}
+        lanes = {path: np.full(len(steps), value, dtype=complex) for path, value in values.items()}
+        for lane, (path, step) in enumerate(steps.items()):
+            lanes[path][lane] += 1j * step
+        stack = self.realize_stack(lanes, open_at)
+        if not stack.valid.all():
+            for path, step in steps.items():
+                self.realize({**values, path: values[path] + 1j * step}, open_at)
+            raise DiagramError("the coefficients of the system must be finite, but they overflow at these values")
+        return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
+
+    def _value(self, path: str) -> float:
+        return float(self._bindings.base[self._slot(path)].real)
 
     def _realize_block(self, number: int, values: list[Scalar]) -> Realization:
         try:

@@ -63,7 +63,9 @@ class Evaluation:
         Parameters whose derivatives are wanted; each is a lane.
     """
 
-    def __init__(self, diagram: Diagram, overrides: Mapping[str, float] | None = None, gradient: Sequence[str] = ()) -> None:
+    def __init__(
+        self, diagram: Diagram, overrides: Mapping[str, float] | None = None, gradient: Sequence[str] = ()
+    ) -> None:
         self.diagram = diagram
         self.overrides = dict(overrides or {})
         self.gradient = tuple(gradient)
@@ -94,11 +96,8 @@ class Evaluation:
     def _realize(self, open_at: str | None) -> LaneSystem:
         if not self.gradient:
             return LaneSystem.of([self.diagram.realize(self.overrides, open_at)]).balanced()
-        lanes = []
-        for name, scale in zip(self.gradient, self._scales, strict=True):
-            stepped = {**self.overrides, name: self.value_of(name) + 1j * INFINITESIMAL * scale}
-            lanes.append(self.diagram.realize(stepped, open_at))
-        return LaneSystem.of(lanes).balanced()
+        steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
+        return self.diagram.realize_lanes(steps, self.overrides, open_at).balanced()
 
     @cached_property
     def system(self) -> LaneSystem:
@@ -187,7 +186,11 @@ class Evaluation:
         )
 
     def time_subject(
-        self, signals: Mapping[str, Signal], output: str, duration: float | None = None, outputs: Sequence[str] | None = None
+        self,
+        signals: Mapping[str, Signal],
+        output: str,
+        duration: float | None = None,
+        outputs: Sequence[str] | None = None,
     ) -> TimeSubject:
         """Return what a time metric of ``output`` measures; ``outputs`` are computed together with it."""
         response = self.time_response(signals, [output] if outputs is None else outputs)
@@ -251,4 +254,3 @@ def _index(names: tuple[str, ...], name: str, what: str) -> int:
         msg = f"{what} must be one of the system's ({', '.join(names)}), got '{name}'"
         raise DiagramError(msg, at=(what, name))
     return names.index(name)
-

@@ -179,11 +179,8 @@ class _Model:
         """Return the system at ``x`` with one lane for each unknown."""
         unknowns = self.problem.unknowns
         values = {u.parameter: u.value(float(c)) for u, c in zip(unknowns, x, strict=True)}
-        neighbours = [
-            self.problem.diagram.realize({**values, u.parameter: values[u.parameter] + 1j * INFINITESIMAL})
-            for u in unknowns
-        ]
-        return connected(LaneSystem.of(neighbours), self._from, self._to)
+        lanes = self.problem.diagram.realize_lanes(dict.fromkeys(values, INFINITESIMAL), values)
+        return connected(lanes, self._from, self._to)
 
     def simulate(self, x: Samples) -> dict[str, Samples]:
         """Return the whole outputs by name."""

@@ -111,11 +111,14 @@ def absent(value: Scalar) -> bool:
 
 
 def vanishing(value: Scalar) -> Scalar:
-    """Return 1 for the members of a batch whose value is exactly 0, else 0 (always 0 for a single value).
+    """Return 1 for the members of a batch that have no use for a state, as ``value`` is exactly 0 there, else 0.
 
-    A batch has one structure: where a single member needs no state, its state is made to decay unseen.
+    A batch has one structure: where a single member needs no state, its state is made to decay unseen. Where all real
+    parts are 0, the state is there for an infinitesimal, and all members keep it as it is.
     """
-    return np.where(value == 0, 1.0, 0.0) if isinstance(value, np.ndarray) else 0.0
+    if isinstance(value, np.ndarray) and np.any(value.real):
+        return np.where(value == 0, 1.0, 0.0)
+    return 0.0
 
 
 def exclusive(given: frozenset[str], first: str, second: str) -> None:

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.elements._base import Element, Ports, Realization, Values, absent, exclusive, matrix, vanishing
+from engine.elements._base import Element, Ports, Realization, Values, exclusive, matrix
 from engine.errors import DiagramError
 from engine.parameters import Param
 
 
 class ProportionalValve(Element):
-    """Valve around its centre, where the flow is proportional to the spool; a time constant of 0 is an ideal valve."""
+    """Valve around its centre, where the flow is proportional to the spool.
+
+    A time constant of 0 is an ideal valve. There the derivative in the time constant does not exist (the response would
+    have to be differentiated), so an infinitesimal on it is dropped.
+    """
 
     kind = "proportional_valve"
     title = "Proportional valve"
@@ -61,13 +65,9 @@ class ProportionalValve(Element):
                 a=matrix([[0.0, w], [-w, -2.0 * d * w]]), b=matrix([[0.0], [w]]),
                 c=matrix([[gain, 0.0]]), d=np.zeros((1, 1)),
             )  # fmt: skip
-        if absent(lag):
+        if not np.any(np.real(lag)):
             return Realization.static(matrix([[gain]]))
-        if not isinstance(lag, np.ndarray) and lag.real == 0:
-            raise DiagramError(
-                "time_constant must be away from 0 for its influence to exist, got 0", at=("time_constant",)
-            )
-        ideal = vanishing(lag)
+        ideal = np.where(lag.real == 0, 1.0, 0.0) if isinstance(lag, np.ndarray) else 0.0
         rate = 1.0 / (lag + ideal)
         return Realization(
             a=matrix([[-rate]]), b=matrix([[rate]]), c=matrix([[gain * (1.0 - ideal)]]), d=matrix([[gain * ideal]])

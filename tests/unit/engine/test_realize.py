@@ -356,3 +356,27 @@ def test_the_shared_base_cannot_be_written():
     system = compile_system(servo()).realize()
     with pytest.raises(ValueError, match="read-only"):
         system.a[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("ki", [0.004, 0.0])
+def test_lanes_carry_one_infinitesimal_each_and_share_the_rest(ki):
+    diagram = compile_system(servo(ki=ki))
+    paths = ("kp", "ki", "m", "dead_time")
+    lanes = diagram.realize_lanes(dict.fromkeys(paths, STEP), {"motor.area": 6e-3}, open_at="error")
+    base = diagram.realize({"motor.area": 6e-3, "ki": ki + STEP * 1j}, open_at="error")
+    for k, path in enumerate(paths):
+        value = diagram.parameters[path].value
+        single = diagram.realize({"motor.area": 6e-3, "ki": ki + 0j, path: value + STEP * 1j}, open_at="error")
+        for name in ("a", "b1", "b2", "c1", "c2", "d11", "d12", "d21", "d22", "delays"):
+            np.testing.assert_array_equal(getattr(lanes, name)[k].real, getattr(base, name).real)
+            if getattr(single, name).shape == getattr(base, name).shape:
+                np.testing.assert_allclose(getattr(lanes, name)[k].imag, getattr(single, name).imag, rtol=1e-14)
+    assert lanes.inputs == base.inputs
+
+
+def test_a_lane_that_cannot_be_is_refused_as_a_single_system_is():
+    diagram = compile_system(feedback(0.5))
+    with pytest.raises(IllPosedError, match=r"gain\.out"):
+        diagram.realize_lanes({"k": STEP}, {"k": -1.0})
+    with pytest.raises(DiagramError, match="must be one of the system's"):
+        diagram.realize_lanes({"speed": STEP})
