@@ -177,7 +177,10 @@ def _discretised(system: LaneSystem) -> Complex:
 def _polish(system: LaneSystem, s: complex) -> tuple[complex, Complex, Complex, float] | None:
     """Return (pole, left, right null vector, uncertainty) near ``s``, or None when Newton goes elsewhere."""
     start = s
+    reach = 500.0 / float(system.delays[0].real.max())
     for _ in range(40):
+        if s.real > reach:
+            return None  # Newton left the half-plane where poles are: e^{s τ} would overflow
         f, slope = _characteristic(system, s)
         if not np.all(np.isfinite(f)):
             return None

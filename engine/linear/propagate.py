@@ -92,7 +92,7 @@ class Collocation:
         size = DEGREE * n
         matrix = np.eye(size) - np.einsum("jl,pab->pjalb", s[1:, 1:], h * a).reshape(lanes, size, size)
         first = np.einsum("j,pab->pjab", s[1:, 0], h * a) + np.eye(n)
-        forced = np.einsum("jl,pam->pjalm", s[1:], h * b).reshape(lanes, size, -1)
+        forced = np.einsum("jl,pam->pjalm", s[1:], h * b).reshape(lanes, size, (DEGREE + 1) * b.shape[-1])
         right = np.concatenate([first.reshape(lanes, size, n), forced], axis=-1)
         self._map = solve(matrix, right)
         self._n = n

@@ -135,12 +135,12 @@ class Drive:
     def _kernel(self, system: LaneSystem, source: int, output: int) -> _Kernel | None:
         """Return the kernel from one input to one output, None when it grows beyond the limit."""
         h, samples = self._h, self._inputs.shape[1]
-        part = connected(system, [source], [output])
+        part = _balanced(connected(system, [source], [output]))
         if guess := self._settled.get((source, output)):
             kernel = _settled(part, h, guess)
             if kernel is not None:
                 return kernel
-        part = path(system, [source], [output])
+        part = _balanced(path(system, [source], [output]))
         found = poles(part.value)
         if found.verdict is Verdict.UNSTABLE:
             growth = np.inf if found.neutral else float(found.values.real.max()) * h * samples
@@ -187,6 +187,10 @@ class _Kernel:
             value = value + u[0] * self.step[0].real
             tangent = tangent + u[0] * slopes(self.step)
         return value, tangent
+
+
+def _balanced(part: LaneSystem) -> LaneSystem:
+    return part.balanced() if part.n else part
 
 
 def _settled(part: LaneSystem, h: float, count: int) -> _Kernel | None:
