@@ -5,7 +5,7 @@ A value is checked by one function instead of a union of models, so that a wrong
 
 from __future__ import annotations
 
-import math
+import sys
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
@@ -29,7 +29,7 @@ def _wrong(rule: str, got: Any) -> PydanticCustomError:
 
 def is_number(value: Any) -> bool:
     """Say whether a JSON value is a finite number (true and false are none)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def is_quantity(value: Any) -> bool:

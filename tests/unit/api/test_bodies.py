@@ -1,0 +1,45 @@
+"""JSON bodies are read strictly."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from api.bodies import parse
+
+
+def test_a_plain_document_passes() -> None:
+    assert parse(b'{"a": [1, 2.5, "x", null, true], "b": {"c": {}}}') == {
+        "a": [1, 2.5, "x", None, True],
+        "b": {"c": {}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (b'{"a": NaN}', "finite"),
+        (b'{"a": Infinity}', "finite"),
+        (b'{"a": -Infinity}', "finite"),
+        (b'{"a": 1e999}', "below 1.8e308"),
+        (b'{"a": ' + b"9" * 5000 + b"}", "below 1.8e308"),
+        (b'{"a": 1, "a": 2}', "'a' twice"),
+        (b'{"a": {"b": 1, "c": 2, "b": 3}}', "'b' twice"),
+        (b'{"a": ', "Expecting value"),
+        (b"", "Expecting value"),
+        (b'{"a": 1} x', "Extra data"),
+        (b'{"a": "\xff"}', "UTF-8"),
+        (b"[" * 100_000, "64 levels"),
+        (b"[" * 65 + b"]" * 65, "64 levels"),
+        (b'{"a":' * 65 + b"1" + b"}" * 65, "64 levels"),
+    ],
+)
+def test_what_is_no_document_is_refused(body, says) -> None:
+    with pytest.raises(json.JSONDecodeError) as caught:
+        parse(body)
+    assert says in caught.value.msg
+
+
+def test_sixty_four_levels_pass() -> None:
+    assert parse(b"[" * 64 + b"]" * 64) is not None

@@ -1,0 +1,68 @@
+"""One table: what each exception leaves the service as."""
+
+from __future__ import annotations
+
+import pytest
+from sqlalchemy.exc import OperationalError
+
+from api.errors import Problem, at, invalid, problem_of
+from engine.errors import DiagramError, ExpressionError, IllPosedError, SignalError
+from optimizers.problem import ProblemError
+from storage import errors as storage
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (DiagramError("x", at=("blocks", "a")), 422),
+        (ExpressionError("x"), 422),
+        (SignalError("x"), 422),
+        (IllPosedError("x", ports=("a.out",)), 422),
+        (ProblemError("x", at=("goals", 0)), 422),
+        (storage.NotFoundError("system", "sys_1"), 404),
+        (storage.RevisionConflictError("sys_1", expected=1, actual=2), 412),
+        (storage.StateError("x"), 409),
+        (storage.MissingSegmentsError("ds_1", ["a"]), 409),
+        (storage.ChecksumError("x", expected="a", actual="b"), 422),
+        (storage.InvalidCursorError("x"), 422),
+        (storage.IdempotencyMismatchError("x"), 422),
+        (storage.IdempotencyRunningError("x"), 409),
+        (OperationalError("SELECT 1", {}, Exception("gone")), 503),
+    ],
+)
+def test_every_foreseen_exception_has_a_problem(error, status) -> None:
+    problem = problem_of(error)
+    assert problem is not None
+    document = problem.document()
+    assert document["status"] == problem.status == status
+    assert document["type"].startswith("urn:servotune:problem:")
+    assert document["title"]
+    assert document["detail"]
+
+
+def test_an_unforeseen_exception_has_none() -> None:
+    assert problem_of(ZeroDivisionError()) is None
+
+
+def test_the_database_error_does_not_show_the_statement() -> None:
+    problem = problem_of(OperationalError("SELECT secret", {}, Exception("gone")))
+    assert problem is not None
+    assert "secret" not in str(problem.document())
+
+
+def test_a_place_in_the_system_becomes_a_pointer_from_the_root_of_the_body() -> None:
+    with pytest.raises(Problem) as caught, at("system"):
+        raise DiagramError("area must be > 0 m**2, got -1", at=("blocks", "motor", "area"))
+    assert caught.value.document()["errors"] == [
+        {"pointer": "/system/blocks/motor/area", "detail": "area must be > 0 m**2, got -1"}
+    ]
+
+
+def test_an_ill_posed_loop_names_its_ports() -> None:
+    problem = problem_of(IllPosedError("no solution", at=("blocks", "a"), ports=("a.out", "b.out")))
+    assert problem is not None
+    assert problem.document()["ports"] == ["a.out", "b.out"]
+
+
+def test_places_nest() -> None:
+    assert invalid("x", "b").within("a").document()["errors"][0]["pointer"] == "/a/b"
