@@ -24,7 +24,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 setup: $(INSTALLED)  ## install everything into .venv, from locked versions
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
-	@$(BIN)/python examples/demo.py
+	@$(BIN)/python -m examples.demo
 
 serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
 	@$(BIN)/servotune serve
@@ -49,7 +49,7 @@ bench: setup  ## this engine beside python-control: time, ratio and accuracy
 	@$(BIN)/python -m bench.step_loop
 
 openapi: setup  ## write openapi/openapi.json from the code
-	@$(BIN)/servotune openapi > openapi/openapi.json
+	@mkdir -p openapi && $(BIN)/servotune openapi > openapi/.new && mv openapi/.new openapi/openapi.json
 
 catalogue: setup  ## write docs/catalogue/ from the code
 	@$(BIN)/python docs/catalogue/generate.py

@@ -24,7 +24,7 @@ def targets() -> set[str]:
 
 
 def test_the_targets_of_the_readme_exist() -> None:
-    named = set(re.findall(r"\bmake ([a-z]+)", README))
+    named = set(re.findall(r"(?:`|^    )make ([a-z]+)", README, flags=re.MULTILINE))
     assert {"demo", "test"} <= named <= targets()
 
 
