@@ -73,6 +73,7 @@ class Evaluation:
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
+        self._poles: dict[bytes, Poles] = {}
 
     def _scale(self, name: str) -> float:
         value = self.value_of(name)
@@ -109,6 +110,13 @@ class Evaluation:
         """Poles of the whole closed system."""
         return poles(self.system)
 
+    def _poles_of(self, part: LaneSystem) -> Poles:
+        """Return the poles of a part; many paths share one."""
+        key = b"|".join(np.ascontiguousarray(m).tobytes() for m in (part.a, part.b2, part.c2, part.d22, part.delays))
+        if key not in self._poles:
+            self._poles[key] = poles(part)
+        return self._poles[key]
+
     @property
     def system_subject(self) -> SystemSubject:
         """What a metric of the poles measures."""
@@ -118,9 +126,9 @@ class Evaluation:
         """Return the open loop at ``open_at``, signed so that 1 + L = 0 is the characteristic equation."""
         if open_at not in self._loops:
             whole = self._realize(open_at)
-            opened = _negated(path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1]))
-            closed = poles(_closed(opened.value))
-            static = None if np.any(poles(opened.value).at_zero) else static_gain(opened)[:, 0, 0]
+            opened = _negated(path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1], self._poles_of))
+            closed = self._poles_of(_closed(opened.value))
+            static = None if np.any(self._poles_of(opened.value).at_zero) else static_gain(opened)[:, 0, 0]
             response = FrequencyResponse(opened, corners=closed.values)
             self._loops[open_at] = LoopSubject(response=response, static=static, verdict=closed.verdict)
         return self._loops[open_at]
@@ -129,8 +137,8 @@ class Evaluation:
         """Return the frequency response from an input to an output of the diagram."""
         key = (source, target)
         if key not in self._paths:
-            part = path(self.system, [self.input_index(source)], [self.output_index(target)])
-            own = poles(part.value)
+            part = path(self.system, [self.input_index(source)], [self.output_index(target)], self._poles_of)
+            own = self._poles_of(part.value)
             static = None if np.any(own.at_zero) else static_gain(part)[:, 0, 0]
             response = FrequencyResponse(part, corners=own.values)
             self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
@@ -162,7 +170,7 @@ class Evaluation:
         verdicts: dict[str, Verdict] = {}
         slowest = np.inf
         for name in outputs:
-            own = poles(path(self.system, inputs, [self.output_index(name)]).value)
+            own = self._poles_of(path(self.system, inputs, [self.output_index(name)], self._poles_of).value)
             verdicts[name] = own.verdict
             if own.verdict is Verdict.OK:
                 slowest = min(slowest, own.slowest)
@@ -172,7 +180,7 @@ class Evaluation:
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
         joint = None
         if decaying:
-            part = path(self.system, inputs, [self.output_index(name) for name in decaying])
+            part = path(self.system, inputs, [self.output_index(name) for name in decaying], self._poles_of)
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
                 values = np.einsum("poi,i->po", static_gain(part), np.array([float(end or 0.0) for end in ends]))

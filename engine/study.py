@@ -113,26 +113,29 @@ def measure(
     DiagramError
         When a request names an unknown metric, input, output, endpoint or parameter.
     """
-    values = [finding for finding, _ in _findings(Evaluation(diagram, overrides), requests)]
-    measured = [_measured(diagram, request, finding) for request, finding in zip(requests, values, strict=True)]
     if not gradient:
-        return [(m, None) for m in measured]
-    slopes: list[list[float]] = [[] for _ in requests]
-    for group in _lanes(diagram, overrides, gradient):
-        for row, (finding, evaluation) in enumerate(_findings(group, requests)):
-            if isinstance(finding, Found):
-                slopes[row].extend(evaluation.derivatives(finding.value).tolist())
-            else:
-                slopes[row].extend([np.nan] * len(group.gradient))
-    order = [name for group in _lanes(diagram, overrides, gradient) for name in group.gradient]
+        found = _findings(Evaluation(diagram, overrides), requests)
+        return [(_measured(diagram, request, finding), None) for request, finding in zip(requests, found, strict=True)]
+    groups = _lanes(diagram, overrides, gradient)
+    columns = [_findings(group, requests) for group in groups]
+    order = [name for group in groups for name in group.gradient]
     place = [order.index(name) for name in gradient]
     result: list[tuple[Measured, Gradient | None]] = []
-    for m, finding, row in zip(measured, values, slopes, strict=True):
-        if not isinstance(finding, Found):
-            result.append((m, None))
-            continue
-        result.append((m, Gradient(values=np.array(row)[place], one_sided=finding.one_sided)))
+    for row, request in enumerate(requests):
+        first = columns[0][row]
+        slopes = None
+        if isinstance(first, Found):
+            parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
+            slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided)
+        result.append((_measured(diagram, request, first), slopes))
     return result
+
+
+def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
+    """Return the derivatives of one metric for the parameters of one evaluation; NaN where the metric then vanishes."""
+    if isinstance(finding, Found):
+        return evaluation.derivatives(finding.value)
+    return np.full(len(evaluation.gradient), np.nan)
 
 
 def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str]) -> list[Evaluation]:
@@ -144,14 +147,14 @@ def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Se
     return [Evaluation(diagram, overrides, group) for group in groups]
 
 
-def _findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[tuple[Finding, Evaluation]]:
+def _findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:
     together: dict[tuple[int, ...], list[str]] = {}
     for request in requests:
         if request.output is not None:
             outputs = together.setdefault(_command(request), [])
             if request.output not in outputs:
                 outputs.append(request.output)
-    return [(_find(evaluation, request, together), evaluation) for request in requests]
+    return [_find(evaluation, request, together) for request in requests]
 
 
 def _command(request: MetricRequest) -> tuple[int, ...]:
@@ -261,9 +264,9 @@ def simulate(
     length = duration if duration is not None else _length(evaluation, signals, names)
     time = np.linspace(0.0, length, samples)
     curves = _curves(evaluation, signals, names, time)
-    wanted = tuple(name for name, metric in catalogue().items() if issubclass(metric, TimeMetric)) if metrics is None else tuple(metrics)
     found: dict[str, dict[str, Measured]] = {}
     for name in names:
+        wanted = _fitting(_named_unit(diagram, name)) if metrics is None else metrics
         requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration) for m in wanted]
         together = {_command(r): names for r in requests}
         found[name] = {r.metric: _measured(diagram, r, _find(evaluation, r, together)) for r in requests}
@@ -271,6 +274,12 @@ def simulate(
             found[name] = {m: v for m, v in found[name].items() if v.verdict is not Verdict.NOT_APPLICABLE}
     remarks = (*diagram.warnings, *_hidden(response.hidden))
     return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
+
+
+def _fitting(unit: str) -> tuple[str, ...]:
+    """Return the time metrics that make sense for an output of this unit ("1": unknown, any)."""
+    kinds = [metric for metric in catalogue().values() if issubclass(metric, TimeMetric)]
+    return tuple(metric.kind for metric in kinds if unit == "1" or not metric.belongs_to or unit in metric.belongs_to)
 
 
 def _hidden(names: Sequence[str]) -> tuple[Remark, ...]:

@@ -11,13 +11,13 @@ P. Van Dooren, "The generalized eigenstructure problem in linear system theory",
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.poles import poles
+from engine.linear.poles import Poles, poles
 from engine.linear.system import ARRAYS, LaneSystem
 from engine.verdicts import Verdict
 
@@ -25,10 +25,15 @@ _HIDDEN = 1e-10
 """A direction weaker than this (balanced, relative) is hidden."""
 
 
-def path(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int]) -> LaneSystem:
-    """Return the system from ``inputs`` to ``outputs`` without the states and delays that play no part between them."""
+def path(
+    system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int], poles_of: Callable[[LaneSystem], Poles] = poles
+) -> LaneSystem:
+    """Return the system from ``inputs`` to ``outputs`` without the states and delays that play no part between them.
+
+    ``poles_of`` may remember the poles of parts met before.
+    """
     part = connected(system, inputs, outputs)
-    if part.n and poles(part.value).verdict is not Verdict.OK:
+    if part.n and poles_of(part.value).verdict is not Verdict.OK:
         part = _minimal(part)
     return part
 

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 Complex = npt.NDArray[np.complex128]
 
 _EPS = float(np.finfo(float).eps)
+_MOST = 16
+"""So many of the rightmost poles of a delay system are looked for, beside twice its states."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,45 +108,71 @@ def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     return values, left / scale[:, None], right * scale[:, None], uncertainty
 
 
-def _characteristic(system: LaneSystem, s: complex) -> tuple[Complex, Complex]:
-    """Return F(s) and its derivative with respect to s."""
+def _characteristic(system: LaneSystem, s: Complex) -> tuple[Complex, Complex]:
+    """Return F(s) and its derivative at each s of shape (k,), shapes (k, n + m, n + m) and (k, n + m) (a diagonal)."""
     n, m = system.n, system.m
     tau = system.delays[0].real
-    f = np.zeros((n + m, n + m), dtype=complex)
-    f[:n, :n] = s * np.eye(n) - system.a[0].real
-    f[:n, n:] = -system.b2[0].real
-    f[n:, :n] = -system.c2[0].real
-    f[n:, n:] = np.diag(np.exp(s * tau)) - system.d22[0].real
-    return f, np.diag(np.concatenate([np.ones(n), tau * np.exp(s * tau)])).astype(complex)
+    turns = np.exp(s[:, None] * tau)
+    f = np.zeros((len(s), n + m, n + m), dtype=complex)
+    f[:, :n, :n] = s[:, None, None] * np.eye(n) - system.a[0].real
+    f[:, :n, n:] = -system.b2[0].real
+    f[:, n:, :n] = -system.c2[0].real
+    f[:, n:, n:] = turns[:, :, None] * np.eye(m) - system.d22[0].real
+    return f, np.concatenate([np.ones((len(s), n)), tau * turns], axis=1)
 
 
 def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:
-    guesses = _discretised(system)
-    found: list[tuple[complex, Complex, Complex, float]] = []
     tau = float(system.delays[0].real.max())
-    limit = guesses.real.max() - 60.0 / tau  # poles that decay so fast within one delay leave nothing behind
-    for guess in guesses[np.argsort(-guesses.real)][:80]:
-        if guess.real < limit or guess.imag < -1e-9 * abs(guess):
-            continue
-        polished = _polish(system, complex(guess))
-        if polished is None:
-            continue
-        s = polished[0]
-        close = 1e-7 * max(abs(s), 1e-3 / tau)
-        if any(abs(s - other[0]) < close for other in found):
-            continue
-        found.append(polished)
-        if abs(s.imag) > close:
-            found.append((s.conjugate(), polished[1].conj(), polished[2].conj(), polished[3]))
-    if not found:
-        empty = np.zeros((system.n + system.m, 0), complex)
-        return np.zeros(0, complex), empty, empty, np.zeros(0)
+    guesses = _discretised(system)
+    guesses = guesses[guesses.imag >= -1e-9 * np.abs(guesses)]
+    guesses = guesses[np.argsort(-guesses.real)][: _MOST + 2 * system.n]
+    # poles that decay so fast within one delay leave nothing behind
+    guesses = guesses[guesses.real > guesses.real[0] - 60.0 / tau]
+    upper = _polished(system, guesses)
+    paired = np.abs(upper.imag) > 1e-7 * np.maximum(np.abs(upper), 1e-3 / tau)
+    upper = np.where(paired, upper, upper.real)
+    f, slope = _characteristic(system, upper)
+    scale = np.maximum(np.abs(f).max(axis=2), 1e-300)
+    u, _, vh = np.linalg.svd(f / scale[:, :, None])
+    left, right = u[:, :, -1] / scale, vh[:, -1].conj()
+    overlap = np.abs(np.einsum("ki,ki,ki->k", left.conj(), slope, right))
+    spread = np.linalg.norm(np.einsum("ki,kij->kj", np.abs(left), np.abs(f)), axis=1)
+    uncertainty = 20 * _EPS * spread / np.maximum(overlap, 1e-300)
     return (
-        np.array([s for s, *_ in found]),
-        np.stack([w for _, w, *_ in found], axis=1),
-        np.stack([v for _, _, v, _ in found], axis=1),
-        np.array([u for *_, u in found]),
+        np.concatenate([upper, upper[paired].conj()]),
+        np.concatenate([left, left[paired].conj()]).T,
+        np.concatenate([right, right[paired].conj()]).T,
+        np.concatenate([uncertainty, uncertainty[paired]]),
     )
+
+
+def _polished(system: LaneSystem, guesses: Complex) -> Complex:
+    """Return the distinct poles that Newton on det F, s -= 1 / tr(F⁻¹ F_s), reaches from the guesses."""
+    tau = float(system.delays[0].real.max())
+    s = guesses.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(50):
+            f, slope = _characteristic(system, s)
+            f += 1e-300 * np.eye(f.shape[1])
+            finite = np.isfinite(f).all(axis=(1, 2))
+            s, guesses, f, slope = s[finite], guesses[finite], f[finite], slope[finite]
+            try:
+                inverse = np.linalg.inv(f)
+            except np.linalg.LinAlgError:  # a guess is a pole already: move it by rounding
+                s = s * (1 + 1e-13) + 1e-13 / tau * _EPS
+                continue
+            step = 1 / np.einsum("kii,ki->k", inverse, slope)
+            step = np.where(np.isfinite(step), step, 0.0)
+            s = s - step
+            if np.all(np.abs(step) <= 4e-15 * np.maximum(np.abs(s), 1e-12)):
+                break
+    near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
+    still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau) if len(step) == len(s) else np.ones(len(s), dtype=bool)
+    kept: list[complex] = []
+    for value in s[near & still]:
+        if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
+            kept.append(complex(value))
+    return np.array(kept, dtype=complex)
 
 
 def _discretised(system: LaneSystem) -> Complex:
@@ -172,34 +200,6 @@ def _discretised(system: LaneSystem) -> Complex:
         big[rows, rows] = 2 / tau * d[1:, 1:]
         big[rows] += 2 / tau * np.outer(d[1:, 0], z[i])
     return np.asarray(np.linalg.eigvals(matrix_balance(big, permute=False)[0]))
-
-
-def _polish(system: LaneSystem, s: complex) -> tuple[complex, Complex, Complex, float] | None:
-    """Return (pole, left, right null vector, uncertainty) near ``s``, or None when Newton goes elsewhere."""
-    start = s
-    reach = 500.0 / float(system.delays[0].real.max())
-    for _ in range(40):
-        if s.real > reach:
-            return None  # Newton left the half-plane where poles are: e^{s τ} would overflow
-        f, slope = _characteristic(system, s)
-        if not np.all(np.isfinite(f)):
-            return None
-        scale = np.maximum(np.abs(f).max(axis=1), 1e-300)
-        u, _, vh = np.linalg.svd(f / scale[:, None])
-        w, v = u[:, -1] / scale, vh[-1].conj()
-        denominator = complex(w.conj() @ slope @ v)
-        if denominator == 0:
-            return None
-        step = complex(w.conj() @ f @ v) / denominator
-        s -= step
-        if abs(step) <= 1e-14 * max(abs(s), 1e-12):
-            break
-    else:
-        return None
-    if abs(s - start) > 0.5 * max(abs(start), 1 / float(system.delays[0].real.max())):
-        return None
-    spread = float(np.linalg.norm(np.abs(w) @ np.abs(f)))
-    return s, w, v, 20 * _EPS * spread / abs(denominator)
 
 
 def _motion(system: LaneSystem, s: complex, left: Complex, right: Complex) -> Complex:

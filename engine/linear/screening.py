@@ -12,7 +12,7 @@ steps, delays of different length, integrals over a limited time, metrics withou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 RESOLVED = 1e-6
 """Largest share of the highest polynomial coefficient at which a response counts as resolved."""
-_CHUNK = 128
+_CHUNK = 256
 _MOST_OCTAVES = 10
 _RESOLVED_PHASE = 4.0
 _INTEGRALS = frozenset({"iae", "ise", "itae"})
@@ -139,23 +139,16 @@ class Screening:
             return
         lanes = lanes.take(np.flatnonzero(equal))
         octaves = _octaves(lanes)
-        unresolved: list[Array] = []
         for level in np.unique(octaves):
             chosen = np.flatnonzero(octaves == level)
-            run = march(lanes.take(chosen), Mesh.graded(int(level)), here[chosen])
+            run = march(lanes.take(chosen), Mesh.graded(int(level)))
             growth[here[chosen]] = run.growth
-            for group in run.groups:
-                coarse = (group.resolution > RESOLVED).any(axis=(1, 2))
-                unresolved.append(group.index[coarse])
-                self._read_time(group, np.flatnonzero(~coarse), values, doubtful)
-        again = np.sort(np.concatenate(unresolved)) if unresolved else np.zeros(0, dtype=int)
-        if again.size:
-            position = np.searchsorted(here, again)
-            for level in np.unique(octaves[position]):
-                chosen = position[octaves[position] == level]
-                run = march(lanes.take(chosen), Mesh.graded(int(level) + 1, split=2), here[chosen], detail=6)
-                for group in run.groups:
-                    self._read_time(group, np.arange(len(group.index)), values, doubtful)
+            coarse = run.settled & (run.resolution > RESOLVED).any(axis=(1, 2))
+            self._read_time(run, here[chosen], ~coarse & run.settled, values, doubtful)
+            doubtful[np.ix_(here[chosen[~run.settled]], list(self._experiment))] = True
+            if coarse.any():
+                finer = march(lanes.take(chosen[coarse]), Mesh.graded(int(level) + 1, split=2), detail=6)
+                self._read_time(finer, here[chosen[coarse]], finer.settled, values, doubtful)
         # An eigenvalue of 1 to rounding: an integrator beside the path, or the edge of stability. Not for screening.
         edge = np.abs(growth[here] * lanes.width.real) < _MARGINAL
         doubtful[here[edge]] = True
@@ -186,13 +179,11 @@ class Screening:
         )  # fmt: skip
         return lanes, equal
 
-    def _read_time(self, group: Responses, rows: Array, values: Array, doubtful: Array) -> None:
-        if not rows.size:
+    def _read_time(self, run: Responses, index: Array, which: Array, values: Array, doubtful: Array) -> None:
+        """Write the time metrics of the responses ``which`` of a run into the rows ``index`` of the candidates."""
+        if not which.any():
             return
-        part = replace(
-            group, index=group.index[rows], values=group.values[rows], final=group.final[rows],
-            width=group.width[rows], resolution=group.resolution[rows], settled=group.settled[rows],
-        )  # fmt: skip
+        part, rows = run.take(which), index[which]
         known: dict[tuple[int, int, Callable[[Trace], Readings]], Readings] = {}
         for index, experiment in self._experiment.items():
             request = self._requests[index]
@@ -206,9 +197,8 @@ class Screening:
                 reference = sum(value for name, value in zip(self._diagram.inputs, command, strict=True) if roles[name] == "reference")
                 known[key] = metric(Trace.of(part, experiment, output, np.asarray(reference, dtype=float)))
             found = known[key]
-            fine = part.settled & (part.resolution[:, experiment, output] <= RESOLVED)
-            values[part.index, index] = found.value
-            doubtful[part.index, index] = found.doubtful | ~fine
+            values[rows, index] = found.value
+            doubtful[rows, index] = found.doubtful | (part.resolution[:, experiment, output] > RESOLVED)
 
     def _read_frequency(
         self, stack: Stacked, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array

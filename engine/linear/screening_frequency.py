@@ -23,6 +23,7 @@ SMALLEST_LOOP_GAIN = 1e-3
 _PER_DECADE = 32
 _TURNS = 120
 _WELL_CONDITIONED = 1e7
+_NUDGE = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,12 +55,14 @@ class Scan:
         self._tau = path.delays.real
         a = path.a.real
         batch, n = a.shape[:2]
-        self._poles, vectors = np.linalg.eig(a) if n else (np.zeros((batch, 0)), np.zeros((batch, 0, 0)))
-        if n:
-            singular = np.linalg.svd(vectors, compute_uv=False)
-            self._modal = singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]
-        else:
-            self._modal = np.ones(batch, dtype=bool)
+        self._poles, vectors, self._modal = _eigenvectors(a)
+        # Repeated poles (two integrators in a loop) have dependent eigenvectors; those of a neighbour are good enough to
+        # scan with, because what is found is polished on the system itself.
+        repeated = np.flatnonzero(~self._modal)
+        if repeated.size:
+            i, j = np.indices((n, n))
+            nudge = _NUDGE * np.abs(a[repeated]).max(axis=(1, 2))[:, None, None] * np.cos(1.0 + 3.0 * i + 7.0 * j)
+            self._poles[repeated], vectors[repeated], self._modal[repeated] = _eigenvectors(a[repeated] + nudge)
         safe = np.where(self._modal[:, None, None], vectors, np.eye(n))
         ports = path.d.shape[1]
         left = np.linalg.solve(safe, path.b.real.astype(complex)) if n else np.zeros((batch, 0, ports))
@@ -169,6 +172,15 @@ class Scan:
         return rows, np.where(np.abs(at_low) < np.abs(at_high), low, high)
 
 
+def _eigenvectors(a: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues (B, n), eigenvectors (B, n, n), and whose eigenvectors are independent (B,)."""
+    poles, vectors = np.linalg.eig(a)
+    if not a.shape[1]:
+        return poles.astype(complex), vectors.astype(complex), np.ones(len(a), dtype=bool)
+    singular = np.linalg.svd(vectors, compute_uv=False)
+    return poles.astype(complex), vectors.astype(complex), singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]
+
+
 def solved(path: Path, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     """Return G(jω), its tangent by the infinitesimals and its derivative by ω, each (k,), for systems ``rows``.
 
@@ -200,6 +212,18 @@ def solved(path: Path, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     value = (real @ x)[:, 0, 0] + direct.real
     moved = (real @ z[:, :, :1] + read.imag @ x)[:, 0, 0] + direct.imag
     return value, moved, (real @ z[:, :, 1:])[:, 0, 0]
+
+
+def _newton(
+    path: Path, rows: Array, omega: Array, level: Callable[[Array], Array], slope_of: Callable[[Array, Array], Array]
+) -> Array:
+    """Return crossings after two Newton steps on the system itself; they were found to about 1e-6."""
+    for _ in range(2):
+        g, _, slope = solved(path, rows, omega)
+        fall = slope_of(g, slope)
+        shift = level(g) / np.where(fall == 0, np.inf, fall)
+        omega = np.where(np.abs(shift) < 1e-3 * omega, omega - shift, omega)
+    return omega
 
 
 def _dual(value: Array, tangent: Array) -> Array:
@@ -243,6 +267,7 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
     level = np.abs(static.real) * 10**-0.15
     rows, omega = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
     value = np.full(batch, np.inf, dtype=complex)
+    omega = _newton(path, rows, omega, lambda g: np.abs(g) - level[rows], lambda g, slope: (np.conj(g) * slope).real / np.abs(g))
     g, moved, slope = solved(path, rows, omega)
     size = np.abs(g)
     fall = (np.conj(g) * slope).real / size
@@ -265,6 +290,7 @@ def _nearest(batch: int, rows: Array, value: Array, order: Array) -> Readings:
 def gain_margin(path: Path, scan: Scan) -> Readings:
     """-1 / L where L is real and negative, nearest 1 on a logarithmic scale."""
     rows, omega = scan.crossings(lambda g, _: g.imag)
+    omega = _newton(path, rows, omega, lambda g: g.imag, lambda _, slope: slope.imag)
     value, moved, slope = solved(path, rows, omega)
     shift = -moved.imag / np.where(slope.imag == 0, np.inf, slope.imag)
     real = _dual(value.real, moved.real + slope.real * shift)
@@ -278,6 +304,7 @@ def gain_margin(path: Path, scan: Scan) -> Readings:
 def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
     """Return (systems, frequencies, π + arg L), both with infinitesimals, wherever |L| = 1."""
     rows, omega = scan.crossings(lambda g, _: np.abs(g) - 1)
+    omega = _newton(path, rows, omega, lambda g: np.abs(g) - 1, lambda g, slope: (np.conj(g) * slope).real / np.abs(g))
     value, moved, slope = solved(path, rows, omega)
     # d ln L = (d ln|L|, d arg L)
     by_parameter, by_frequency = moved / value, slope / value

@@ -202,14 +202,14 @@ def interval(lanes: Lanes, mesh: Mesh) -> Interval:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:
-    """Responses of some candidates (``index`` into the stack) as P polynomial pieces.
+    """Responses of B candidates as P polynomial pieces.
 
     ``values`` (B, E, o, P, POINTS) at the points GRID of each piece; ``starts`` and ``lengths`` (P,) of the pieces in units
     of ``width`` (B,) s; ``final`` (B, E, o); ``resolution`` (B, E, o): the highest polynomial coefficient beside the largest
-    value, an estimate of the relative error; ``settled`` (B,): the last piece ends at rest.
+    value, an estimate of the relative error; ``settled`` (B,): followed until it rests; ``growth`` (B,): real part of the
+    rightmost characteristic root, about, 1/s. Only settled responses mean anything.
     """
 
-    index: Array
     starts: Array
     lengths: Array
     values: Array
@@ -217,105 +217,120 @@ class Responses:
     width: Array
     resolution: Array
     settled: Array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class March:
-    """All responses, and ``growth`` (B,): the real part of the rightmost characteristic root (1/s), negative if stable."""
-
-    groups: tuple[Responses, ...]
     growth: Array
 
+    def take(self, index: Array) -> Self:
+        """Return the candidates at ``index``."""
+        common = {"starts": self.starts, "lengths": self.lengths}
+        own = {item.name: getattr(self, item.name)[index] for item in fields(self) if item.name not in common}
+        return type(self)(**common, **own)
 
-def march(
-    lanes: Lanes, mesh: Mesh, index: Array, *, detail: int = 4, limit: int = 24, tolerance: float = 1e-8
-) -> March:
+
+def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, tolerance: float = 1e-8) -> Responses:
     """March every candidate until its deviation from the final value has decayed to ``tolerance`` of its largest.
 
     The first 2**detail intervals are resolved by the mesh. Each later octave of time is cut in 2**detail pieces: what is
-    faster has died out by then, or else shows in ``resolution``.
+    faster has died out by then, or else shows in ``resolution``. Candidates at rest keep their final value from there on.
 
     Parameters
     ----------
     lanes : Lanes
     mesh : Mesh
-    index : ndarray, shape (B,)
-        What the candidates are called in the result.
     detail : int
     limit : int
-        At most 2**limit intervals; a candidate that needs more is returned with ``settled`` False.
+        At most 2**limit intervals; a candidate that needs more is not ``settled``.
     tolerance : float
     """
     one = interval(lanes, mesh)
-    batch, outputs = lanes.a.shape[0], lanes.c.shape[1] - lanes.channels
-    growth = np.full(batch, -np.inf)
+    batch, outputs, experiments = lanes.a.shape[0], lanes.c.shape[1] - lanes.channels, lanes.b.shape[2]
+    growth, settled = np.full(batch, -np.inf), np.zeros(batch, dtype=bool)
     steady, final, regular = _steady(lanes, len(mesh.lengths))
     alive = np.arange(batch)
-    read, powers = one.read, [one.step]
-    fine = -steady
-    for stage in range(detail):
-        fine = np.concatenate([fine, powers[stage] @ fine], axis=2)
-        powers.append(powers[stage] @ powers[stage])
-    parts = [_samples(read, fine, outputs, lanes.b.shape[2])]
+    # powers[k] is T to the power of 2**(span + k): from one coarse piece up to one octave of time.
+    powers = [one.step]
+    block = -steady
+    with np.errstate(over="ignore", invalid="ignore"):
+        for step in range(detail):
+            block = np.concatenate([block, powers[step] @ block], axis=2)
+            powers.append(powers[step] @ powers[step])
+        state = powers[detail] @ (-steady)
     count = 2**detail
+    parts = [(alive, _samples(one.read, block, outputs, experiments))]
     starts = [(np.arange(count)[:, None] + mesh.starts).ravel()]
     lengths = [np.tile(mesh.lengths, count)]
-    largest = np.abs(fine.real).reshape(batch, fine.shape[1], count, -1).max(axis=2)
-    state = powers[detail] @ (-steady)
-    groups: list[Responses] = []
+    largest = np.abs(block.real).reshape(batch, block.shape[1], count, experiments).max(axis=2)
+    coarse = _whole_interval(one.read, mesh)
+    open_ = np.ones(batch, dtype=bool)
     for stage in range(detail, limit + 1):
-        with np.errstate(over="ignore", invalid="ignore"):
-            size = np.abs(powers[stage].real).sum(axis=2).max(axis=1)
-        growth[alive] = np.log(np.maximum(size, 1e-300)) / (2.0**stage * lanes.width.real[alive])
+        size = np.abs(powers[-1].real).sum(axis=2).max(axis=1)
+        watched = np.flatnonzero(open_[alive])
+        who = alive[watched]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.log(np.where(np.isnan(size), np.inf, size)) / (2.0**stage * lanes.width.real[alive])
+        growth[who] = rate[watched]
         # A response at rest proves nothing about modes that it does not excite; the norm of the map does.
         quiet = (np.abs(state.real) <= tolerance * largest).all(axis=(1, 2)) & (size < 0.5) & regular[alive]
-        explodes = ~(size <= 1e12)
-        ends = quiet | explodes | (stage == limit)
-        if ends.any():
-            kept = np.flatnonzero(ends & ~explodes & regular[alive])
-            if kept.size:
-                values = np.concatenate([part[kept] for part in parts], axis=3)
-                values += final[alive[kept]][..., None, None]
-                groups.append(
-                    _responses(
-                        values, np.concatenate(starts), np.concatenate(lengths),
-                        index=index[alive[kept]], final=final[alive[kept]], width=lanes.width[alive[kept]], settled=quiet[kept],
-                    )
-                )  # fmt: skip
-            go = np.flatnonzero(~ends)
-            alive, state, read, largest = alive[go], state[go], read[go], largest[go]
+        settled[alive[quiet]] = True
+        open_[alive[quiet | ~(size <= 1e12)]] = False
+        go = np.flatnonzero(open_[alive])
+        if not go.size or stage == limit:
+            break
+        # Leaving candidates out costs a copy of everything, so it must be worth it.
+        if go.size < 0.8 * alive.size or not np.isfinite(size).all():
+            alive, state, coarse, largest = alive[go], state[go], coarse[go], largest[go]
             powers = [power[go] for power in powers]
-            parts = [part[go] for part in parts]
-            if not go.size:
-                break
-        span = stage - detail
         block = state
-        for step in range(span, stage):
-            block = np.concatenate([block, powers[step] @ block], axis=2)
-        parts.append(_samples(_coarse(read, powers, mesh, span), block, outputs, lanes.b.shape[2]))
+        for power in powers[:-1]:
+            block = np.concatenate([block, power @ block], axis=2)
+        span = stage - detail
+        parts.append((alive, _samples(coarse, block, outputs, experiments)))
         starts.append(2.0**stage + 2.0**span * np.arange(count))
         lengths.append(np.full(count, 2.0**span))
-        state = powers[stage] @ state
-        powers.append(powers[stage] @ powers[stage])
-    return March(groups=tuple(groups), growth=growth)
+        with np.errstate(over="ignore", invalid="ignore"):
+            coarse = _twice(coarse, powers[0])
+            state = powers[-1] @ state
+            powers = [*powers[1:], powers[-1] @ powers[-1]]
+    pieces = np.cumsum([0, *map(len, starts)])
+    values = np.zeros((batch, experiments, outputs, pieces[-1], POINTS), dtype=np.result_type(one.read, steady))
+    for (who, part), start, end in zip(parts, pieces[:-1], pieces[1:], strict=True):
+        values[who, :, :, start:end] = part
+    top = np.abs(values.real @ _TOP).max(axis=3)
+    values += final[..., None, None]
+    flat = values.real.reshape(batch, experiments, outputs, -1)
+    extent = np.maximum(flat.max(axis=3), -flat.min(axis=3))
+    return Responses(
+        starts=np.concatenate(starts), lengths=np.concatenate(lengths), values=values, final=final, width=lanes.width,
+        resolution=top / np.where(extent > 0, extent, 1.0), settled=settled, growth=growth,
+    )  # fmt: skip
 
 
-def _coarse(read: Array, powers: list[Array], mesh: Mesh, span: int) -> Array:
-    """Return the rows (B, POINTS * o, D) that read the outputs at the points of one piece of 2**span intervals."""
+def _whole_interval(read: Array, mesh: Mesh) -> Array:
+    """Return the rows (B, POINTS * o, D) that read the outputs at the points of an interval taken as one piece."""
     batch, size = read.shape[0], read.shape[2]
     fine = read.reshape(batch, len(mesh.lengths), POINTS, -1, size)
-    rows = []
-    for place in GRID * 2.0**span:
-        passed = min(int(place), 2**span - 1)
-        piece = int(np.searchsorted(mesh.starts, place - passed, side="right")) - 1
-        theta = (place - passed - mesh.starts[piece]) / mesh.lengths[piece]
-        weights = polynomial.polyvander(2 * theta - 1, STAGES)[0] @ TO_POLYNOMIAL
-        row = np.tensordot(weights, fine[:, piece], axes=(0, 1))
-        for bit in range(span):
-            if passed >> bit & 1:
-                row = row @ powers[bit]
-        rows.append(row)
-    return np.stack(rows, axis=1).reshape(batch, -1, size)
+    piece = np.searchsorted(mesh.starts, GRID, side="right") - 1
+    weights = _weights((GRID - mesh.starts[piece]) / mesh.lengths[piece])
+    return np.einsum("gi,bgirk->bgrk", weights, fine[:, piece]).reshape(batch, -1, size)
+
+
+def _twice(read: Array, step: Array) -> Array:
+    """Return the rows for a piece of twice the length, when ``step`` takes the state over the present length."""
+    batch, size = read.shape[0], read.shape[2]
+    first = GRID < 0.5
+    halves = read.reshape(batch, POINTS, -1, size), (read @ step).reshape(batch, POINTS, -1, size)
+    shape = (batch, -1, size)
+    return np.concatenate(
+        [
+            np.tensordot(_weights(2 * GRID[first]), halves[0], axes=(1, 1)).swapaxes(0, 1).reshape(shape),
+            np.tensordot(_weights(2 * GRID[~first] - 1), halves[1], axes=(1, 1)).swapaxes(0, 1).reshape(shape),
+        ],
+        axis=1,
+    )
+
+
+def _weights(theta: Array) -> Array:
+    """Return the weights (k, POINTS) of a piece's samples for its value at theta in [0, 1]."""
+    return polynomial.polyvander(2 * theta - 1, STAGES) @ TO_POLYNOMIAL
 
 
 def _samples(read: Array, block: Array, outputs: int, experiments: int) -> Array:
@@ -352,10 +367,3 @@ def _steady(lanes: Lanes, pieces: int) -> tuple[Array, Array, Array]:
     final = lanes.c[:, :outputs] @ x + lanes.dw[:, :outputs] @ w + lanes.d[:, :outputs]
     steady = np.concatenate([x, np.tile(w, (1, pieces * STAGES, 1))], axis=1)
     return steady, np.swapaxes(final, 1, 2), regular
-
-
-def _responses(values: Array, starts: Array, lengths: Array, **rest: Array) -> Responses:
-    largest = np.abs(values.real).max(axis=(3, 4))
-    top = np.abs(values.real @ _TOP).max(axis=3)
-    resolution = top / np.where(largest > 0, largest, 1.0)
-    return Responses(values=values, starts=starts, lengths=lengths, resolution=resolution, **rest)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -42,14 +43,34 @@ class Trace:
         """Return one output in one experiment."""
         final = responses.final[:, experiment, output]
         return cls(
-            values=responses.values[:, experiment, output], starts=responses.starts, lengths=responses.lengths,
+            values=np.ascontiguousarray(responses.values[:, experiment, output]), starts=responses.starts, lengths=responses.lengths,
             width=responses.width, final=final, reference=np.broadcast_to(reference, final.shape),
         )  # fmt: skip
+
+    @cached_property
+    def real(self) -> Array:
+        """Samples without infinitesimals, (B, P, POINTS)."""
+        return np.ascontiguousarray(self.values.real)
 
     @property
     def flat(self) -> Array:
         """Samples in the order of time, (B, P * POINTS), real."""
-        return self.values.real.reshape(len(self.values), -1)
+        return self.real.reshape(len(self.values), -1)
+
+    @cached_property
+    def tops(self) -> Array:
+        """Largest sample of every piece, (B, P)."""
+        return _reduced(np.maximum, self.real)
+
+    @cached_property
+    def bottoms(self) -> Array:
+        """Smallest sample of every piece, (B, P)."""
+        return _reduced(np.minimum, self.real)
+
+    @cached_property
+    def extent(self) -> Array:
+        """Largest absolute sample, (B,)."""
+        return np.maximum(self.tops.max(axis=1), -self.bottoms.min(axis=1))
 
     def polynomial(self, rows: Array, piece: Array) -> Array:
         """Return the coefficients (k, POINTS) of y on pieces, in 2θ - 1."""
@@ -58,6 +79,14 @@ class Trace:
     def instant(self, rows: Array, piece: Array, u: Array) -> Array:
         """Return the time (s) of the place u in [-1, 1] of a piece."""
         return self.width[rows] * (self.starts[piece] + self.lengths[piece] * (u + 1) / 2)
+
+
+def _reduced(choose: np.ufunc, samples: Array) -> Array:
+    """Reduce the last, short axis; numpy's own reduction is several times slower on such an axis."""
+    result = samples[..., 0].copy()
+    for place in range(1, samples.shape[-1]):
+        choose(result, samples[..., place], out=result)
+    return result
 
 
 def _evaluate(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
@@ -72,6 +101,20 @@ def _evaluate(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
     return value, first, second
 
 
+def _root(coefficients: Array, low: Array, high: Array, rises: Array) -> Array:
+    """Return where polynomials pass 0 within brackets: upwards where ``rises`` is 1, downwards where it is -1."""
+    at_low, at_high = _evaluate(coefficients, low)[0], _evaluate(coefficients, high)[0]
+    apart = at_low != at_high
+    u = low + (high - low) * np.clip(at_low / np.where(apart, at_low - at_high, 1.0), 0.0, 1.0)
+    for _ in range(9):
+        value, slope, _ = _evaluate(coefficients, u)
+        below = rises * value < 0
+        low, high = np.where(below, u, low), np.where(below, high, u)
+        newton = u - value / np.where(slope == 0, np.inf, slope)
+        u = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
+    return u
+
+
 def _crossing(trace: Trace, rows: Array, before: Array, level: Array) -> Array:
     """Return the instants at which candidates ``rows`` pass ``level`` between sample ``before`` and the next one."""
     piece, place = before // POINTS, before % POINTS
@@ -82,17 +125,11 @@ def _crossing(trace: Trace, rows: Array, before: Array, level: Array) -> Array:
     real = coefficients.real
     sign = np.where(_evaluate(real, low)[0] < 0, 1.0, -1.0)
     # Between the end of a piece and the start of the next there is either nothing or a jump.
-    u = (low + high) / 2
-    for step in range(14):
-        value, slope, _ = _evaluate(real, u)
-        below = sign * value < 0
-        low, high = np.where(below, u, low), np.where(below, high, u)
-        newton = u - value / np.where(slope == 0, np.inf, slope)
-        u = np.where((newton >= low) & (newton <= high) & (step > 3), newton, (low + high) / 2)
+    u = _root(real, low, high, sign)
     jumps = place == POINTS - 1
     u = np.where(jumps, 1.0, u)
     value, slope, _ = _evaluate(coefficients, u.astype(coefficients.dtype))
-    scale = np.abs(trace.final[rows].real) + np.abs(trace.values[rows].real).max(axis=(1, 2))
+    scale = trace.extent[rows]
     smooth = (np.abs(slope.real) > 0) & (np.abs(value.real) <= 1e-6 * scale)
     shift = np.where(smooth, value / np.where(smooth, slope, 1.0), 0.0)
     return trace.instant(rows, piece, u - shift)
@@ -128,21 +165,26 @@ def _polished(trace: Trace, rows: Array, sample: Array, sign: float | Array) -> 
     return np.where(jump, original, value), np.where(jump, sample // POINTS, piece), np.where(jump, grid[sample % POINTS], u)
 
 
+def _highest(trace: Trace, rows: Array, piece: Array, sign: float) -> Array:
+    """Return the number of the sample of a piece at which sign * y is largest."""
+    return piece * POINTS + (sign * trace.real[rows, piece]).argmax(axis=1)
+
+
 def _largest(trace: Trace, sign: float) -> tuple[Array, Array, Array]:
     """Return (value of y, piece, u) where sign * y is largest."""
     rows = np.arange(len(trace.values))
-    flat = sign * trace.flat
-    best = flat.argmax(axis=1)
-    value, piece, u = _polished(trace, rows, best, sign)
+    tops = trace.tops if sign > 0 else -trace.bottoms
+    piece = tops.argmax(axis=1)
+    value, piece, u = _polished(trace, rows, _highest(trace, rows, piece, sign), sign)
     # Two peaks of nearly the same height: samples cannot tell which is higher, their polynomials can.
-    padded = np.pad(flat, ((0, 0), (1, 1)), constant_values=-np.inf)
-    peaks = (flat >= padded[:, :-2]) & (flat >= padded[:, 2:])
-    peaks[np.abs(np.arange(flat.shape[1]) - best[:, None]) <= 2] = False
-    second = np.where(peaks, flat, -np.inf).argmax(axis=1)
-    close = peaks[rows, second] & (flat[rows, second] > flat[rows, best] - 0.1 * np.abs(flat).max(axis=1))
+    padded = np.pad(tops, ((0, 0), (1, 1)), constant_values=-np.inf)
+    peaks = (tops > padded[:, :-2]) & (tops > padded[:, 2:])
+    peaks[np.abs(np.arange(tops.shape[1]) - piece[:, None]) <= 1] = False
+    second = np.where(peaks, tops, -np.inf).argmax(axis=1)
+    close = peaks[rows, second] & (tops[rows, second] > tops.max(axis=1) - 0.1 * trace.extent)
     if close.any():
         other = np.flatnonzero(close)
-        rival, rival_piece, rival_u = _polished(trace, other, second[other], sign)
+        rival, rival_piece, rival_u = _polished(trace, other, _highest(trace, other, second[other], sign), sign)
         wins = sign * rival.real > sign * value[other].real
         value[other[wins]], piece[other[wins]], u[other[wins]] = rival[wins], rival_piece[wins], rival_u[wins]
     return value, piece, u
@@ -163,8 +205,7 @@ def _readings(trace: Trace, value: Array, doubtful: Array | None = None) -> Read
 
 def _relative(trace: Trace) -> Array:
     """Return which candidates have a final value that differs from 0."""
-    largest = np.abs(trace.flat).max(axis=1)
-    return np.abs(trace.final.real) > NEGLIGIBLE * largest
+    return np.abs(trace.final.real) > NEGLIGIBLE * trace.extent
 
 
 def _absent(value: Array, there: Array) -> Array:
@@ -194,28 +235,36 @@ def _last_entry(trace: Trace, band: float) -> Readings:
     batch = len(trace.values)
     size = np.abs(trace.final.real)
     half = band * size
-    deviation = trace.flat - trace.final.real[:, None]
-    outside = np.abs(deviation) > half[:, None]
-    total = deviation.shape[1]
-    last = total - 1 - outside[:, ::-1].argmax(axis=1)
+    middle = trace.final.real
+    reach = np.maximum(trace.tops - middle[:, None], middle[:, None] - trace.bottoms)
+    everyone = np.arange(batch)
+    pieces = reach.shape[1]
+    outside = reach > half[:, None]
+    last_piece = pieces - 1 - outside[:, ::-1].argmax(axis=1)
+    inside = np.abs(trace.real[everyone, last_piece] - middle[:, None]) <= half[:, None]
+    last = last_piece * POINTS + POINTS - 1 - (~inside[:, ::-1]).argmax(axis=1)
     last = np.where(outside.any(axis=1), last, -1)
-    doubtful = last >= total - 1
-    last = np.minimum(last, total - 2)
+    doubtful = last >= pieces * POINTS - 1
+    last = np.minimum(last, pieces * POINTS - 2)
     # A turning point between samples may leave the band once more, or just touch it.
-    later = np.arange(total) > last[:, None]
-    beyond = np.where(later, np.abs(deviation), 0.0)
-    beyond[np.arange(batch), np.maximum(last + 1, 0)] = 0.0
-    peak = beyond.argmax(axis=1)
-    rows = np.flatnonzero(beyond[np.arange(batch), peak] > _GRAZING * half)
+    later = np.where(np.arange(pieces) > last_piece[:, None], reach, 0.0)
+    own = np.where(np.arange(POINTS) > (last % POINTS)[:, None] + 1, np.abs(trace.real[everyone, last_piece] - middle[:, None]), 0.0)
+    later[everyone, last_piece] = own.max(axis=1)
+    peak_piece = later.argmax(axis=1)
+    rows = np.flatnonzero((later[everyone, peak_piece] > _GRAZING * half) & (last >= 0))
+    there = np.abs(trace.real[everyone, peak_piece] - middle[:, None])
+    there[peak_piece == last_piece] = own[peak_piece == last_piece]
+    peak = peak_piece * POINTS + there.argmax(axis=1)
+    flat = trace.flat
     entry = np.zeros(batch, dtype=np.result_type(trace.values, trace.width))
     normal = np.flatnonzero(last >= 0)
-    edge = np.sign(deviation[normal, last[normal]])
+    edge = np.sign(flat[normal, last[normal]] - middle[normal])
     # The band's edge carries the infinitesimals of the final value.
     way = np.where(trace.final.real < 0, -1.0, 1.0)
     level = trace.final[normal] + edge * band * (way * trace.final)[normal]
     entry[normal] = _crossing(trace, normal, last[normal], level)
     if rows.size:
-        side = np.sign(deviation[rows, peak[rows]])
+        side = np.sign(flat[rows, peak[rows]] - middle[rows])
         top, piece, u = _polished(trace, rows, peak[rows], side)
         excess = side * (top - trace.final[rows]).real - half[rows]
         doubtful[rows[np.abs(excess) <= 1e-5 * half[rows]]] = True
@@ -353,13 +402,7 @@ def _absolute(trace: Trace, power: int) -> Readings:
         grid = 2 * GRID - 1
         low, high = grid[place], grid[place + 1]
         before = signs[where, place]
-        u = (low + high) / 2
-        for step in range(14):
-            value, slope, _ = _evaluate(real, u)
-            same = value * before > 0
-            low, high = np.where(same, u, low), np.where(same, high, u)
-            newton = u - value / np.where(slope == 0, np.inf, slope)
-            u = np.where((newton >= low) & (newton <= high) & (step > 3), newton, (low + high) / 2)
+        u = _root(real, low, high, -before)
         np.add.at(total, where, 2 * before * _evaluate(integral[where], u)[0])
     scaled = total * trace.width[rows] * trace.lengths[piece] / 2
     value = scaled.reshape(error.shape[:2]).sum(axis=1)

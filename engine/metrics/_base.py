@@ -134,6 +134,8 @@ class Metric(abc.ABC):
     """The metric grows with this power of the command's amplitude."""
     time_power: ClassVar[int] = 0
     """The metric grows with this power of the time scale."""
+    belongs_to: ClassVar[tuple[str, ...]] = ()
+    """Units of the outputs that it is shown for by default; empty for any."""
     absent_is_infinite: ClassVar[bool] = False
     """``never_crosses`` means that the metric is as large as can be (no finite margin, no finite bandwidth)."""
 

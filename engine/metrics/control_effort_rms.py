@@ -26,6 +26,7 @@ class ControlEffortRms(TimeMetric):
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = "Root mean square of the control output over the duration."
     source: ClassVar[str] = "S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4"
+    belongs_to: ClassVar[tuple[str, ...]] = ("1", "V", "A", "m**3/s")
     amplitude_power: ClassVar[int] = 1
 
     @classmethod

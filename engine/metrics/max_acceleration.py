@@ -23,6 +23,7 @@ class MaxAcceleration(TimeMetric):
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "The largest absolute value of the acceleration output named. Nothing is differentiated: name the output that carries it."
     source: ClassVar[str] = "the dynamic behaviour parameter a_max of the influence-coefficient method"
+    belongs_to: ClassVar[tuple[str, ...]] = ("m/s**2", "rad/s**2")
     amplitude_power: ClassVar[int] = 1
 
     @classmethod

@@ -23,6 +23,7 @@ class MaxVelocity(TimeMetric):
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "The largest absolute value of the velocity output named. Nothing is differentiated: name the output that carries it."
     source: ClassVar[str] = "the dynamic behaviour parameter v of the influence-coefficient method"
+    belongs_to: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
     amplitude_power: ClassVar[int] = 1
 
     @classmethod

@@ -11,6 +11,7 @@ import numpy as np
 
 from engine.linear.frequency import squared_sensitivity
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
+from engine.metrics._loop import peak_of
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -36,5 +37,6 @@ class SensitivityPeak(LoopMetric):
             return refusal
         if subject.verdict is not Verdict.OK:
             return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
-        value, at = subject.response.peak(squared_sensitivity)
-        return Found(value=np.sqrt(value), at=at)
+        static = subject.static  # None with an integrator in the loop: L(0) is infinite
+        value, at = peak_of(subject.response, squared_sensitivity, np.zeros(1) if static is None else 1 / (1 + static))
+        return Found(value=value, at=at)
