@@ -38,12 +38,12 @@ class BlockValues:
     template: Mapping[str, Any]
     slots: frozenset[int]
 
-    def fill(self, values: Sequence[Scalar]) -> dict[str, Any]:
-        """Return the block's values by name."""
+    def fill(self, values: Sequence[Scalar] | Mapping[int, Scalar]) -> dict[str, Any]:
+        """Return the block's values by name, ``values`` being those of all slots or at least of this block's."""
         return {name: _filled(entry, values) for name, entry in self.template.items()}
 
 
-def _filled(entry: Any, values: Sequence[Scalar]) -> Any:
+def _filled(entry: Any, values: Sequence[Scalar] | Mapping[int, Scalar]) -> Any:
     if isinstance(entry, int):
         return values[entry]
     if isinstance(entry, tuple):

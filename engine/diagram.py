@@ -47,11 +47,7 @@ def compile_system(system: System) -> Diagram:
     flat = flatten(system)
     flat.numbers.settle()
     diagram = Diagram(system, flat)
-    base = diagram.realize()
-    if base.a.shape[0] > MAX_STATES:
-        raise DiagramError(f"states must be at most {MAX_STATES}, got {base.a.shape[0]}", at=("blocks",))
-    if len(base.delays) > MAX_DELAYS:
-        raise DiagramError(f"delays must be at most {MAX_DELAYS}, got {len(base.delays)}", at=("blocks",))
+    diagram.realize()
     return diagram
 
 
@@ -90,7 +86,7 @@ class Diagram:
         self._systems: dict[str | None, LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = _describe(flat.numbers)
         self.warnings = (*unconnected, *flat.warnings)
-        self._realizations = [self._realize_block(number, self._bindings.base) for number in range(len(flat.blocks))]
+        self._realizations = self._realize_base()
 
     def realize(
         self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
@@ -202,6 +198,19 @@ class Diagram:
 
     def _value(self, path: str) -> float:
         return float(self._bindings.base[self._slot(path)].real)
+
+    def _realize_base(self) -> list[Realization]:
+        """Return all blocks at the document's values, refusing what is too large before anything is built of it."""
+        realizations: list[Realization] = []
+        states = delays = 0
+        for number in range(len(self._flat.blocks)):
+            realization = self._realize_block(number, self._bindings.base)
+            states, delays = states + realization.a.shape[-1], delays + realization.delays.shape[-1]
+            for name, count, limit in (("states", states, MAX_STATES), ("delays", delays, MAX_DELAYS)):
+                if count > limit:
+                    raise DiagramError(f"{name} must be at most {limit}, got {count} or more", at=("blocks",))
+            realizations.append(realization)
+        return realizations
 
     def _realize_block(self, number: int, values: list[Scalar]) -> Realization:
         try:

@@ -14,6 +14,7 @@ from engine.realize import FlatBlock
 from engine.scopes import Entry, Scope
 
 MAX_BLOCKS: Final = 500
+MAX_PORTS: Final = 5000
 MAX_DEPTH: Final = 10
 MAX_NAME: Final = 64
 
@@ -98,7 +99,7 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
     given = frozenset(key for key, value in block.values.items() if value is not None)
     try:
         # Ports and completeness follow from what is present; the numbers come later.
-        sketch = values.fill([slot.value for slot in flat.numbers.bindings.slots])
+        sketch = values.fill({index: flat.numbers.bindings.slots[index].value for index in values.slots})
         element.check(given, sketch)
         ports = element.ports(sketch)
     except EngineError as error:
@@ -106,6 +107,8 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
     if block.kind == "input":
         return Entry(ports=ports, role=sketch["role"])
     flat.blocks.append(FlatBlock.after(flat.blocks[-1] if flat.blocks else None, path=path, at=at, ports=ports))
+    if flat.blocks[-1].first_output + len(ports.outputs) > MAX_PORTS:
+        raise DiagramError(f"output ports of all blocks together must be at most {MAX_PORTS}, got more", at=at)
     flat.elements.append(element)
     flat.numbers.bindings.blocks.append(values)
     return Entry(ports=ports, number=len(flat.blocks) - 1)
