@@ -18,7 +18,6 @@ from sqlalchemy import URL, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.orm import Session, sessionmaker
 
-from storage import migrations
 from storage.errors import DatabaseUrlError
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
@@ -43,10 +42,14 @@ class Database:
 
     def migrate(self) -> None:
         """Bring every table up to date; two processes that start at once wait for each other."""
+        from storage import migrations  # noqa: PLC0415 - alembic and dbos cost a second; children never migrate
+
         migrations.upgrade(self.engine, self.url)
 
     def is_current(self) -> bool:
         """Return whether every table is as this version of the software needs it."""
+        from storage import migrations  # noqa: PLC0415 - as above
+
         return migrations.is_current(self.engine)
 
     def ping(self) -> None:

@@ -57,6 +57,8 @@ def _obey(control: socket.socket, children: dict[int, int], compute: Compute, *,
     if not data:
         for process in children.values():
             _kill(process)
+        for process in children.values():
+            os.waitpid(process, 0)
         os._exit(0)
     command, number = COMMAND.unpack(data)
     if command == START:

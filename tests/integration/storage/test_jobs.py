@@ -5,86 +5,18 @@ from __future__ import annotations
 import logging
 import os
 import signal
-import threading
 import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from sqlalchemy import text
 
-from storage import Database, open_database
+from storage import open_database
 from storage.errors import StateError
-from storage.jobs.queue import JobQueue
 from storage.jobs.worker import Worker
-from storage.models import DEFAULT_WORKSPACE, Job
-from storage.repositories import JobRepository, ResultRepository, WorkerRepository
-from storage.repositories import jobs as changes
-
-COMPUTE = "tests.support.computing:run"
-FINAL = ("succeeded", "failed", "cancelled")
-
-
-class Desk:
-    """What a user does with jobs."""
-
-    def __init__(self, database: Database) -> None:
-        self.database = database
-        self.queue = JobQueue(database)
-
-    def ask(self, kind: str, **body) -> str:
-        with self.database.session() as session:
-            return self.queue.enqueue(session, kind=kind, body=body, workspace_id=DEFAULT_WORKSPACE).id
-
-    def get(self, job_id: str) -> Job:
-        with self.database.session() as session:
-            return JobRepository(session, DEFAULT_WORKSPACE).get(job_id)
-
-    def events(self, job_id: str, after: int = 0) -> list[tuple[int, str, dict]]:
-        with self.database.session() as session:
-            rows = JobRepository(session, DEFAULT_WORKSPACE).events(job_id, after=after)
-            return [(row.id, row.type, row.payload) for row in rows]
-
-    def wait(self, job_id: str, *statuses: str, timeout: float = 30) -> Job:
-        give_up_at = time.monotonic() + timeout
-        while (job := self.get(job_id)).status not in (statuses or FINAL):
-            assert time.monotonic() < give_up_at, f"job is {job.status} after {timeout} s"
-            time.sleep(0.01)
-        return job
-
-    def process_of(self, job_id: str) -> int:
-        """Wait for the message in which ``spin`` tells its process id."""
-        give_up_at = time.monotonic() + 30
-        while not (told := [payload for _id, type_, payload in self.events(job_id) if type_ == "message"]):
-            assert time.monotonic() < give_up_at
-            time.sleep(0.01)
-        return int(told[-1]["message"])
-
-    def cancel(self, job_id: str) -> Job:
-        with self.database.session() as session:
-            return JobRepository(session, DEFAULT_WORKSPACE).cancel(job_id)
-
-
-def exists(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-def wait_until_gone(process: int, timeout: float) -> None:
-    give_up_at = time.monotonic() + timeout
-    while exists(process):
-        assert time.monotonic() < give_up_at, f"process {process} still runs after {timeout} s"
-        time.sleep(0.01)
-
-
-@pytest.fixture
-def desk(database) -> Iterator[Desk]:
-    desk = Desk(database)
-    yield desk
-    desk.queue.close()
+from storage.models import DEFAULT_WORKSPACE
+from storage.repositories import ResultRepository, WorkerRepository
+from tests.support.desk import COMPUTE, Desk, wait_until_gone
 
 
 @pytest.fixture(scope="module")
@@ -155,15 +87,16 @@ def test_cancel_kills_a_busy_loop_within_a_second(busy_desk):
 
 
 @pytest.mark.parametrize(
-    ("kind", "body", "slug", "detail"),
+    ("kind", "body", "problem"),
     [
-        ("crash", {}, "internal", "(ZeroDivisionError)"),
-        ("not_json", {}, "internal", "internal error"),
-        ("die", {"signal": int(signal.SIGKILL)}, "process-died", "killed by SIGKILL"),
-        ("die", {"signal": int(signal.SIGTERM)}, "process-died", "killed by SIGTERM"),
+        ("crash", {}, ("internal", "(ZeroDivisionError)")),
+        ("not_json", {}, ("internal", "internal error")),
+        ("die", {"signal": int(signal.SIGKILL)}, ("process-died", "killed by SIGKILL")),
+        ("die", {"signal": int(signal.SIGTERM)}, ("process-died", "killed by SIGTERM")),
     ],
 )
-def test_a_job_that_goes_wrong_fails_with_a_problem(busy_desk, caplog, kind, body, slug, detail):
+def test_a_job_that_goes_wrong_fails_with_a_problem(busy_desk, caplog, kind, body, problem):
+    slug, detail = problem
     with caplog.at_level(logging.ERROR, "storage.jobs.supervision"):
         job = busy_desk.wait(busy_desk.ask(kind, **body))
     assert (job.status, job.result_id, job.error["type"]) == ("failed", None, f"urn:servotune:problem:{slug}")
@@ -208,60 +141,3 @@ def test_the_worker_is_seen(busy_desk):
     with busy_desk.database.session() as session:
         (worker,) = WorkerRepository(session).alive()
     assert (worker.pid, worker.slots) == (os.getpid(), 2)
-
-
-def test_a_rolled_back_request_leaves_nothing(desk):
-    job_id = ""
-
-    class ChangedMindError(Exception):
-        pass
-
-    with pytest.raises(ChangedMindError), desk.database.session() as session:
-        job_id = desk.queue.enqueue(session, kind="square", body={}, workspace_id=DEFAULT_WORKSPACE).id
-        raise ChangedMindError
-    with desk.database.session() as session:
-        assert session.get(Job, job_id) is None
-        dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
-        assert session.scalar(text(f"SELECT count(*) FROM {dbos}workflow_status")) == 0
-    kept = desk.ask("square")
-    with desk.database.session() as session:
-        assert session.scalars(text(f"SELECT workflow_uuid FROM {dbos}workflow_status")).all() == [kept]
-
-
-def test_a_job_that_outlived_its_workers_three_times_fails(desk, database_url):
-    job_id = desk.ask("spin")
-    with desk.database.session() as session:
-        for _ in range(3):
-            assert changes.begin(session, job_id, worker="dead-0") is not None
-    worker = Worker(database_url, compute=COMPUTE)
-    worker.start()
-    job = desk.wait(job_id)
-    worker.stop()
-    assert job.status == "failed"
-    assert job.error["title"] == "Interrupted too often"
-
-
-def test_a_stopping_worker_gives_its_job_back(desk, database_url):
-    worker = Worker(database_url, compute=COMPUTE)
-    stop = threading.Event()
-    thread = threading.Thread(target=worker.run, args=[stop])
-    thread.start()
-    job_id = desk.ask("spin")
-    process = desk.process_of(job_id)
-    stop.set()
-    thread.join()
-    assert not exists(process)
-    job = desk.get(job_id)
-    assert (job.status, job.attempts, job.worker) == ("queued", 0, None)
-    with desk.database.session() as session:
-        assert WorkerRepository(session).alive() == []
-    worker = Worker(database_url, compute=COMPUTE)
-    worker.start()
-    assert desk.wait(job_id, "running").attempts == 1
-    worker.stop()
-
-
-def test_a_worker_refuses_a_database_that_is_not_migrated(empty_database_url):
-    with pytest.raises(StateError, match="migrated"):
-        Worker(empty_database_url, compute=COMPUTE).start()
-    assert Worker.current is None

@@ -1,19 +1,24 @@
-"""Workers that are killed, in processes of their own."""
+"""Workers that stop, die or hang: no job is lost, none is done twice, none kills for ever."""
 
 from __future__ import annotations
 
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 
 import pytest
+from sqlalchemy import text
 
+from storage.errors import StateError
 from storage.jobs.worker import Worker
+from storage.models import DEFAULT_WORKSPACE, Job
 from storage.models import Worker as WorkerRow
-from tests.integration.storage.test_jobs import COMPUTE, Desk, desk, wait_until_gone
-
-__all__ = ["desk"]
+from storage.repositories import WorkerRepository
+from storage.repositories import jobs as changes
+from tests.support.desk import COMPUTE, Desk, exists, wait_until_gone
 
 WORK = """
 import sys, threading
@@ -24,6 +29,65 @@ Worker(sys.argv[1], compute=sys.argv[2]).run(threading.Event())
 
 def start_worker(url: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-c", WORK, url, COMPUTE])
+
+
+@pytest.fixture
+def desk(database) -> Iterator[Desk]:
+    desk = Desk(database)
+    yield desk
+    desk.queue.close()
+
+
+def test_a_rolled_back_request_leaves_nothing(desk):
+    with desk.database.sessions() as session:
+        job_id = desk.queue.enqueue(session, kind="square", body={}, workspace_id=DEFAULT_WORKSPACE).id
+        session.rollback()
+    with desk.database.session() as session:
+        assert session.get(Job, job_id) is None
+        dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+        assert session.scalar(text(f"SELECT count(*) FROM {dbos}workflow_status")) == 0
+    kept = desk.ask("square")
+    with desk.database.session() as session:
+        assert session.scalars(text(f"SELECT workflow_uuid FROM {dbos}workflow_status")).all() == [kept]
+
+
+def test_a_job_that_outlived_its_workers_three_times_fails(desk, database_url):
+    job_id = desk.ask("spin")
+    with desk.database.session() as session:
+        for _ in range(3):
+            assert changes.begin(session, job_id, worker="dead-0") is not None
+    worker = Worker(database_url, compute=COMPUTE)
+    worker.start()
+    job = desk.wait(job_id)
+    worker.stop()
+    assert job.status == "failed"
+    assert job.error["title"] == "Interrupted too often"
+
+
+def test_a_stopping_worker_gives_its_job_back(desk, database_url):
+    worker = Worker(database_url, compute=COMPUTE)
+    stop = threading.Event()
+    thread = threading.Thread(target=worker.run, args=[stop])
+    thread.start()
+    job_id = desk.ask("spin")
+    process = desk.process_of(job_id)
+    stop.set()
+    thread.join()
+    assert not exists(process)
+    job = desk.get(job_id)
+    assert (job.status, job.attempts, job.worker) == ("queued", 0, None)
+    with desk.database.session() as session:
+        assert WorkerRepository(session).alive() == []
+    worker = Worker(database_url, compute=COMPUTE)
+    worker.start()
+    assert desk.wait(job_id, "running").attempts == 1
+    worker.stop()
+
+
+def test_a_worker_refuses_a_database_that_is_not_migrated(empty_database_url):
+    with pytest.raises(StateError, match="migrated"):
+        Worker(empty_database_url, compute=COMPUTE).start()
+    assert Worker.current is None
 
 
 def test_a_killed_workers_job_is_finished_by_the_next_one(desk: Desk, database_url, tmp_path):

@@ -1,0 +1,112 @@
+"""A real server on a free port, with keys of every scope, on SQLite and on Postgres; a worker where jobs run."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+import pytest
+import uvicorn
+
+from api.main import create_app
+from api.settings import Settings
+from storage import open_database
+from storage.models import DEFAULT_WORKSPACE
+from storage.models.workspace import Workspace
+from storage.repositories import ApiKeyRepository
+
+
+@dataclass(frozen=True)
+class Service:
+    """A running service and the keys that open it."""
+
+    url: str
+    database_url: str
+    keys: dict[str, str]
+
+    def client(self, key: str = "admin") -> httpx.Client:
+        return httpx.Client(
+            base_url=self.url, headers={"Authorization": f"Bearer {self.keys[key]}"}, timeout=60, trust_env=False
+        )
+
+
+def make_keys(database_url: str) -> dict[str, str]:
+    database = open_database(database_url)
+    keys = {}
+    with database.session() as session:
+        own = ApiKeyRepository(session, DEFAULT_WORKSPACE)
+        for scope in ("admin", "read", "write", "run", "acquire"):
+            keys[scope] = own.create(name=scope, scopes=[scope])[1]
+        row, keys["revoked"] = own.create(name="revoked", scopes=["admin"])
+        own.revoke(row.id)
+        session.add(Workspace(id="ws_other", name="other"))
+        session.flush()
+        keys["stranger"] = ApiKeyRepository(session, "ws_other").create(name="stranger", scopes=["admin"])[1]
+    database.dispose()
+    return keys
+
+
+@contextmanager
+def serving(database_url: str, **settings: Any) -> Iterator[Service]:
+    """Run the application under uvicorn in a thread of this process."""
+    app = create_app(Settings(database_url=database_url, **settings))
+    listener = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread.start()
+    port = listener.getsockname()[1]
+    while not server.started:
+        assert thread.is_alive(), "the server did not start"
+        time.sleep(0.01)
+    try:
+        yield Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url))
+    finally:
+        server.should_exit = True
+        thread.join(timeout=20)
+        listener.close()
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="module")
+def service(module_database_url: str) -> Iterator[Service]:
+    with serving(module_database_url) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def client(service: Service) -> Iterator[httpx.Client]:
+    with service.client() as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def worker(service: Service) -> Iterator[None]:
+    """A worker process on the same database."""
+    code = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
+    environment = {"SERVOTUNE_DATABASE_URL": service.database_url, "PYTHONPATH": ":".join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, env=environment)
+    assert process.stdin is not None
+    try:
+        yield
+    finally:
+        process.stdin.close()
+        assert process.wait(timeout=30) == 0
+
+
+def finished(client: httpx.Client, job: dict[str, Any], *, within: float = 120.0) -> dict[str, Any]:
+    """Wait for a job to end."""
+    until = time.monotonic() + within
+    while time.monotonic() < until:
+        now: dict[str, Any] = client.get(f"/v1/jobs/{job['id']}").json()
+        if now["status"] in {"succeeded", "failed", "cancelled"}:
+            return now
+        time.sleep(0.1)
+    raise AssertionError(f"job {job['id']} did not end within {within} s: {now}")

@@ -1,0 +1,81 @@
+"""/v1/influence: exact elasticities, coefficients of eq. (4), and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from api.schemas.replies import InfluenceReply
+from tests.integration.api.documents import PNEUMATIC
+
+BODY = {
+    "system": PNEUMATIC,
+    "input": "reference",
+    "output": "position",
+    "open_at": "error",
+    "parameters": ["kp", "controller.ki", "controller.kd", "m"],
+    "metrics": ["rise_time", "gain_margin", "bandwidth", "critical_frequency"],
+}
+
+
+def influence(client, **fields):
+    return client.post("/v1/influence", json=BODY | fields)
+
+
+def test_elasticities_are_those_of_the_reference(client) -> None:
+    reply = influence(client)
+    assert reply.status_code == 200, reply.text
+    body = reply.json()
+    InfluenceReply.model_validate(body)
+    row = body["elasticities"]["rise_time"]
+    # 40-digit reference of the pneumatic loop: -0.2384, -0.0985, 0.0120
+    assert round(row["kp"]["value"], 4) == -0.2384
+    assert round(row["controller.ki"]["value"], 4) == -0.0985
+    assert round(row["controller.kd"]["value"], 4) == 0.0120
+    assert set(body["elasticities"]) == set(BODY["metrics"])
+    assert body["strongest"]["by_metric"]["rise_time"] in BODY["parameters"]
+    assert body["strongest"]["by_parameter"]["kp"] in BODY["metrics"]
+
+
+def test_coefficients_are_eq_4_of_their_own_numbers(client) -> None:
+    body = influence(client, change=0.4).json()
+    cell = body["coefficients"]["rise_time"]["kp"]
+    assert cell["change"] == 0.4
+    assert cell["initial"] == body["base"]["rise_time"]["value"]
+    # C = ((PCD_i - PCD_f) / PCD_i) / ((PCF_i - PCF_f) / PCF_i), signed
+    expected = ((cell["initial"] - cell["final"]) / cell["initial"]) / -0.4
+    assert cell["value"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_small_change_gives_the_elasticity(client) -> None:
+    body = influence(client, change=1e-6).json()
+    for metric, row in body["coefficients"].items():
+        for parameter, cell in row.items():
+            elasticity = body["elasticities"][metric][parameter]["value"]
+            assert cell["value"] == pytest.approx(elasticity, abs=1e-4), (metric, parameter)
+
+
+WRONG = {
+    "unknown input": ({"input": "ghost"}, "/input"),
+    "unknown output": ({"output": "ghost"}, "/output"),
+    "unknown from": ({"from": "ghost"}, "/from"),
+    "unknown to": ({"to": "ghost"}, "/to"),
+    "unknown loop": ({"open_at": "ghost"}, "/open_at"),
+    "unknown parameter": ({"parameters": ["kp", "ghost"]}, "/parameters/1"),
+    "bound parameter": ({"parameters": ["motor.mass"]}, "/parameters/0"),
+    "no parameters": ({"parameters": []}, "/parameters"),
+    "unknown metric": ({"metrics": ["beauty"]}, "/metrics/0"),
+    "no metrics": ({"metrics": []}, "/metrics"),
+    "no change": ({"change": 0}, "/change"),
+    "change of -100 %": ({"change": -1}, "/change"),
+    "wrong signal": ({"signal": {"kind": "step", "amplitude": "big"}}, "/signal/amplitude"),
+    "wrong duration": ({"duration": -1}, "/duration"),
+    "unknown field": ({"samples": 5}, "/samples"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_influence_study_is_refused_at_its_place(client, case) -> None:
+    fields, pointer = WRONG[case]
+    reply = influence(client, **fields)
+    assert reply.status_code == 422, reply.text
+    assert any(entry["pointer"].startswith(pointer) for entry in reply.json()["errors"]), reply.text

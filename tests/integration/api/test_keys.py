@@ -1,0 +1,94 @@
+"""Nothing under /v1 answers without a key; each key may do what its scopes say."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from api.main import create_app
+from api.settings import Settings
+from tests.integration.api.documents import LAG
+
+ROUTES = [
+    (method.upper(), path)
+    for path, operations in create_app(Settings()).openapi()["paths"].items()
+    for method in operations
+    if path.startswith("/v1")
+]
+
+
+def test_the_walk_has_found_the_routes() -> None:
+    assert len(ROUTES) >= 25
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+def test_every_route_asks_for_a_key(service, method, path) -> None:
+    reply = httpx.request(method, service.url + path.replace("{", "").replace("}", ""), content=b"{", trust_env=False)
+    assert reply.status_code == 401
+    assert reply.headers["WWW-Authenticate"] == "Bearer"
+    assert reply.headers["Content-Type"] == "application/problem+json"
+    assert reply.json()["status"] == 401
+
+
+@pytest.mark.parametrize(
+    "authorization", ["", "Bearer", "Bearer nonsense", "Basic YTpi", "{key}", "Token {key}", "Bearer {key}x"]
+)
+def test_a_wrong_key_opens_nothing(service, authorization) -> None:
+    headers = {"Authorization": authorization.format(key=service.keys["admin"])}
+    assert httpx.get(service.url + "/v1/systems", headers=headers, trust_env=False).status_code == 401
+
+
+def test_a_revoked_key_opens_nothing(service) -> None:
+    with service.client("revoked") as client:
+        assert client.get("/v1/systems").status_code == 401
+
+
+def test_unknown_paths_below_v1_ask_for_a_key_too(service) -> None:
+    assert httpx.get(service.url + "/v1/nothing", trust_env=False).status_code == 401
+    assert httpx.get(service.url + "/v1", trust_env=False).status_code == 401
+
+
+def test_nothing_is_stored_without_a_key(service, client) -> None:
+    before = client.get("/v1/datasets").json()["items"]
+    httpx.post(service.url + "/v1/datasets", json={"name": "x", "format": "raw"}, trust_env=False)
+    assert client.get("/v1/datasets").json()["items"] == before
+
+
+@pytest.mark.parametrize(
+    ("scope", "method", "path", "status"),
+    [
+        ("read", "GET", "/v1/systems", 200),
+        ("read", "POST", "/v1/systems", 403),
+        ("read", "POST", "/v1/simulations", 403),
+        ("read", "POST", "/v1/datasets", 403),
+        ("write", "POST", "/v1/systems", 201),
+        ("write", "POST", "/v1/optimizations", 403),
+        ("run", "POST", "/v1/systems", 403),
+        ("run", "POST", "/v1/simulations", 422),
+        ("acquire", "POST", "/v1/datasets", 422),
+        ("acquire", "POST", "/v1/systems", 403),
+        ("admin", "POST", "/v1/systems", 201),
+    ],
+)
+def test_a_key_may_do_what_its_scopes_say(service, scope, method, path, status) -> None:
+    with service.client(scope) as client:
+        reply = client.request(method, path, json=LAG if method == "POST" else None)
+    assert reply.status_code == status, reply.text
+    if status == 403:
+        assert f"got {scope}" in reply.json()["detail"]
+
+
+def test_workspaces_do_not_see_each_other(service, client) -> None:
+    created = client.post("/v1/systems", json=LAG).json()
+    with service.client("stranger") as stranger:
+        assert stranger.get(f"/v1/systems/{created['id']}").status_code == 404
+        assert stranger.get("/v1/systems").json()["items"] == []
+        body = {"system": created["id"], "input": {"port": "u", "signal": {"kind": "step"}}}
+        assert stranger.post("/v1/simulations", json=body).status_code == 422
+
+
+def test_health_needs_no_key(service) -> None:
+    assert httpx.get(service.url + "/healthz", trust_env=False).json() == {"status": "ok"}
+    ready = httpx.get(service.url + "/readyz", trust_env=False)
+    assert ready.status_code == 200  # no worker is expected beside this service
+    assert ready.json()["checks"] == {"database": "ok", "migrations": "ok", "worker": "absent"}

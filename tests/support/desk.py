@@ -1,0 +1,70 @@
+"""What a user does with jobs, and how a test watches processes."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+from storage import Database
+from storage.jobs.queue import JobQueue
+from storage.models import DEFAULT_WORKSPACE, Job
+from storage.repositories import JobRepository
+
+COMPUTE = "tests.support.computing:run"
+FINAL = ("succeeded", "failed", "cancelled")
+
+
+class Desk:
+    """What a user does with jobs."""
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self.queue = JobQueue(database)
+
+    def ask(self, kind: str, **body: Any) -> str:
+        with self.database.session() as session:
+            return self.queue.enqueue(session, kind=kind, body=body, workspace_id=DEFAULT_WORKSPACE).id
+
+    def get(self, job_id: str) -> Job:
+        with self.database.session() as session:
+            return JobRepository(session, DEFAULT_WORKSPACE).get(job_id)
+
+    def events(self, job_id: str, after: int = 0) -> list[tuple[int, str, dict[str, Any]]]:
+        with self.database.session() as session:
+            rows = JobRepository(session, DEFAULT_WORKSPACE).events(job_id, after=after)
+            return [(row.id, row.type, row.payload) for row in rows]
+
+    def wait(self, job_id: str, *statuses: str, timeout: float = 30) -> Job:
+        give_up_at = time.monotonic() + timeout
+        while (job := self.get(job_id)).status not in (statuses or FINAL):
+            assert time.monotonic() < give_up_at, f"job is {job.status} after {timeout} s"
+            time.sleep(0.01)
+        return job
+
+    def process_of(self, job_id: str) -> int:
+        """Wait for the message in which ``spin`` tells its process id."""
+        give_up_at = time.monotonic() + 30
+        while not (told := [payload for _id, type_, payload in self.events(job_id) if type_ == "message"]):
+            assert time.monotonic() < give_up_at
+            time.sleep(0.01)
+        return int(told[-1]["message"])
+
+    def cancel(self, job_id: str) -> Job:
+        with self.database.session() as session:
+            return JobRepository(session, DEFAULT_WORKSPACE).cancel(job_id)
+
+
+def exists(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def wait_until_gone(process: int, timeout: float) -> None:
+    give_up_at = time.monotonic() + timeout
+    while exists(process):
+        assert time.monotonic() < give_up_at, f"process {process} still runs after {timeout} s"
+        time.sleep(0.01)
