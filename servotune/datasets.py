@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from servotune.errors import ConflictError
-from servotune.jobs import Job
+from servotune.jobs import Jobs
 from servotune.progress import Observer
-from servotune.transport import Transport
+from servotune.transport import Transport, pause
 
 if TYPE_CHECKING:
     from servotune.replies import ChannelData, Dataset
@@ -66,10 +67,11 @@ class Datasets:
                 if round_ == _COMMIT_ROUNDS:
                     raise
                 continue
-            if response.status_code == 202:
-                Job[Any](self._transport, self._transport.body(response)).wait(progress=False)
+            if "Location" in response.headers:
+                job = response.headers["Location"].rpartition("/")[2]
+                Jobs(self._transport).get(job).wait(progress=progress or False)
             break
-        return self.get(dataset)
+        return self._when_read(dataset)
 
     def upload(
         self, document: Mapping[str, Any], content: Path | bytes, *, progress: Observer | None = None
@@ -106,6 +108,14 @@ class Datasets:
     def original(self, dataset: str) -> bytes:
         """Return the bytes as they were sent."""
         return self._transport.send("GET", f"/v1/datasets/{dataset}/original").content
+
+    def _when_read(self, dataset: str) -> Dataset:
+        """Return the dataset when nobody is reading its file any more: another process may have committed it."""
+        attempt = 0
+        while (known := self.get(dataset))["status"] == "parsing":
+            attempt += 1
+            time.sleep(pause(attempt))
+        return known
 
     def _send_missing(
         self, dataset: str, content: Path | bytes, digests: Sequence[str], segment_bytes: int, progress: Observer | None

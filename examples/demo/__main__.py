@@ -13,7 +13,29 @@ from examples.demo import analysing, measuring, report, tuning
 from examples.demo.findings import PLACES, DemoError, Estimate, Findings, Recording, Search
 from examples.demo.service import own_service
 from examples.demo.systems import VARIABLES
-from examples.demo.units import MILLISECONDS, measured, parameter, words
+from examples.demo.units import MILLISECONDS, measured, parameter, signed, words
+
+PARTS = {
+    "valve.flow_gain": "flow gain",
+    "valve.time_constant": "lag",
+    "transport.time": "delay",
+    "recording.time": "delay",
+}
+"""What is estimated, in a word."""
+
+SHORT = {
+    "response_time": "t_resp",
+    "max_velocity": "v_max",
+    "max_acceleration": "a_max",
+    "critical_frequency": "f_crit",
+    "bandwidth": "bandw.",
+    "sensitivity_peak": "Ms",
+    "gain_margin": "gain m.",
+    "phase_margin": "phase m.",
+    "delay_margin": "delay m.",
+    "overshoot": "oversh.",
+}
+"""Heads of the columns on the terminal."""
 
 NEXT = """\
 What to try next
@@ -112,15 +134,18 @@ class Narrator:
 
     def __init__(self) -> None:
         self.letter, self.title = "0", "starting the service"
+        self._head = ""
 
     def __call__(self, letter: str, title: str) -> None:
         """Begin a step."""
         self.letter, self.title = letter, title
+        self._head = f"{letter}  {title}"
 
     def tell(self, text: str) -> None:
-        """Print one finding of the present step."""
-        sys.stdout.write(f"{self.letter}  {self.title:<15} {text}\n")
+        """Print one finding of the present step, the first one beside its name."""
+        sys.stdout.write(f"{self._head:<18} {text}\n")
         sys.stdout.flush()
+        self._head = ""
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -141,15 +166,17 @@ def _tell_recording(step: Narrator, recording: Recording) -> None:
 def _tell_estimates(step: Narrator, estimates: Sequence[Estimate], scenarios: Sequence[Estimate]) -> None:
     for estimate in estimates:
         values = ", ".join(
-            f"{words(path.replace('.', ' '))} {parameter(path, entry['value'])}"
-            for path, entry in estimate.reply["parameters"].items()
+            f"{PARTS[path]} {parameter(path, entry['value'])}" for path, entry in estimate.reply["parameters"].items()
         )
-        step.tell(f"{estimate.name}: {values}; FIT {estimate.own_fit:.2f} %, other half {estimate.other_fit:.2f} %")
+        step.tell(
+            f"{estimate.name}: {values}; FIT {estimate.own_fit:.2f} %, of the other half {estimate.other_fit:.2f} %"
+        )
     if len({estimate.place for estimate in scenarios}) == len(PLACES):
         step.tell(
-            f"the places of the delay differ by less than {measuring.INDISTINCT} points of FIT: the recording cannot tell; "
-            f"all {len(scenarios)} estimates are scenarios from here on, the base is the one that is harder to control"
+            f"the places of the delay differ by less than {measuring.INDISTINCT} points of FIT, so the recording cannot tell: "
+            f"all {len(scenarios)} estimates are scenarios"
         )
+        step.tell(f"from here on, and the base is the {PLACES[scenarios[0].place]}, which is harder to control")
     else:
         step.tell(f"{PLACES[scenarios[0].place]} fits best; both of its estimates are scenarios from here on")
     for sentence in scenarios[0].reply["indistinguishable"]:
@@ -157,23 +184,25 @@ def _tell_estimates(step: Narrator, estimates: Sequence[Estimate], scenarios: Se
 
 
 def _tell_influence(step: Narrator, influence: servotune.replies.Influence) -> None:
-    elasticities = influence["elasticities"]
-    names = list(elasticities)
-    parameters = list(next(iter(elasticities.values())))
-    step.tell(f"elasticities (and eq. (4) at +{analysing.CHANGE:.0%}); > strongest of its row, ^ of its column")
-    step.tell(" " * 26 + "".join(f"{words(name):>22}" for name in names))
-    for path in parameters:
-        cells = []
+    strongest = influence["strongest"]
+    names = analysing.existing(influence)
+    step.tell("elasticities of the metrics (columns) in the parameters (rows); > strongest of its row, ^ of its column")
+    step.tell(" " * 26 + "".join(f"{SHORT[name]:>11}" for name in names))
+    for path in analysing.parameters(influence):
+        row = ""
         for name in names:
-            value = elasticities[name][path]["value"]
-            finite = influence["coefficients"][name][path]["value"]
-            marks = (">" if influence["strongest"]["by_parameter"].get(path) == name else "") + (
-                "^" if influence["strongest"]["by_metric"].get(name) == path else ""
-            )
-            shown = "–" if value is None else f"{value:+.3f}"
-            shown += " (–)" if finite is None else f" ({finite:+.3f})"
-            cells.append(f"{marks + shown:>22}")
-        step.tell(f"{path:<26}" + "".join(cells))
+            mark = ">" * (strongest["by_parameter"].get(path) == name) + "^" * (strongest["by_metric"][name] == path)
+            row += f"{mark + signed(influence['elasticities'][name][path]['value']):>11}"
+        step.tell(f"{path:<26}{row}")
+    step.tell(f"influence coefficients C of eq. (4), each parameter changed by {analysing.CHANGE:+.0%}")
+    for path in analysing.parameters(influence):
+        row = "".join(f"{signed(influence['coefficients'][name][path]['value']):>11}" for name in names)
+        step.tell(f"{path:<26}{row}")
+    step.tell(
+        "by columns, the strongest lever on " + ", ".join(f"{words(n)}: {strongest['by_metric'][n]}" for n in names)
+    )
+    for name in sorted(set(influence["elasticities"]) - set(names)):
+        step.tell(f"{words(name)} has no relative change: {measured(name, influence['base'][name])} to begin with")
 
 
 def _told(step: Narrator, search: Search) -> Search:

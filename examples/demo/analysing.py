@@ -17,7 +17,21 @@ STEP_METRICS = {
     "control": ("control_effort",),
 }
 LOOP_METRICS = ("bandwidth", "sensitivity_peak", "gain_margin", "phase_margin", "delay_margin")
-INFLUENCED = ("response_time", "bandwidth", "sensitivity_peak", "gain_margin", "phase_margin", "delay_margin")
+INFLUENCED = {
+    "position": (
+        "response_time",
+        "overshoot",
+        "bandwidth",
+        "critical_frequency",
+        "sensitivity_peak",
+        "gain_margin",
+        "phase_margin",
+        "delay_margin",
+    ),
+    "velocity": ("max_velocity",),
+    "acceleration": ("max_acceleration",),
+}
+"""Which metrics are asked of which output; the metrics of the loop belong to none and come with the first."""
 CHANGE = 0.1
 """The finite relative change of eq. (4)."""
 
@@ -69,15 +83,27 @@ def influence(client: servotune.Client, law: str, base: Estimate) -> Influence:
         "change": CHANGE,
         "signal": STEP,
     }
-    position = client.influence(document, output="position", metrics=INFLUENCED, open_at="error", **asked)
-    velocity = client.influence(document, output="velocity", metrics=["max_velocity"], **asked)
-    acceleration = client.influence(document, output="acceleration", metrics=["max_acceleration"], **asked)
-    return _joined([position, velocity, acceleration])
+    return _joined(
+        [
+            client.influence(document, output=output, metrics=metrics, open_at="error", **asked)
+            for output, metrics in INFLUENCED.items()
+        ]
+    )
+
+
+def parameters(study: Influence) -> list[str]:
+    """Return the parameters of a study: its rows."""
+    return list(next(iter(study["elasticities"].values())))
+
+
+def existing(study: Influence) -> list[str]:
+    """Return the metrics that have an elasticity at all: one that is 0 has no relative change."""
+    return [name for name, row in study["elasticities"].items() if any(e["value"] is not None for e in row.values())]
 
 
 def _joined(parts: Sequence[Influence]) -> Influence:
     """Join studies of the same parameters on several outputs, and find the strongest of each row and column again."""
-    elasticities = {metric: row for part in parts for metric, row in part["elasticities"].items()}
+    elasticities = {name: row for part in parts for name, row in part["elasticities"].items()}
     strongest: dict[str, tuple[float, str]] = {}
     for name, row in elasticities.items():
         for parameter, entry in row.items():

@@ -59,7 +59,7 @@ class Estimate:
     @property
     def name(self) -> str:
         """The estimate in words."""
-        return f"{PLACES[self.place]}, from the {self.half.name} half"
+        return f"{PLACES[self.place]}, {self.half.name} half"
 
     @property
     def scenario(self) -> dict[str, float]:

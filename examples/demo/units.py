@@ -44,6 +44,7 @@ METRICS: Mapping[str, Shown] = {
     "max_acceleration": Shown("m/s²", _times(1.0), 2),
     "control_effort": Shown("", _times(1.0), 3),
     "bandwidth": Shown("rad/s", _times(1.0), 1),
+    "critical_frequency": Shown("rad/s", _times(1.0), 0),
     "sensitivity_peak": PLAIN,
     "gain_margin": Shown("dB", lambda value: 20.0 * math.log10(value), 2),
     "phase_margin": Shown("°", math.degrees, 1),
@@ -75,6 +76,11 @@ def measured(name: str, metric: Mapping[str, Any], *, with_unit: bool = True) ->
 def parameter(path: str, value: float | None, *, with_unit: bool = True) -> str:
     """Return a parameter's value as people read it."""
     return PARAMETERS.get(path, PLAIN)(value, with_unit=with_unit)
+
+
+def signed(value: float | None) -> str:
+    """Return an elasticity or influence coefficient as text, with its sign."""
+    return "–" if value is None else f"{round(value, 3) + 0.0:+.3f}".replace("-", "\N{MINUS SIGN}")
 
 
 def words(name: str) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from examples.demo.analysing import CHANGE, INFLUENCED, metric
+from examples.demo.analysing import CHANGE, existing, metric, parameters
 from examples.demo.findings import PLACES, Findings
 from examples.demo.systems import CONSTRUCTIVE
-from examples.demo.units import METRICS, measured, parameter, words
+from examples.demo.units import METRICS, measured, parameter, signed, words
 
 START_METRICS = (
     "rise_time",
@@ -136,17 +136,16 @@ def starting_point(findings: Findings) -> list[dict[str, Any]]:
 def influence(findings: Findings) -> dict[str, Any]:
     """Return the heat table: elasticities, eq. (4) below them, and which is the strongest of its row and column."""
     study = findings.influence
-    names = list(study["elasticities"])
-    parameters = list(study["elasticities"][names[0]])
+    names = existing(study)
     rows = []
-    for path in parameters:
+    for path in parameters(study):
         cells = []
         for name in names:
             entry, finite = study["elasticities"][name][path], study["coefficients"][name][path]
             cells.append(
                 {
-                    "value": _signed(entry["value"]) if entry["value"] is not None else words(entry["verdict"]),
-                    "finite": _signed(finite["value"]),
+                    "value": signed(entry["value"]) if entry["value"] is not None else words(entry["verdict"]),
+                    "finite": signed(finite["value"]),
                     "shade": _shade(entry["value"]),
                     "dark": abs(entry["value"] or 0.0) > 0.75,
                     "row": study["strongest"]["by_parameter"].get(path) == name,
@@ -155,11 +154,12 @@ def influence(findings: Findings) -> dict[str, Any]:
             )
         rows.append({"name": path, "kind": "machine" if path in CONSTRUCTIVE else "law", "cells": cells})
     heads = [{"name": words(name), "base": measured(name, study["base"][name])} for name in names]
-    return {"heads": heads, "rows": rows, "change": f"{CHANGE:+.0%}"}
-
-
-def _signed(value: float | None) -> str:
-    return _DASH if value is None else f"{value:+.3f}".replace("-", "\N{MINUS SIGN}")
+    absent = [
+        f"{words(name)} is {measured(name, study['base'][name])}: it has no relative change"
+        for name in study["elasticities"]
+        if name not in names
+    ]
+    return {"heads": heads, "rows": rows, "absent": absent, "change": f"{CHANGE:+.0%}"}
 
 
 def _shade(value: float | None) -> str:
@@ -175,11 +175,11 @@ def influence_in_words(findings: Findings) -> dict[str, list[str]]:
     """Return the table read as the paper reads it: by rows and by columns."""
     study = findings.influence
     by_row = [
-        f"{path} moves {words(name)} most ({_signed(study['elasticities'][name][path]['value'])})"
+        f"{path} moves {words(name)} most ({signed(study['elasticities'][name][path]['value'])})"
         for path, name in study["strongest"]["by_parameter"].items()
     ]
     by_column = [
-        f"the strongest lever on {words(name)} is {path} ({_signed(study['elasticities'][name][path]['value'])})"
+        f"the strongest lever on {words(name)} is {path} ({signed(study['elasticities'][name][path]['value'])})"
         for name, path in study["strongest"]["by_metric"].items()
     ]
     return {"rows": by_row, "columns": by_column}
@@ -271,7 +271,7 @@ def certificates(findings: Findings) -> dict[str, Any]:
 
 def definitions(findings: Findings) -> list[dict[str, str]]:
     """Return what each number of the report means, in the words of the service's catalogue."""
-    names = dict.fromkeys([*START_METRICS, *INFLUENCED])
+    names = dict.fromkeys([*START_METRICS, *findings.influence["elasticities"]])
     return [
         {"name": words(name), "definition": str(findings.catalog[name].get("definition", ""))}
         for name in names

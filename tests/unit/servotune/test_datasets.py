@@ -109,11 +109,21 @@ def test_raw_segments_hold_whole_samples(service: Service, client: servotune.Cli
     assert [len(store.segments[name]) for name in store.manifest["segments"]] == [8_388_600, 1_211_400]
 
 
+def test_a_file_that_another_process_has_committed_is_waited_for(service: Service, client: servotune.Client):
+    Store(service, FILE, pieces=[b"words"])
+    states = ["open", "parsing", "ready"]
+    service.on("GET /v1/datasets/ds_1", lambda _: Answer({"id": "ds_1", "format": "txt", "status": states.pop(0)}))
+    service.on("POST /v1/datasets/ds_1/commit", Answer({"id": "ds_1", "status": "parsing"}, status=202))
+    assert client.datasets.send("ds_1", b"words")["status"] == "ready"
+    assert states == []
+
+
 def test_a_file_that_cannot_be_read_fails_with_the_reason(service: Service, client: servotune.Client):
     Store(service, FILE, pieces=[b"words"])
     problem = {"status": 422, "title": "Cannot read the file", "detail": "line 8: column 2 is not a number"}
     state = {"id": "job_1", "kind": "import", "status": "failed", "progress": 0.0, "error": problem}
-    service.on("POST /v1/datasets/ds_1/commit", Answer(state, status=202))
+    accepted = Answer({"id": "ds_1", "status": "parsing"}, status=202, headers={"Location": "/v1/jobs/job_1"})
+    service.on("POST /v1/datasets/ds_1/commit", accepted)
     service.on("GET /v1/jobs/job_1", Answer(state))
     with pytest.raises(servotune.JobFailedError, match="line 8: column 2 is not a number"):
         client.datasets.send("ds_1", b"words")
