@@ -63,7 +63,7 @@ def test_a_cell_that_is_no_number_is_named_by_line_and_column(cell):
 
 
 def test_a_decimal_point_is_no_number_where_commas_mark_decimals():
-    with pytest.raises(FormatError, match="line 1, column 0 must be a finite number, got '1.5'"):
+    with pytest.raises(FormatError, match=r"line 1, column 0 must be a finite number, got '1.5'"):
         parse(b"1.5;2\n", delimiter=";", decimal=",", header_lines=0, columns=(0,))
 
 
