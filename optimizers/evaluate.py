@@ -10,8 +10,6 @@ an absent metric, an unstable system (by how fast it diverges), a system that do
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,14 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.linear.screening import Screening
-from engine.metrics import catalogue as metric_catalogue
-from engine.study import MetricRequest, measure
+from engine.study import measure
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import TOLERANCE
-from optimizers.problem import Goal, Problem, Sense, Vector
+from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
+from optimizers.problem import Problem, Sense, Vector
 
-ABSENT = 1e2
-"""Violation of a goal whose metric has no value although the system is stable."""
 UNSTABLE = 1e3
 """Violation of an unstable system; it grows with the logarithm of the rate at which it diverges."""
 IMPOSSIBLE = 1e5
@@ -73,7 +68,6 @@ class Evaluator:
         self.problem = problem
         self.evaluations = 0
         self._screening = Screening(problem.diagram, problem.requests)
-        self._infinite = np.array([metric_catalogue()[goal.metric].absent_is_infinite for goal in problem.goals])
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property
@@ -102,7 +96,7 @@ class Evaluator:
         point = self.problem.values(position)
         scenarios = range(len(self.problem.scenarios))
         rows = [exact(self.problem, point, index) for index in scenarios]
-        values = np.array([[[_number(m, self._infinite[g]) for g, m in enumerate(row)] for row in rows]])
+        values = np.array([[[self._number(g, m) for g, m in enumerate(row)] for row in rows]])
         unstable = np.array([[any(m.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for m in row) for row in rows]])
         return self._assessment(values, np.where(unstable, 0.0, -1.0), np.zeros(values.shape, dtype=bool))
 
@@ -130,7 +124,7 @@ class Evaluator:
                 overrides={**self.problem.scenarios[scenario], **dict(zip(names, point.tolist(), strict=True))}, gradient=names,
             )  # fmt: skip
             for goal, (measured, gradient) in zip(asked, found, strict=True):
-                values[scenario, goal] = _number(measured, self._infinite[goal])
+                values[scenario, goal] = self._number(goal, measured)
                 slopes[scenario, goal] = 0.0 if gradient is None else gradient.values * reach
         if np.isnan(values).any():
             return None
@@ -153,7 +147,9 @@ class Evaluator:
         """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones."""
         result = np.zeros(values.shape)
         for index, goal in enumerate(self.problem.goals):
-            result[..., index] = violation(goal, values[..., index])
+            here = values[..., index]
+            excess = signed_excess(goal, here).max(axis=0, initial=0.0)
+            result[..., index] = np.where(np.isnan(here), BROKEN, excess)
         return result
 
     def _assessment(self, values: Matrix, growth: Matrix, doubtful: npt.NDArray[np.bool_]) -> Assessment:
@@ -188,11 +184,15 @@ class Evaluator:
                 overrides={**self.problem.scenarios[s], **overrides},
             )  # fmt: skip
             for goal, (measured, _) in zip(asked, found, strict=True):
-                values[b, s, goal] = _number(measured, self._infinite[goal])
+                values[b, s, goal] = self._number(goal, measured)
             doubtful[b, s, asked] = False
             if growth[b, s] >= 0 and not np.isnan(values[b, s]).any():
                 growth[b, s] = -1.0
         return values, growth, doubtful
+
+    def _number(self, goal: int, measured: Measured) -> float:
+        number = number_of(measured)
+        return number if np.isfinite(number) or self.problem.goals[goal].unlimited else np.nan
 
     def _overrides(self, points: npt.NDArray[np.number]) -> dict[str, npt.NDArray[np.number]]:
         """Return parameter arrays (S * B,), scenario by scenario, for points (B, V)."""
@@ -212,23 +212,3 @@ def exact(problem: Problem, point: dict[str, float], scenario: int) -> list[Meas
     return [measured for measured, _ in found]
 
 
-def violation(goal: Goal, value: Vector | float) -> Vector:
-    """Return by how much values break a goal's bounds, 0 where they do not; an absent value (NaN) breaks it."""
-    number = np.asarray(value, dtype=np.float64)
-    broken = np.zeros(number.shape)
-    for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0)):
-        if bound is not None:
-            excess = sign * (number - bound) / (abs(bound) or 1.0)
-            broken = np.maximum(broken, np.clip(np.nan_to_num(excess, nan=0.0, posinf=ABSENT), 0.0, None))
-    return np.where(np.isnan(number), ABSENT, broken)
-
-
-def _number(measured: Measured, infinite: bool) -> float:  # noqa: FBT001
-    if measured.value is not None:
-        return measured.value
-    return math.inf if infinite and measured.verdict is Verdict.NEVER_CROSSES else math.nan
-
-
-def requests_of(problem: Problem, goals: Sequence[int]) -> list[MetricRequest]:
-    """Return the requests of some goals."""
-    return [problem.requests[goal] for goal in goals]

@@ -75,6 +75,11 @@ class Goal:
     upper: float | None = None
     weight: float = 1.0
 
+    @property
+    def unlimited(self) -> bool:
+        """Whether ``never_crosses`` means that the metric is as large as can be (margins, bandwidth)."""
+        return metric_catalogue()[self.metric].absent_is_infinite
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:

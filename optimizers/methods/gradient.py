@@ -1,0 +1,133 @@
+"""Gradient: a Sobol sample finds promising places, sequential quadratic programming descends from the best of them.
+
+Between descents the surroundings of the best point are sampled, because response times jump where a turning point
+grazes their band, and a descent stops there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+import numpy as np
+from scipy.stats import qmc
+
+from engine.parameters import Param
+from optimizers.certificate import TOLERANCE, certify
+from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.methods._base import Method
+from optimizers.problem import Problem, Vector
+from optimizers.report import conclude, unstable_advice
+from optimizers.result import Monitor, Result, Status
+from optimizers.search import SAFETY, Descent, Stopped, Tracker
+
+_BLOCK = 128
+_ROUNDS = 4
+_PROOFS = 3
+_APART = 0.08
+
+
+@final
+class Gradient(Method):
+    """Multi-start sequential quadratic programming with exact derivatives."""
+
+    kind: ClassVar[str] = "gradient"
+    title: ClassVar[str] = "Gradient"
+    doc: ClassVar[str] = "Samples the ranges, then descends with exact derivatives from the best points; the optimum is proven."
+    source: ClassVar[str] = "D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988"
+    options: ClassVar[tuple[Param, ...]] = (
+        Param(name="starts", symbol="k", unit="1", doc="points to descend from", default=8, lower=1, upper=100),
+        Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
+        Param(name="max_evaluations", symbol="", unit="1", doc="evaluations of all goals in all scenarios", default=5000, lower=0, upper=1e7),
+    )
+
+    def minimize(
+        self, problem: Problem, options: Mapping[str, Any], *, rng: np.random.Generator, monitor: Monitor
+    ) -> Result:
+        """Return the best point found."""
+        tracker = Tracker(Evaluator(problem), monitor, int(options["max_evaluations"]))
+        status, advice = Status.CONVERGED, "descents from different points end here; no active goal can be relaxed for free."
+        try:
+            _search(tracker, int(options["starts"]), rng)
+        except Stopped as stop:
+            status = Status.CANCELLED if stop.cancelled else Status.BUDGET
+            advice = (
+                "cancelled: this is the best point until then." if stop.cancelled
+                else "the budget of evaluations is used up: raise max_evaluations, or fix some of the variables."
+            )  # fmt: skip
+        best = problem.start() if tracker.best is None else tracker.best
+        if tracker.rank[0] >= UNSTABLE and status is Status.CONVERGED:
+            status, advice = Status.INFEASIBLE, unstable_advice(problem.before)
+        monitor.progress(0.95, "proving the optimum")
+        return conclude(tracker, best, status, advice)
+
+
+def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
+    problem = tracker.evaluator.problem
+    margins = np.full(len(problem.goals), SAFETY)
+    tracker.monitor.progress(0.0, "sampling")
+    points = _sample(tracker, rng)
+    chosen = _apart(points, starts)
+    descent = Descent(tracker, margins)
+    ends = []
+    for number, start in enumerate(chosen):
+        tracker.monitor.progress(0.2 + 0.4 * number / len(chosen), f"descent {number + 1} of {len(chosen)}")
+        ends.append(descent.run(start, iterations=15))
+    assert tracker.best is not None
+    radius = 0.03
+    for turn in range(_ROUNDS):
+        tracker.monitor.progress(0.6 + 0.3 * turn / _ROUNDS, "searching around the best point")
+        descent.run(tracker.best, iterations=60)
+        known = tracker.rank
+        cloud = np.clip(tracker.best + radius * rng.standard_normal((_BLOCK, len(problem.axes))), 0.0, 1.0)
+        tracker.assess(cloud)
+        if tracker.rank < known:
+            descent.run(tracker.best, iterations=60)
+        radius /= 4
+    _prove(tracker, margins)
+
+
+def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
+    """Return points from the best to the worst: the start and a Sobol sequence."""
+    problem = tracker.evaluator.problem
+    count = max(1, min(8 * _BLOCK, tracker.budget // 8))
+    sobol = qmc.Sobol(len(problem.axes), rng=rng)
+    points = np.vstack([problem.start(), sobol.random_base2(int(np.ceil(np.log2(count))))[: count - 1]])
+    ranks = []
+    for first in range(0, len(points), _BLOCK):
+        tracker.monitor.progress(0.2 * first / len(points), "sampling")
+        found = tracker.assess(points[first : first + _BLOCK])
+        excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
+        ranks.append(np.stack([excess, np.nan_to_num(found.objective, nan=np.inf)], axis=1))
+    rank = np.concatenate(ranks)
+    return points[np.lexsort((rank[:, 1], rank[:, 0]))]
+
+
+def _apart(points: Matrix, count: int) -> list[Vector]:
+    """Return the best points that are not next to a better one."""
+    chosen: list[Vector] = []
+    for point in points:
+        if all(np.abs(point - other).max() > _APART for other in chosen):
+            chosen.append(point)
+            if len(chosen) == count:
+                break
+    return chosen
+
+
+def _prove(tracker: Tracker, margins: Vector) -> None:
+    """Tighten what the exact engine finds violated, and descend again; a bounded number of rounds."""
+    problem = tracker.evaluator.problem
+    for _ in range(_PROOFS):
+        assert tracker.best is not None
+        if tracker.rank[0] > 0:
+            return
+        certificate = certify(problem, problem.values(tracker.best))
+        if certificate.valid:
+            return
+        for proof in certificate.goals:
+            if proof.violation > 0:
+                margins[proof.goal] += 1.5 * proof.violation + SAFETY
+        point = Descent(tracker, margins).run(tracker.best, iterations=60)
+        found = tracker.evaluator.confirm(point)
+        tracker.rank = (np.inf, np.inf)
+        tracker.offer(point, float(found.objective[0]), float(found.violation[0]))
