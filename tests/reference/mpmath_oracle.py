@@ -84,9 +84,10 @@ class Rational:
 
 @dataclass(frozen=True)
 class ExponentialSum:
-    """f(t) = sum_k c_k exp(p_k t), t >= 0; a constant has exponent 0."""
+    """f(t) = sum_k c_k exp(p_k t) + slope t, t >= 0; a constant has exponent 0."""
 
     terms: tuple[tuple[Any, Any], ...]
+    slope: Any = 0
 
     @classmethod
     def step_response(cls, g: Rational) -> ExponentialSum:
@@ -98,14 +99,26 @@ class ExponentialSum:
         terms += [(evaluate(num, p) / (p * evaluate(slope, p)), p) for p in Rational(num, den).poles()]
         return cls(tuple(terms))
 
+    @classmethod
+    def inverse_laplace(cls, g: Rational) -> ExponentialSum:
+        """Of a strictly proper g with simple poles, e.g. G(s) U(s)."""
+        slope = slope_of(g.den)
+        return cls(tuple((evaluate(g.num, p) / evaluate(slope, p), p) for p in g.poles()))
+
     def __call__(self, t: Any) -> Any:
-        return mp.re(sum(c * mp.exp(p * t) for c, p in self.terms))
+        return mp.re(sum(c * mp.exp(p * t) for c, p in self.terms)) + self.slope * t
 
     def on_grid(self, t: np.ndarray) -> np.ndarray:
-        return np.real(sum(complex(c) * np.exp(complex(p) * t) for c, p in self.terms))
+        return np.real(sum(complex(c) * np.exp(complex(p) * t) for c, p in self.terms)) + float(self.slope) * t
 
     def derivative(self) -> ExponentialSum:
         return ExponentialSum(tuple((c * p, p) for c, p in self.terms if p != 0))
+
+    def integral(self) -> ExponentialSum:
+        """From 0 to t, of a sum without a slope of its own."""
+        moving = [(c / p, p) for c, p in self.terms if p != 0]
+        constant = (-sum(c for c, _ in moving), mp.mpf(0))
+        return ExponentialSum((constant, *moving), slope=self.final())
 
     def final(self) -> Any:
         return mp.re(sum(c for c, p in self.terms if p == 0))
