@@ -167,7 +167,12 @@ class Diagram:
             admitted = self._bindings.admitted(values, change, count)
             realizations = list(self._realizations)
             for number in change.blocks:
-                realizations[number] = self._realize_block(number, values)
+                try:
+                    realizations[number] = self._realize_block(number, values)
+                except (
+                    EngineError
+                ):  # the block exists for no member at all; its realisation at the document's values stays
+                    admitted[:] = False
             assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
 

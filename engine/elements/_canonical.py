@@ -36,7 +36,8 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
     if not bottom:
         raise DiagramError("denominator must have a coefficient other than 0", at=("denominator",))
     order = len(bottom) - 1
-    if len(top) > len(bottom):
+    excess = top[: max(0, len(top) - len(bottom))]
+    if not all(isinstance(coefficient, np.ndarray) for coefficient in excess):
         raise DiagramError(
             f"numerator must be at most of the order of the denominator ({order}), got order {len(top) - 1}: "
             "an improper transfer function has no response",
@@ -47,8 +48,11 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
         raise DiagramError("denominator must not lose its order at this value: its derivative does not exist there",
                            at=("denominator",))  # fmt: skip
     monic = [coefficient / leading for coefficient in bottom[1:]]
-    padded = _padded([coefficient / leading for coefficient in top], len(bottom))
+    padded = _padded([coefficient / leading for coefficient in top[len(excess) :]], len(bottom))
     direct = padded[0]
+    for coefficient in excess:
+        # A member of a batch that is improper has no realisation; it must not spoil the others.
+        direct = direct + np.where(coefficient == 0, 0.0, np.nan)
     remainder = [n - direct * m for n, m in zip(padded[1:], monic, strict=True)]
     if order == 0:
         return Realization.static(matrix([[direct]]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.parameters import Param
+from engine.parameters import Param, Scalar
 
 
 class Delay(Element):
@@ -37,9 +37,12 @@ class Delay(Element):
         direct = np.real(time) == 0
         if np.all(direct):
             return Realization.static(np.ones((1, 1)))
-        open_channel = np.where(direct, 0.0, 1.0) if isinstance(time, np.ndarray) else 1.0
-        # A member of a batch without delay keeps an idle channel, with a length of the kind that the others have.
-        length = np.where(direct, np.max(np.real(time)), time) if isinstance(time, np.ndarray) else time
+        open_channel: Scalar = 1.0
+        length: Scalar = time
+        if isinstance(time, np.ndarray):
+            # A member of a batch without delay keeps an idle channel, with a length of the kind that the others have.
+            open_channel = np.where(direct, 0.0, 1.0)
+            length = np.where(direct, np.max(time.real, where=np.isfinite(time.real), initial=0.0), time)
         return Realization(
             a=np.zeros((0, 0)), b=np.zeros((0, 1)), c=np.zeros((1, 0)), d=matrix([[1.0 - open_channel]]),
             delays=matrix([[length]])[..., 0], d12=matrix([[open_channel]]), d21=np.ones((1, 1)),

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._canonical import Root, cascade
@@ -57,12 +58,14 @@ def _paired(roots: Sequence[Scalar | Sequence[Scalar]], name: str) -> list[Root]
         if not np.any(im.real):
             found.append(Root(re=re, im=None))
             continue
-        partner = next((w for w in waiting if _conjugate((re, im), w)), None)
-        if partner is None:
+        place = next((i for i, other in enumerate(waiting) if np.any(_conjugate((re, im), other))), None)
+        if place is None:
             waiting.append((re, im))
-        else:
-            waiting.remove(partner)
-            found.append(Root(re=(re + partner[0]) / 2.0, im=(im - partner[1]) / 2.0))
+            continue
+        partner = waiting.pop(place)
+        # A member of a batch whose pair falls apart has no realisation; it must not spoil the others.
+        whole = np.where(_conjugate((re, im), partner), 0.0, np.nan) if _batched(re, im, *partner) else 0.0
+        found.append(Root(re=(re + partner[0]) / 2.0 + whole, im=(im - partner[1]) / 2.0))
     if waiting:
         # Of a batch, the first member speaks for all: its structure is that of the document.
         alone = complex(*(np.atleast_1d(part.real)[0] for part in waiting[0]))
@@ -77,6 +80,10 @@ def _parts(root: Scalar | Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     return root, 0.0
 
 
-def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> bool:
+def _batched(*values: Scalar) -> bool:
+    return any(isinstance(value, np.ndarray) for value in values)
+
+
+def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> npt.NDArray[np.bool_]:
     one, other = (np.asarray(re).real + 1j * np.asarray(im).real for re, im in (first, second))
-    return bool(np.all(np.abs(one - other.conj()) <= _SAME * np.abs(one)))
+    return np.asarray(np.abs(one - other.conj()) <= _SAME * np.abs(one))

@@ -308,6 +308,29 @@ def test_members_outside_physical_bounds_do_not_exist():
     assert not stack.a[1:].any()
 
 
+@pytest.mark.parametrize(
+    ("values", "block_of", "valid"),
+    [
+        # improper at 1, a delay that is not a number, a pair of poles that falls apart, a leading coefficient of 0
+        ([0.0, 1.0, 0.0], block("transfer_function", numerator=["=k", 1, 1], denominator=[1, 1]), [True, False, True]),
+        ([0.0, np.nan, 2.0], block("delay", time="=k"), [True, False, True]),
+        ([0.0, np.inf, -2.0], block("delay", time="=k"), [True, False, False]),
+        ([0.0, 1.0, 0.0], block("zero_pole_gain", poles=[["=-1-k", 2], [-1, -2]]), [True, False, True]),
+        ([0.0, 1.0, 2.0], block("transfer_function", numerator=[1], denominator=["=k", 1, 1]), [False, True, True]),
+        ([1.0, 2.0, 1.0], block("transfer_function", numerator=["=k", 1, 1], denominator=[1, 1]), [False] * 3),
+    ],
+)
+def test_a_block_that_some_members_lack_leaves_the_others_alone(values, block_of, valid):
+    diagram = compile_system(document({"u": block("input"), "b": block_of}, ["u -> b"], {"y": "b"}, k=0.0))
+    stack = diagram.realize_stack({"k": np.array(values)})
+    assert stack.valid.tolist() == valid
+    for member in np.flatnonzero(valid):
+        single = diagram.realize({"k": values[member]})
+        np.testing.assert_allclose(
+            response(stack.member(int(member)), 1j, "y", "u"), response(single, 1j, "y", "u"), rtol=1e-13
+        )
+
+
 def test_a_stack_without_overrides_repeats_the_base():
     diagram = compile_system(servo())
     stack = diagram.realize_stack({}, members=3)
