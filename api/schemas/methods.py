@@ -16,9 +16,7 @@ from optimizers.methods import Method, catalogue
 def _option(param: Param) -> tuple[Any, Any]:
     """A text of the choices, a whole number, or a whole number for each variable; the method itself checks more."""
     kind: Any = Literal[param.choices] if param.choices else int | dict[str, int]
-    return kind | None, Field(
-        default=None, description=f"{param.doc} (default {param.default})", union_mode="left_to_right"
-    )
+    return kind | None, Field(default=None, description=f"{param.doc} (default {param.default})")
 
 
 def _model(method: type[Method]) -> type[Document]:
