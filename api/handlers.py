@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from http import HTTPStatus
 from typing import Any
 
@@ -35,27 +35,40 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
     message = str(error["msg"])
     kind = error["type"]
     if where != "body":
-        name = ".".join(str(part) for part in location)
-        return Fault(place=(), detail=f"{where} parameter {name}: {message}, got {error.get('input')!r}")
+        name = f"{where} parameter {'.'.join(str(part) for part in location)}"
+        return Fault(place=(), detail=_sentence(kind, name, message, error))
     if kind == "json_invalid":
         return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}")
     if not location and not isinstance(body, dict):
         return Fault(place=(), detail="the body must be a JSON object sent with Content-Type: application/json")
     place = place_in(body, location, names_a_field=kind in {"missing", "extra_forbidden"})
     name = str(place[-1]) if place else "the document"
-    got = _shown(error.get("input"))
-    sentences = {
-        "missing": f"{name} must be given",
-        "extra_forbidden": f"{name} is not a field here; must be left out",
-        "value": f"{name} {message}",
-        "value_error": f"{name} {message.removeprefix('Value error, ')}",
-        "string_pattern_mismatch": f"{name} must match {error.get('ctx', {}).get('pattern')}, got {got}",
-    }
+    sentence = _sentence(kind, name, message, error)
     if kind in {"union_tag_invalid", "union_tag_not_found"} and isinstance(error.get("input"), dict):
         expected = error.get("ctx", {}).get("expected_tags", "")
         got = _shown(error["input"].get("kind"))
         return Fault(place=(*place, "kind"), detail=f"kind must be one of {expected or 'the catalogue'}, got {got}")
-    return Fault(place=place, detail=sentences.get(kind, f"{name}: {message}, got {got}"))
+    return Fault(place=place, detail=sentence)
+
+
+def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
+    """Return ``<name> must be <rule>, got <value>`` for what pydantic found."""
+    given, limits = error.get("input"), error.get("ctx", {})
+    count = len(given) if isinstance(given, Sized) else 0
+    sentences = {
+        "missing": f"{name} must be given",
+        "extra_forbidden": f"{name} must be left out: it is no field here",
+        "value": f"{name} {message}",
+        "value_error": f"{name} {message.removeprefix('Value error, ')}",
+        "too_long": f"{name} must be at most {limits.get('max_length')} items, got {count}",
+        "too_short": f"{name} must be at least {limits.get('min_length')} items, got {count}",
+        "string_pattern_mismatch": f"{name} must match {limits.get('pattern')}, got {_shown(given)}",
+        "greater_than": f"{name} must be > {limits.get('gt')}, got {given}",
+        "greater_than_equal": f"{name} must be >= {limits.get('ge')}, got {given}",
+        "less_than": f"{name} must be < {limits.get('lt')}, got {given}",
+        "less_than_equal": f"{name} must be <= {limits.get('le')}, got {given}",
+    }
+    return sentences.get(kind, f"{name}: {message}, got {_shown(given)}")
 
 
 def _shown(value: Any) -> str:
@@ -75,8 +88,7 @@ def _on_invalid(_: Request, error: Exception) -> Response:
 
 def _on_http(_: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    phrase = HTTPStatus(error.status_code).phrase
-    kind = phrase.lower().replace(" ", "-")
+    kind = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
     detail = {404: "no such path", 405: "the path exists, but not with this method"}.get(
         error.status_code, error.detail
     )

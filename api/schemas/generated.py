@@ -50,4 +50,5 @@ def _field(param: Param, *, expressions: bool) -> tuple[Any, Any]:
         extra["x-upper"] = param.upper
     if param.required and param.default is None:
         return kind, Field(description=param.doc, json_schema_extra=extra)
-    return kind | None, Field(default=param.default, description=param.doc, json_schema_extra=extra)
+    # An explicit null is refused: leaving a parameter out is how it is left out.
+    return kind, Field(default=param.default, description=param.doc, json_schema_extra=extra)

@@ -12,6 +12,9 @@ from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar
 from engine.elements import catalogue
 
+MAX_BLOCKS = 500
+"""Of one document; the core counts those of its subsystems too."""
+
 
 class ParameterDocument(Document):
     """A named value that blocks share through expressions, with the bounds within which it may be chosen."""
@@ -53,7 +56,7 @@ class SystemDocument(Document):
     name: str = Field(default="", max_length=200)
     doc: str = Field(default="", max_length=20_000)
     parameters: dict[Name, ParameterDocument] = Field(default_factory=dict)
-    blocks: dict[Name, BlockDocument] = Field(min_length=1)
+    blocks: dict[Name, BlockDocument] = Field(min_length=1, max_length=MAX_BLOCKS)
     connections: list[ConnectionDocument] = Field(default_factory=list)
     outputs: dict[Name, Path] = Field(min_length=1, examples=[{"position": "motor.position"}])
 

@@ -61,6 +61,10 @@ def _check(request: DatasetRequest) -> None:
     for name, value in refused:
         if value is not None:
             raise invalid(f"{name} must be left out for the format {request.format}", name)
+    if request.import_ is not None and request.import_.delimiter == request.import_.decimal:
+        raise invalid(
+            f"delimiter must differ from decimal, got {request.import_.delimiter!r} for both", "import", "delimiter"
+        )
     place: Place = ("channels",) if raw else ("import", "columns")
     seen: set[str] = set()
     for i, channel in enumerate(request.channels or (request.import_.columns if request.import_ else ())):
