@@ -208,11 +208,15 @@ class Evaluation:
         ends = [signal.end() for signal in signals.values()]
         end = None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
         y = error = error_final = None
-        if response.joint is not None and verdict is Verdict.OK:
-            y = response.joint.output(response.columns[output])
-            roles = self.diagram.input_roles
-            reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
-            error = y * -1.0 if reference is None else response.joint.input(reference).minus(y)
+        roles = self.diagram.input_roles
+        reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
+        trajectory, column = response.joint, response.columns.get(output, 0)
+        if verdict is not Verdict.OK:
+            trajectory = None if duration is None else self._limited(signals, output, duration)
+        if trajectory is not None:
+            y = trajectory.output(column)
+            error = y * -1.0 if reference is None else trajectory.input(reference).minus(y)
+        if error is not None and verdict is Verdict.OK:
             target = 0.0 if reference is None else list(signals.values())[reference].final()
             if final is not None and target is not None:
                 error_final = target - final
@@ -222,6 +226,14 @@ class Evaluation:
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict,
         )  # fmt: skip
+
+    def _limited(self, signals: Mapping[str, Signal], output: str, duration: float) -> Trajectory | None:
+        """Return the response of an output that does not settle, up to ``duration``; None beyond what can be followed."""
+        inputs = [self.input_index(name) for name in signals]
+        part = path(self.system, inputs, [self.output_index(output)], self._poles_of)
+        if float(self._poles_of(part.value).values.real.max(initial=0.0)) * duration > np.log(LARGEST):
+            return None
+        return respond(part, list(signals.values()), duration)
 
 
 def _has_settled(values: npt.NDArray[np.float64]) -> bool:

@@ -134,6 +134,11 @@ class FrequencyResponse:
         value = self._value.shape(shape, np.asarray(frequency + 1j * INFINITESIMAL * max(frequency, 1e-300)))
         return float(value[0].real), float(value[0].imag / (INFINITESIMAL * max(frequency, 1e-300)))
 
+    @property
+    def direct(self) -> Array:
+        """The gain at infinite frequency (delays have none of their own), shape (lanes,)."""
+        return np.asarray(self.system.d11[:, 0, 0])
+
     @cached_property
     def _value(self) -> FrequencyResponse:
         return FrequencyResponse(self.system.value)
@@ -262,7 +267,7 @@ class FrequencyResponse:
         return np.asarray(root - 1j * value.imag / slope)
 
     def peak(self, shape: Shape) -> tuple[Array, float]:
-        """Return (largest value, frequency) of ``shape`` over the scan; a supremum at an end is that end's value."""
+        """Return (largest value, frequency) of ``shape`` over the scan, its two ends included."""
         omega, values = self.scan
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             heights = shape(values.real, values.imag)

@@ -22,6 +22,7 @@ from engine.linear import single_delay
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
 from engine.linear.poles import poles, static_gain
+from engine.linear.short_delay import without_short_delays
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import slopes
 from engine.linear.trajectory import respond
@@ -135,12 +136,13 @@ class Drive:
     def _kernel(self, system: LaneSystem, source: int, output: int) -> _Kernel | None:
         """Return the kernel from one input to one output, None when it grows beyond the limit."""
         h, samples = self._h, self._inputs.shape[1]
-        part = _balanced(connected(system, [source], [output]))
+        connection = without_short_delays(connected(system, [source], [output]), h)
+        part = _balanced(connection)
         if guess := self._settled.get((source, output)):
             kernel = _settled(part, h, guess)
             if kernel is not None:
                 return kernel
-        part = _balanced(path(system, [source], [output]))
+        part = _balanced(path(connection, [0], [0]))
         found = poles(part.value)
         if found.verdict is Verdict.UNSTABLE:
             growth = np.inf if found.neutral else float(found.values.real.max()) * h * samples

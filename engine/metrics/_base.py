@@ -18,7 +18,7 @@ from engine.linear.tangent import INFINITESIMAL
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.frequency import FrequencyResponse
+    from engine.linear.frequency import FrequencyResponse, Shape
     from engine.linear.poles import Poles
     from engine.linear.system import Array
 
@@ -59,8 +59,8 @@ class TimeSubject:
 
     Parameters
     ----------
-    y : Curve
-        The output from t = 0 until nothing moves any more.
+    y : Curve or None
+        The output from t = 0 until nothing moves any more; up to the duration where the path does not settle.
     initial : ndarray, shape (lanes,)
         Value just before the command.
     final : ndarray or None
@@ -89,7 +89,7 @@ class TimeSubject:
 
     @property
     def curve(self) -> Curve:
-        """The output; only asked for where the verdict is ok."""
+        """The output; only asked for where it exists."""
         assert self.y is not None
         return self.y
 
@@ -285,7 +285,7 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae"])
     """Return ∫|e|, ∫e² or ∫t|e| from the command's start to the duration or to infinity."""
     if subject.error is None:
         refusal = unsettled(subject.verdict)
-        return refusal or Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a reference input")
+        return refusal or Absent(verdict=Verdict.DIVERGES, advice="the error grows beyond what can be followed")
     error = subject.error
     if subject.duration is None:
         refusal = unsettled(subject.verdict)
@@ -313,11 +313,20 @@ def highest_magnitude(subject: PathSubject) -> Finding:
         if subject.verdict is Verdict.UNSTABLE:
             return refusal
         return Absent(verdict=Verdict.DIVERGES, advice="the path has poles on the imaginary axis: the peak is infinite")
-    value, at = subject.response.peak(squared_magnitude)
     assert subject.static is not None
-    static = subject.static * (1.0 if float(subject.static[0].real) >= 0 else -1.0)
-    if float(static[0].real) ** 2 >= float(value[0].real) * (1 - 1e-12):
+    return highest(subject.response, squared_magnitude, at_rest=subject.static, at_infinity=subject.response.direct)
+
+
+def highest(response: FrequencyResponse, shape: Shape, *, at_rest: Array, at_infinity: Array) -> Finding:
+    """Return the peak of a magnitude whose square is ``shape``; at either end of the axis it may only be approached."""
+    value, at = response.peak(shape)
+    top = float(value[0].real) * (1 - 1e-12)
+    static = at_rest * np.sign(at_rest.real)
+    if float(static[0].real) ** 2 >= top:
         return Found(value=static, at=0.0)
+    limit = at_infinity * np.sign(at_infinity.real)
+    if not response.system.m and float(limit[0].real) ** 2 >= top:
+        return Found(value=limit)
     return Found(value=np.sqrt(value), at=at)
 
 

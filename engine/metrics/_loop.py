@@ -12,7 +12,7 @@ import numpy as np
 from engine.linear.frequency import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
 
 if TYPE_CHECKING:
-    from engine.linear.frequency import FrequencyResponse, Shape
+    from engine.linear.frequency import FrequencyResponse
     from engine.linear.system import Array
 
 Crossing = tuple["Array", "Array"]
@@ -47,15 +47,6 @@ def delay_margins(response: FrequencyResponse) -> list[Crossing]:
         turn = margin if float(margin[0].real) >= 0 else margin + 2 * np.pi
         found.append((frequency, turn / frequency))
     return found
-
-
-def peak_of(response: FrequencyResponse, shape: Shape, at_rest: Array) -> tuple[Array, float]:
-    """Return (peak magnitude, frequency) of a closed-loop function; its value at ω = 0, ``at_rest``, may be the supremum."""
-    value, at = response.peak(shape)
-    static = at_rest * np.sign(at_rest.real)
-    if float(static[0].real) ** 2 >= float(value[0].real) * (1 - 1e-12):
-        return static, 0.0
-    return np.sqrt(value), at
 
 
 def _angle(re: Array, im: Array) -> Array:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.linear.frequency import squared_complementary
-from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import peak_of
+from engine.metrics._base import Absent, LoopMetric, highest, unclosed
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -37,6 +36,6 @@ class ComplementaryPeak(LoopMetric):
             return refusal
         if subject.verdict is not Verdict.OK:
             return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
-        static = subject.static  # None with an integrator in the loop: L(0) is infinite
-        value, at = peak_of(subject.response, squared_complementary, np.ones(1) if static is None else static / (1 + static))
-        return Found(value=value, at=at)
+        static, direct = subject.static, subject.response.direct
+        at_rest = np.ones(1) if static is None else static / (1 + static)  # with an integrator L(0) is infinite
+        return highest(subject.response, squared_complementary, at_rest=at_rest, at_infinity=direct / (1 + direct))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.linear.frequency import squared_sensitivity
-from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import peak_of
+from engine.metrics._base import Absent, LoopMetric, highest, unclosed
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -37,6 +36,6 @@ class SensitivityPeak(LoopMetric):
             return refusal
         if subject.verdict is not Verdict.OK:
             return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
-        static = subject.static  # None with an integrator in the loop: L(0) is infinite
-        value, at = peak_of(subject.response, squared_sensitivity, np.zeros(1) if static is None else 1 / (1 + static))
-        return Found(value=value, at=at)
+        static, direct = subject.static, subject.response.direct
+        at_rest = np.zeros(1) if static is None else 1 / (1 + static)  # with an integrator L(0) is infinite
+        return highest(subject.response, squared_sensitivity, at_rest=at_rest, at_infinity=1 / (1 + direct))
