@@ -91,8 +91,9 @@ def _divide(dividend: Scalar, divisor: Scalar) -> Scalar:
 def _power(base: Scalar, exponent: Scalar) -> Scalar:
     if isinstance(base, np.ndarray) or isinstance(exponent, np.ndarray):
         base, exponent = np.asarray(base), np.asarray(exponent)
-        whole = (exponent == np.rint(exponent.real)) & ((exponent.real >= 0) | (base != 0))
-        return np.asarray(np.where(whole | (base.real > 0), base, np.nan) ** exponent)
+        whole = (exponent == np.rint(exponent.real)) & ((exponent.real >= 0) | (base.real != 0))
+        zero = (base == 0) & (exponent.imag == 0) & (exponent.real > 0)
+        return np.asarray(np.where(whole | zero | (base.real > 0), base, np.nan) ** exponent)
     whole = exponent == int(exponent.real)
     if base.real < 0 and not whole:
         raise _NotAnalyticError(f"a negative number ({base.real:g}) has no power {exponent.real:g}")

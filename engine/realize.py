@@ -98,8 +98,10 @@ class _Layout:
     """Where the states and delay channels of each block lie among the columns (states, externals, delay channels)."""
 
     def __init__(self, realizations: Sequence[Realization], *, externals: int, batch: tuple[int, ...]) -> None:
-        arrays = (array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays))
-        self._dtype = np.result_type(float, *arrays)
+        arrays = [
+            array for r in realizations for array in (r.a, r.b, r.c, r.d, r.delays, r.initial) if array is not None
+        ]
+        self._dtype = np.dtype(complex if any(np.iscomplexobj(array) for array in arrays) else float)
         self._batch = batch
         self.externals = externals
         self.states = sum(r.a.shape[-1] for r in realizations)

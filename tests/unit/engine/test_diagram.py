@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -336,3 +337,9 @@ def test_an_empty_document_is_a_system():
     system = compile_system(System()).realize()
     assert system.a.shape == (0, 0)
     assert system.d11.shape == (0, 0)
+
+
+def test_a_diagram_travels_to_another_process():
+    diagram = compile_system(loop())
+    copy = pickle.loads(pickle.dumps(diagram))
+    assert copy.realize({"kp": 3.0}).b1.tolist() == diagram.realize({"kp": 3.0}).b1.tolist()

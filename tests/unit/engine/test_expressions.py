@@ -158,5 +158,18 @@ def test_a_member_without_a_value_spoils_only_itself(text):
     assert result[1] == pytest.approx(value(text, a=4.0), rel=1e-15)
 
 
+@pytest.mark.parametrize("base", [-2.0, 0.0, STEP * 1j, 2.0])
+@pytest.mark.parametrize("exponent", [-1.0, -0.5, 0.0, 0.5, 2.0, 2.0 + STEP * 1j])
+def test_powers_exist_for_a_batch_where_they_exist_alone(base, exponent):
+    try:
+        single = value("=a**b", a=base, b=exponent)
+    except ExpressionError:
+        single = None
+    with np.errstate(all="ignore"):
+        batch = value("=a**b", a=np.array([base, 1.0]), b=np.array([exponent, 1.0]))[0]
+    assert np.isfinite(batch) == (single is not None)
+    assert single is None or batch == pytest.approx(single, rel=1e-14)
+
+
 def test_a_real_expression_stays_real():
     assert isinstance(value("=sqrt(a)**2 + exp(a)", a=2.0), float)

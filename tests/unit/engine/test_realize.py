@@ -343,6 +343,7 @@ def test_integrators_start_at_their_initial_values():
     )
     assert diagram.realize({"x0": 3.0}).x0.tolist() == [3.0]
     assert diagram.realize_stack({"x0": np.array([3.0, 4.0])}).x0.tolist() == [[3.0], [4.0]]
+    assert diagram.realize({"x0": 3.0 + STEP * 1j}).x0.imag.tolist() == [STEP]
 
 
 @pytest.mark.parametrize(
