@@ -18,7 +18,7 @@ import time
 import numpy as np
 from scipy.optimize import minimize as scipy_minimize
 
-from optimizers.certificate import BROKEN, TOLERANCE, signed_excess
+from optimizers.certificate import BROKEN, TOLERANCE
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
 from optimizers.problem import Vector
 from optimizers.result import HistoryPoint, Monitor
@@ -73,7 +73,7 @@ class Tracker:
         return found
 
     def local(self, position: Vector) -> Local | None:
-        """Evaluate one point with slopes.
+        """Evaluate one point with slopes, remember it; None where a metric has no value.
 
         Raises
         ------
@@ -84,7 +84,11 @@ class Tracker:
             raise Stopped(cancelled=True)
         if self.evaluator.evaluations >= self.budget:
             raise Stopped(cancelled=False)
-        return self.evaluator.local(position)
+        found = self.evaluator.local(position)
+        if found is not None:
+            objective = float(self.evaluator.objectives(found.values).max())
+            self.offer(position, objective, float(self.evaluator.violations(found.values).max()))
+        return found
 
     def offer(self, position: Vector, objective: float, violation: float) -> None:
         """Remember a point if it is the best so far."""
@@ -102,6 +106,10 @@ class Tracker:
         return time.perf_counter() - self.started
 
 
+class _Enough(Exception):  # noqa: N818 - nothing is wrong, the descent has had its share
+    """A descent has used its evaluations."""
+
+
 class Descent:
     """Sequential quadratic programming from one point.
 
@@ -116,117 +124,93 @@ class Descent:
         self._tracker = tracker
         self._evaluator = tracker.evaluator
         self._margins = margins
-        self._points: dict[bytes, Matrix] = {}
-        self._locals: dict[bytes, Local] = {}
-        self._bounded = [i for i, goal in enumerate(self._evaluator.problem.goals) if goal.lower is not None or goal.upper is not None]
+        self._points: dict[bytes, Local | None] = {}
+        self._left = 0
+        goals = self._evaluator.problem.goals
+        self._bounds = [
+            (g, bound, sign)
+            for g, goal in enumerate(goals)
+            for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0))
+            if bound is not None
+        ]
 
-    def run(self, start: Vector, *, iterations: int) -> Vector:
-        """Return the best point of a descent; ``start`` itself if nothing better was found.
+    def run(self, start: Vector, *, evaluations: int) -> None:
+        """Descend from ``start``; the tracker remembers the best point passed.
 
         Raises
         ------
         Stopped
             When cancelled or out of budget.
         """
-        local = self._slopes(start)
-        if local is None:
-            return start
-        count = len(start)
-        objective = self._evaluator.objectives(local.values)
-        scale = max(float(np.abs(objective).max()), 1e-300)
-        feasible = self._excess(local.values).max(initial=-np.inf) <= 0
-        point = self._solve(start, scale, iterations) if feasible else None
-        if point is None:
-            # First into the feasible region, or as near to it as possible; then along its boundary.
-            inside = self._solve(start, None, iterations)
-            point = self._solve(inside, scale, iterations)
-            candidates = np.array([start, inside, point])
-        else:
-            candidates = np.array([start, point])
-        ranked = self._tracker.assess(candidates.reshape(-1, count))
-        return candidates[int(ranked.order()[0])]
+        self._left = evaluations
+        try:
+            first = self._at(start)
+            if first is None:
+                return
+            if self._excess(first.values).max(initial=-np.inf) > 0:
+                # First into the feasible region, or as near to it as possible; then along its boundary.
+                start = self._solve(start, first, feasibility=True)
+            self._solve(start, first, feasibility=False)
+        except _Enough:
+            return
 
-    def _solve(self, start: Vector, scale: float | None, iterations: int) -> Vector:
-        """Minimise the objective divided by ``scale``, or the largest excess if that is None."""
-        first = self._level(start, scale)
-        z0 = np.append(start, first.max(initial=0.0))
+    def _solve(self, start: Vector, first: Local, *, feasibility: bool) -> Vector:
+        """Minimise the objective under all bounds, or the largest excess over them."""
         n = len(start)
-        gradient = np.append(np.zeros(n), 1.0)
+        scale = 1.0 if feasibility else max(float(np.abs(self._evaluator.objectives(first.values)).max()), 1e-300)
+        begin = self._at(start) or first
+        level = self._excess(begin.values) if feasibility else self._evaluator.objectives(begin.values) / scale
+        slope_of_level = np.append(np.zeros(n), 1.0)
+        last = begin
 
         def constraints(z: Vector) -> Vector:
-            x = np.clip(z[:n], 0.0, 1.0)
-            level = z[n] - self._level(x, scale)
-            return level if scale is None else np.concatenate([level, -self._limits(x)])
+            here = self._at(np.clip(z[:n], 0.0, 1.0))
+            values = last.values if here is None else here.values
+            excess = self._excess(values)
+            above = excess if feasibility else self._evaluator.objectives(values) / scale
+            room = z[n] - above if feasibility else np.concatenate([z[n] - above, -excess])
+            return np.full_like(room, -BROKEN) if here is None else room
 
         def jacobian(z: Vector) -> Matrix:
-            x = np.clip(z[:n], 0.0, 1.0)
-            local = self._slopes(x)
-            rows = self._level_slopes(local, scale)
-            level = np.hstack([-rows, np.ones((len(rows), 1))])
-            if scale is not None:
-                limits = self._excess_slopes(local)
-                level = np.vstack([level, np.hstack([-limits, np.zeros((len(limits), 1))])])
-            return np.ascontiguousarray(level)
+            nonlocal last
+            last = self._at(np.clip(z[:n], 0.0, 1.0)) or last
+            excess = self._excess_slopes(last)
+            above = excess if feasibility else self._objective_slopes(last) / scale
+            rows = np.hstack([-above, np.ones((len(above), 1))])
+            if not feasibility:
+                rows = np.vstack([rows, np.hstack([-excess, np.zeros((len(excess), 1))])])
+            # scipy misreads a gradient that is a view of something else.
+            return np.ascontiguousarray(rows)
 
         outcome = scipy_minimize(
-            lambda z: float(z[n]), z0, jac=lambda _: gradient, method="SLSQP",
+            lambda z: float(z[n]), np.append(start, level.max()), jac=lambda _: slope_of_level, method="SLSQP",
             bounds=[*([(0.0, 1.0)] * n), (None, None)],
             constraints={"type": "ineq", "fun": constraints, "jac": jacobian},
-            options={"maxiter": iterations, "ftol": 1e-7},
+            options={"maxiter": 100, "ftol": 1e-8},
         )  # fmt: skip
         return np.clip(outcome.x[:n], 0.0, 1.0) if np.isfinite(outcome.x).all() else start
 
-    def _values(self, x: Vector) -> Matrix:
+    def _at(self, x: Vector) -> Local | None:
         key = x.tobytes()
         if key not in self._points:
-            if key in self._locals:
-                return self._locals[key].values
-            found = self._tracker.assess(x[None])
-            values = found.values[0]
-            # Worse than anything that has a value, and worse still the faster it diverges.
-            self._points[key] = values if not np.isnan(values).any() else np.full_like(values, np.nan)
+            if self._left <= 0:
+                raise _Enough
+            self._left -= 1
+            self._points[key] = self._tracker.local(x)
         return self._points[key]
 
-    def _slopes(self, x: Vector) -> Local | None:
-        key = x.tobytes()
-        if key not in self._locals:
-            local = self._tracker.local(x)
-            if local is None:
-                return self._last
-            self._locals[key] = local
-            self._last: Local | None = local
-        return self._locals[key]
-
-    def _level(self, x: Vector, scale: float | None) -> Vector:
-        values = self._values(x)
-        if np.isnan(values).any():
-            return np.full(len(values) if scale is not None else max(1, self._excess(values).size), BROKEN)
-        return self._excess(values) if scale is None else self._evaluator.objectives(values) / scale
-
-    def _level_slopes(self, local: Local | None, scale: float | None) -> Matrix:
-        assert local is not None
-        if scale is None:
-            return self._excess_slopes(local)
+    def _objective_slopes(self, local: Local) -> Matrix:
+        """Return the slopes of the weighted objective in every scenario, (S, V)."""
         weights = np.zeros(local.values.shape[1])
         for goal in self._evaluator.problem.objectives:
-            weights[goal] = self._evaluator.objective_weight(goal) / scale
-        return np.einsum("g,sgv->sv", weights, local.slopes)
-
-    def _limits(self, x: Vector) -> Vector:
-        values = self._values(x)
-        return np.full(self._excess(values).size, BROKEN) if np.isnan(values).any() else self._excess(values)
+            weights[goal] = self._evaluator.objective_weight(goal)
+        return np.asarray(np.einsum("g,sgv->sv", weights, local.slopes))
 
     def _excess(self, values: Matrix) -> Vector:
-        """Return every bound's excess in every scenario, one vector."""
-        goals = self._evaluator.problem.goals
-        rows = [signed_excess(goals[g], values[:, g]) + self._margins[g] for g in self._bounded]
-        return np.concatenate([row.ravel() for row in rows]) if rows else np.zeros(0)
+        """Return every bound's excess in every scenario, bound by bound."""
+        rows = [np.clip(sign * (values[:, g] - bound) / (abs(bound) or 1.0), -BROKEN, BROKEN) + self._margins[g] for g, bound, sign in self._bounds]
+        return np.concatenate(rows) if rows else np.zeros(0)
 
     def _excess_slopes(self, local: Local) -> Matrix:
-        rows = []
-        for g in self._bounded:
-            goal = self._evaluator.problem.goals[g]
-            for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0)):
-                if bound is not None:
-                    rows.append(sign * local.slopes[:, g] / (abs(bound) or 1.0))
+        rows = [sign * local.slopes[:, g] / (abs(bound) or 1.0) for g, bound, sign in self._bounds]
         return np.concatenate(rows) if rows else np.zeros((0, local.slopes.shape[2]))

@@ -25,6 +25,8 @@ _BLOCK = 128
 _ROUNDS = 4
 _PROOFS = 3
 _APART = 0.08
+_SHORT, _LONG = 25, 60
+"""Evaluations of a first descent, and of one from the best point."""
 
 
 @final
@@ -69,28 +71,26 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
     points = _sample(tracker, rng)
     chosen = _apart(points, starts)
     descent = Descent(tracker, margins)
-    ends = []
     for number, start in enumerate(chosen):
         tracker.monitor.progress(0.2 + 0.4 * number / len(chosen), f"descent {number + 1} of {len(chosen)}")
-        ends.append(descent.run(start, iterations=15))
+        descent.run(start, evaluations=_SHORT)
     assert tracker.best is not None
     radius = 0.03
     for turn in range(_ROUNDS):
         tracker.monitor.progress(0.6 + 0.3 * turn / _ROUNDS, "searching around the best point")
-        descent.run(tracker.best, iterations=60)
+        descent.run(tracker.best, evaluations=_LONG)
         known = tracker.rank
         cloud = np.clip(tracker.best + radius * rng.standard_normal((_BLOCK, len(problem.axes))), 0.0, 1.0)
         tracker.assess(cloud)
-        if tracker.rank < known:
-            descent.run(tracker.best, iterations=60)
-        radius /= 4
+        if not tracker.rank < known:
+            radius /= 4
     _prove(tracker, margins)
 
 
 def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
     """Return points from the best to the worst: the start and a Sobol sequence."""
     problem = tracker.evaluator.problem
-    count = max(1, min(8 * _BLOCK, tracker.budget // 8))
+    count = max(1, min(4 * _BLOCK, tracker.budget // 8))
     sobol = qmc.Sobol(len(problem.axes), rng=rng)
     points = np.vstack([problem.start(), sobol.random_base2(int(np.ceil(np.log2(count))))[: count - 1]])
     ranks = []
@@ -127,7 +127,6 @@ def _prove(tracker: Tracker, margins: Vector) -> None:
         for proof in certificate.goals:
             if proof.violation > 0:
                 margins[proof.goal] += 1.5 * proof.violation + SAFETY
-        point = Descent(tracker, margins).run(tracker.best, iterations=60)
-        found = tracker.evaluator.confirm(point)
-        tracker.rank = (np.inf, np.inf)
-        tracker.offer(point, float(found.objective[0]), float(found.violation[0]))
+        # Points found with less margin no longer count.
+        start, tracker.rank = tracker.best, (np.inf, np.inf)
+        Descent(tracker, margins).run(start, evaluations=_LONG)

@@ -94,9 +94,9 @@ def _local(evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, ma
     x = _snapped(result.x, lower, upper)
     if not np.isfinite(at(x)[0]).all():
         x = result.x  # the model exists beside the bound but not on it
-    residuals, jacobian = at(x)
+    # the slopes are those beside the bound: on it a delay of 0 is no delay any more
     return Minimum(
-        x=x, residuals=residuals, jacobian=jacobian, converged=result.status > 0, evaluations=int(result.nfev)
+        x=x, residuals=at(x)[0], jacobian=result.jac, converged=result.status > 0, evaluations=int(result.nfev)
     )
 
 
