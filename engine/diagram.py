@@ -88,6 +88,9 @@ class Diagram:
         self.warnings = (*unconnected, *flat.warnings)
         self._realizations = self._realize_base()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return compile_system, (self.system,)
+
     def realize(
         self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
     ) -> LinearSystem:
