@@ -8,6 +8,7 @@
     ├── StateError                the thing is not in a state that allows this
     ├── ChecksumError             bytes that are not what they claim to be
     ├── MissingSegmentsError      a manifest that names segments never received
+    ├── DocumentError             a document that is no JSON
     ├── InvalidCursorError        a page cursor that this list did not hand out
     ├── DatabaseUrlError          a database this package cannot work with
     └── IdempotencyError          a key used for another request, or one still running
@@ -19,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import DontWrapMixin, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 #: What the driver raises when the database cannot be reached, is full, locked or read-only.
@@ -79,6 +80,10 @@ class InvalidCursorError(StorageError):
 
     def __init__(self, cursor: str) -> None:
         super().__init__(f"cursor must be a next_cursor of this list, got {cursor!r}")
+
+
+class DocumentError(StorageError, DontWrapMixin):
+    """A document holds NaN, infinity, or something that JSON has no word for."""
 
 
 class DatabaseUrlError(StorageError):

@@ -11,14 +11,13 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 from sqlalchemy import URL, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.orm import Session, sessionmaker
 
-from storage.errors import DatabaseUrlError
+from storage.errors import DatabaseUrlError, DocumentError
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
@@ -94,8 +93,12 @@ def open_database(url: str) -> Database:
     )
 
 
-#: NaN and infinity are no JSON; a document that holds one is refused here, not by one of the two databases.
-_to_json = partial(json.dumps, allow_nan=False, separators=(",", ":"))
+def _to_json(document: Any) -> str:
+    """Refuse NaN and infinity here, for both databases; Postgres alone would."""
+    try:
+        return json.dumps(document, allow_nan=False, separators=(",", ":"))
+    except (TypeError, ValueError) as error:
+        raise DocumentError(f"a document must be JSON, got {error}") from error
 
 
 def _parse(url: str) -> URL:

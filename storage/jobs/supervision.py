@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar
 from sqlalchemy.exc import StatementError
 from sqlalchemy.orm import Session
 
-from storage.errors import UNAVAILABLE
+from storage.errors import UNAVAILABLE, StorageError
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Crashed, Done, Frame, Message, Progress, Refused
 from storage.models import Job, JobStatus
@@ -144,7 +144,7 @@ class Supervisor:
 
         try:
             self._write(keep)
-        except (StatementError, TypeError, ValueError) as error:
+        except (StorageError, StatementError, ValueError) as error:
             # Not JSON (NaN, an unknown type), or no such system: an error of the compute function.
             if isinstance(error, UNAVAILABLE):
                 raise

@@ -6,9 +6,11 @@ from tests.support.databases import (
     database,
     database_url,
     empty_database_url,
+    fresh_database,
     module_database_url,
     postgres_template,
     postgres_url,
+    shared_database,
     sqlite_template,
 )
 
@@ -16,8 +18,10 @@ __all__ = [
     "database",
     "database_url",
     "empty_database_url",
+    "fresh_database",
     "module_database_url",
     "postgres_template",
     "postgres_url",
+    "shared_database",
     "sqlite_template",
 ]

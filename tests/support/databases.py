@@ -8,8 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import delete
 
 from storage import Database, open_database
+from storage.models import DEFAULT_WORKSPACE, Base, Workspace
 from tests.support import postgres
 
 _numbers = itertools.count()
@@ -61,9 +63,28 @@ def module_database_url(request: pytest.FixtureRequest, tmp_path_factory: pytest
     yield from _fresh(request, tmp_path_factory.mktemp("shared"))
 
 
+@pytest.fixture(scope="session", params=["sqlite", "postgres"])
+def shared_database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    """A migrated database that all tests of the session share."""
+    for url in _fresh(request, tmp_path_factory.mktemp("session")):
+        opened = open_database(url)
+        yield opened
+        opened.dispose()
+
+
 @pytest.fixture
-def database(database_url: str) -> Iterator[Database]:
-    """A fresh migrated database, open."""
+def database(shared_database: Database) -> Iterator[Database]:
+    """A migrated database without rows but the default workspace."""
+    yield shared_database
+    with shared_database.session() as session:
+        for table in reversed(Base.metadata.sorted_tables):
+            session.execute(delete(table))
+        session.add(Workspace(id=DEFAULT_WORKSPACE, name="default"))
+
+
+@pytest.fixture
+def fresh_database(database_url: str) -> Iterator[Database]:
+    """A database that is this test's alone, open."""
     opened = open_database(database_url)
     yield opened
     opened.dispose()

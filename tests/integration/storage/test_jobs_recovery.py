@@ -32,8 +32,8 @@ def start_worker(url: str) -> subprocess.Popen[bytes]:
 
 
 @pytest.fixture
-def desk(database) -> Iterator[Desk]:
-    desk = Desk(database)
+def desk(fresh_database) -> Iterator[Desk]:
+    desk = Desk(fresh_database)
     yield desk
     desk.queue.close()
 

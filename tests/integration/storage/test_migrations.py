@@ -33,11 +33,11 @@ def test_models_and_migrations_agree(database):
 
 
 @pytest.mark.parametrize("statement", ["DELETE FROM alembic_version", "UPDATE {dbos}dbos_migrations SET version = 1"])
-def test_a_database_that_is_behind_is_not_current(database, statement):
-    dbos = "" if database.engine.dialect.name == "sqlite" else "dbos."
-    with database.engine.begin() as connection:
+def test_a_database_that_is_behind_is_not_current(fresh_database, statement):
+    dbos = "" if fresh_database.engine.dialect.name == "sqlite" else "dbos."
+    with fresh_database.engine.begin() as connection:
         connection.execute(text(statement.format(dbos=dbos)))
-    assert not database.is_current()
+    assert not fresh_database.is_current()
 
 
 def test_two_processes_migrate_at_once(empty_database_url):

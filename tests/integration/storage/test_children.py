@@ -1,0 +1,87 @@
+"""The processes that compute, without a database."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from storage.jobs.children import Child, ChildDied, Zygote
+from storage.jobs.compute import ComputeJob, Done, Frame, Message
+from tests.support.desk import COMPUTE, wait_until_gone
+
+
+def job(kind: str, **body) -> ComputeJob:
+    return ComputeJob(id="job_1", kind=kind, body=body, workspace_id="ws_default", database_url="")
+
+
+def next_frame(child: Child) -> Frame:
+    give_up_at = time.monotonic() + 20
+    while (frame := child.receive(0.1)) is None:
+        assert time.monotonic() < give_up_at
+    return frame
+
+
+@pytest.fixture
+def zygote() -> Iterator[Zygote]:
+    zygote = Zygote(COMPUTE)
+    zygote.warm_up()
+    yield zygote
+    zygote.close()
+
+
+def test_children_start_within_milliseconds(zygote):
+    child = zygote.start(job("square", values=[1], pause=0))
+    while not isinstance(next_frame(child), Done):
+        pass
+    child.kill()
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        child = zygote.start(job("square", values=list(range(50_000)), pause=0))
+        while not isinstance(frame := next_frame(child), Done):
+            pass
+        times.append(time.perf_counter() - start)
+        child.kill()
+        np.testing.assert_array_equal(frame.result["squares"]["values"], np.arange(50_000.0) ** 2)
+    assert min(times) < 0.3
+
+
+def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(zygote):
+    child = zygote.start(job("spin"))
+    told = next_frame(child)
+    assert isinstance(told, Message)
+    process = int(told.text)
+    parent = int(open(f"/proc/{process}/stat").read().split()[3])  # noqa: SIM115, PTH123
+    os.kill(parent, signal.SIGKILL)
+    with pytest.raises(ChildDied, match="lost the process that started it"):
+        next_frame(child)
+    child.kill()
+    wait_until_gone(process, timeout=5.0)
+    other = zygote.start(job("square", values=[2], pause=0))
+    while not isinstance(frame := next_frame(other), Done):
+        pass
+    assert frame.result["count"] == 1
+    other.kill()
+
+
+def test_a_compute_function_that_cannot_be_imported_is_told():
+    zygote = Zygote("tests.support.computing:no_such_function")
+    child = zygote.start(job("spin"))
+    with pytest.raises(ChildDied, match="lost the process"):
+        next_frame(child)
+    child.kill()
+    zygote.close()
+
+
+def test_closing_kills_what_still_runs(zygote):
+    child = zygote.start(job("spin"))
+    told = next_frame(child)
+    assert isinstance(told, Message)
+    zygote.close()
+    wait_until_gone(int(told.text), timeout=1.0)
+    child.kill()
