@@ -130,9 +130,11 @@ class Zygote:
         with self._lock:
             process, control, reader = self._process, self._control, self._reader
             self._process = None
-        if process is None or control is None or reader is None:
+        if process is None or reader is None:
             return
-        control.shutdown(socket.SHUT_RDWR)
+        if control is not None:
+            with suppress(OSError):  # it went by itself meanwhile
+                control.shutdown(socket.SHUT_RDWR)
         try:
             process.wait(timeout=2)
         except subprocess.TimeoutExpired:
@@ -142,6 +144,9 @@ class Zygote:
 
     def _ensure(self) -> socket.socket:
         if self._process is None or self._process.poll() is not None or self._control is None:
+            if self._process is not None:  # it is dead, or closed its line and is about to be
+                self._process.kill()
+                self._process.wait()
             ours, theirs = socket.socketpair()
             with theirs:
                 self._process = subprocess.Popen(  # noqa: S603 - our own module
