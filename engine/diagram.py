@@ -201,7 +201,7 @@ class Diagram:
         if not stack.valid.all():
             for path, step in steps.items():
                 self.realize({**values, path: values[path] + 1j * step}, open_at)
-            raise DiagramError("the coefficients of the system must be finite, but they overflow at these values")
+            raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
 
     def _value(self, path: str) -> float:

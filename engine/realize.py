@@ -28,6 +28,7 @@ RECIPROCAL_CONDITION: Final = 1e-12
 """An algebraic loop whose equations are closer to singular than this has no trustworthy solution."""
 
 _REMEMBERED: Final = 64
+_OVERFLOW: Final = "the coefficients of the system must be finite, but they overflow at these values"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +186,7 @@ class Interconnection:
         for array in matrices.values():
             finite &= np.isfinite(array).all(axis=tuple(range(valid.ndim, array.ndim)))
         if single and not finite:
-            raise DiagramError("the coefficients of the system must be finite, but they overflow at these values")
+            raise DiagramError(_OVERFLOW)
         valid &= finite
         if not valid.all():
             matrices = {name: _cleared(array, valid) for name, array in matrices.items()}
@@ -280,17 +281,20 @@ class Interconnection:
         feedback = np.zeros((*valid.shape, size, size), dtype=signals.dtype)
         for term in loop.inner:
             feedback[..., place[term.row], place[term.source]] += realizations[term.block].d[..., term.i, term.j]
-        feedback = np.where(np.isfinite(feedback), feedback, 0.0)
         # Signals of a loop differ in unit; balanced, the distance to singularity is that of 1 - (loop gain).
-        magnitude = np.abs(feedback.real)
+        magnitude = np.nan_to_num(np.abs(feedback.real))
         typical = magnitude if single else np.median(magnitude, axis=0)
         scale = lapack.dgebal(typical, scale=1, permute=0)[3]
-        equations = np.eye(size) - feedback * (scale / scale[:, None])
+        feedback = feedback * (scale / scale[:, None])
+        finite = np.isfinite(feedback).all(axis=(-2, -1))
+        if single and not finite:
+            raise DiagramError(_OVERFLOW, at=self._owner[loop.rows[0]].at)
+        equations = np.eye(size) - np.where(finite[..., None, None], feedback, 0.0)
         spread = np.linalg.svd(equations.real, compute_uv=False)
         posed = spread[..., -1] > RECIPROCAL_CONDITION * np.maximum(1.0, spread[..., 0])
         if single and not posed:
             raise self._ill_posed(loop)
-        valid &= posed
+        valid &= finite & posed
         equations = np.where(posed[..., None, None], equations, np.eye(size))
         rows = list(loop.rows)
         signals[..., rows, :] = np.linalg.solve(equations, signals[..., rows, :] / scale[:, None]) * scale[:, None]

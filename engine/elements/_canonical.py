@@ -44,9 +44,11 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
             at=("numerator",),
         )
     leading = bottom[0]
-    if np.any(np.real(leading) == 0) and not isinstance(leading, np.ndarray):
-        raise DiagramError("denominator must not lose its order at this value: its derivative does not exist there",
-                           at=("denominator",))  # fmt: skip
+    if not isinstance(leading, np.ndarray) and leading.real == 0:
+        raise DiagramError(
+            "denominator must not lose its order at this value: its derivative does not exist there",
+            at=("denominator",),
+        )
     monic = [coefficient / leading for coefficient in bottom[1:]]
     padded = _padded([coefficient / leading for coefficient in top[len(excess) :]], len(bottom))
     direct = padded[0]

@@ -50,7 +50,7 @@ WEIGHT_D: Final = (
 
 
 def check(given: frozenset[str], values: Values) -> None:
-    """Refuse both forms of a gain at once, and an integral that is asked for by its kind but not given."""
+    """Refuse both forms of a gain at once, and a derivative without a filter."""
     exclusive(given, "ki", "integral_time")
     exclusive(given, "kd", "derivative_time")
     if "derivative_time" in values and values["filter_frequency"] is None:

@@ -78,6 +78,17 @@ def test_an_ill_posed_loop_is_named_by_its_ports():
     assert caught.value.at == ("blocks", "error")
 
 
+def test_a_loop_whose_coefficient_overflows_is_refused():
+    law = block("pd", kp=1.0, kd="=k", filter_frequency=1e10)
+    diagram = compile_system(
+        document({"r": block("input"), "e": block("sum", signs="+-"), "c": law},
+                 ["r -> e.in1", "c -> e.in2", "e -> c"], {"y": "c"}, k=1.0)
+    )  # fmt: skip
+    with pytest.raises(DiagramError, match="finite"):
+        diagram.realize({"k": 1e305})
+    assert diagram.realize_stack({"k": np.array([1e305, 1.0, 2.0])}).valid.tolist() == [False, True, True]
+
+
 def test_units_of_a_loop_do_not_make_it_ill_posed():
     # 1e12 · 0.5e-12 = 0.5: the equations look singular (condition 1e24) until they are balanced.
     diagram = compile_system(
