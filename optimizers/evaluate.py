@@ -10,15 +10,17 @@ an absent metric, an unstable system (by how fast it diverges), a system that do
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.screening import Screening
-from engine.study import measure
-from engine.verdicts import Measured, Verdict
+from engine.linear.screening import Screened, Screening
+from engine.study import Gradient, measure
+from engine.verdicts import Measured
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
 from optimizers.problem import Problem, Sense, Vector
 
@@ -31,6 +33,7 @@ UNLIMITED = 1e30
 _STEP = 1e-30
 
 Matrix = npt.NDArray[np.float64]
+Exact = tuple[Measured, Gradient | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,12 +71,16 @@ class Evaluator:
         self.problem = problem
         self.evaluations = 0
         self._screening = Screening(problem.diagram, problem.requests)
+        self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property
     def before(self) -> list[list[Measured]]:
         """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
-        return [exact(self.problem, self.problem.before, index) for index in range(len(self.problem.scenarios))]
+        return [
+            [measured for measured, _ in measure(self.problem.diagram, self.problem.requests, overrides={**scenario, **self.problem.before})]
+            for scenario in self.problem.scenarios
+        ]
 
     @cached_property
     def norms(self) -> Vector:
@@ -90,15 +97,16 @@ class Evaluator:
         values, growth, doubtful = self._values(positions)
         return self._assessment(values, growth, doubtful)
 
-    def confirm(self, position: Vector) -> Assessment:
-        """Return the ranking quantities of one point by the exact path."""
-        self.evaluations += 1
-        point = self.problem.values(position)
-        scenarios = range(len(self.problem.scenarios))
-        rows = [exact(self.problem, point, index) for index in scenarios]
-        values = np.array([[[self._number(g, m) for g, m in enumerate(row)] for row in rows]])
-        unstable = np.array([[any(m.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for m in row) for row in rows]])
-        return self._assessment(values, np.where(unstable, 0.0, -1.0), np.zeros(values.shape, dtype=bool))
+    def exact(self, point: Mapping[str, float]) -> list[list[Exact]]:
+        """Return every goal with its derivatives by the variables, by the exact path: [scenario][goal]."""
+        key = tuple(point[axis.parameter] for axis in self.problem.axes)
+        if key not in self._proven:
+            names = [axis.parameter for axis in self.problem.axes]
+            self._proven[key] = [
+                measure(self.problem.diagram, self.problem.requests, overrides={**scenario, **point}, gradient=names)
+                for scenario in self.problem.scenarios
+            ]
+        return self._proven[key]
 
     def local(self, position: Vector) -> Local | None:
         """Return values and exact slopes at one point, or None where a metric has no value in some scenario."""
@@ -107,7 +115,7 @@ class Evaluator:
         reach = np.array([axis.slope(value) for axis, value in zip(axes, point, strict=True)])
         lanes = point + 1j * _STEP * np.diag(reach)
         overrides = self._overrides(lanes)
-        screened = self._screening(overrides)
+        screened = self._screened(overrides)
         self.evaluations += 1
         shape = (count, len(axes), len(self.problem.goals))
         raw = screened.values.reshape(shape)
@@ -169,7 +177,7 @@ class Evaluator:
         batch, count = len(positions), len(self.problem.scenarios)
         self.evaluations += batch
         points = np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
-        screened = self._screening(self._overrides(points))
+        screened = self._screened(self._overrides(points))
         shape = (count, batch, len(self.problem.goals))
         values = screened.values.reshape(shape).swapaxes(0, 1).copy()
         doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
@@ -190,6 +198,20 @@ class Evaluator:
                 growth[b, s] = -1.0
         return values, growth, doubtful
 
+    def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]]) -> Screened:
+        """Screen scenario by scenario: a delay that is 0 in one of them and not in another changes the structure."""
+        count = len(self.problem.scenarios)
+        parts = [
+            self._screening({name: np.split(column, count)[index] for name, column in overrides.items()})
+            for index in range(count)
+        ]
+        return Screened(
+            values=np.concatenate([part.values for part in parts]),
+            doubtful=np.concatenate([part.doubtful for part in parts]),
+            growth=np.concatenate([part.growth for part in parts]),
+            valid=np.concatenate([part.valid for part in parts]),
+        )
+
     def _number(self, goal: int, measured: Measured) -> float:
         number = number_of(measured)
         return number if np.isfinite(number) or self.problem.goals[goal].unlimited else np.nan
@@ -204,11 +226,3 @@ class Evaluator:
             own = self.problem.diagram.parameters[name].value
             columns[name] = np.repeat([scenario.get(name, own) for scenario in scenarios], batch)
         return columns
-
-
-def exact(problem: Problem, point: dict[str, float], scenario: int) -> list[Measured]:
-    """Return every goal of a problem at parameter values in one scenario, by the exact path."""
-    found = measure(problem.diagram, problem.requests, overrides={**problem.scenarios[scenario], **point})
-    return [measured for measured, _ in found]
-
-

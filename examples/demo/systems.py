@@ -24,7 +24,7 @@ LAWS: Mapping[str, Document] = {
 VARIABLES: Mapping[str, list[Document]] = {
     "PID": [
         {"parameter": "controller.kp", "lower": 100, "upper": 700, "scale": "log"},
-        {"parameter": "controller.ki", "lower": 0, "upper": 100},
+        {"parameter": "controller.ki", "lower": 0, "upper": 20},
         {"parameter": "controller.kd", "lower": 0, "upper": 0.9},
     ],
     "PD2": [
