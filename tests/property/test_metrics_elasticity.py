@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.diagram import Diagram
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
-from tests.property.strategies import servos
+from engine.study import Gradient, MetricRequest, measure
+from engine.verdicts import Measured, Verdict
+from tests.property.strategies import Servo, servos
 from tests.reference.measuring import step
 
 PARAMETERS = ("gain", "frequency", "damping", "lag")
@@ -50,8 +50,13 @@ def values(diagram: Diagram, parameter: str, factor: float) -> list[float | None
     return [m.value for m, _ in measure(diagram, list(REQUESTS.values()), overrides=at)]
 
 
+def measured_overshoot(exact: list[tuple[Measured, Gradient | None]]) -> float:
+    return exact[list(REQUESTS).index("overshoot")][0].value or 0.0
+
+
 @given(servos(), st.sampled_from(PARAMETERS))
-def test_gradient_equals_the_converged_difference(diagram: Diagram, parameter: str) -> None:
+def test_gradient_equals_the_converged_difference(servo: Servo, parameter: str) -> None:
+    diagram = servo.diagram()
     exact = measure(diagram, list(REQUESTS.values()), gradient=[parameter])
     assert sum(m.verdict is Verdict.OK for m, _ in exact) >= 12
     at = diagram.parameters[parameter].value
@@ -63,6 +68,8 @@ def test_gradient_equals_the_converged_difference(diagram: Diagram, parameter: s
         if measured.value is None:
             continue
         assert gradient is not None, name
+        if name == "peak_time" and measured_overshoot(exact) < 1e-4:
+            continue  # a peak that hardly rises above the final value has hardly an instant: differences see rounding
         sides = [(up[i], down[i]) for up, down in pairs]
         assert all(up is not None and down is not None for up, down in sides), name
         d = [(up - down) / (2 * h) for (up, down), h in zip(sides, steps, strict=True)]  # type: ignore[operator]

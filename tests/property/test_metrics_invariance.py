@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from engine.metrics import catalogue
 from engine.study import frequency_response, simulate
 from engine.verdicts import Verdict
-from tests.property.strategies import Plant, gains, plants, servos
+from tests.property.strategies import Plant, Servo, gains, plants, servos
 from tests.reference.measuring import step
 from tests.reference.systems import transfer_function
 
@@ -59,8 +59,8 @@ def test_samples_change_no_metric(plant: Plant) -> None:
 
 
 @given(servos())
-def test_samples_change_no_metric_of_a_loop(diagram: Any) -> None:
-    few, many = (simulate(diagram, signals={"r": step()}, samples=n).metrics for n in (10, 10_000))
+def test_samples_change_no_metric_of_a_loop(servo: Servo) -> None:
+    few, many = (simulate(servo.diagram(), signals={"r": step()}, samples=n).metrics for n in (10, 10_000))
     for output in ("y", "control"):
         assert_scaled(few[output], many[output], 1.0, 1.0, relative=1e-9)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from engine.errors import DiagramError, IllPosedError
-from engine.study import frequency_response, simulate
+from engine.study import MetricRequest, frequency_response, measure, simulate
 from engine.verdicts import Verdict
 from tests.reference.measuring import TIME_METRICS, expect, loop_metrics, step, time_metrics
 from tests.reference.systems import MOTOR, block, system, transfer_function, unity_loop
@@ -155,6 +155,9 @@ def test_a_loop_that_is_ill_posed_at_other_values_only() -> None:
         {"y": "one"},
         {"k": 0.5},
     )
-    done = simulate(loop, signals={"r": step()}, overrides={"k": 1.0}, duration=1.0)
-    assert done.verdict is Verdict.ILL_POSED
+    with pytest.raises(IllPosedError):
+        simulate(loop, signals={"r": step()}, overrides={"k": 1.0}, duration=1.0)
+    request = MetricRequest(metric="peak", signals={"r": step()}, output="y")
+    ((peak, _),) = measure(loop, [request], overrides={"k": 1.0})
+    assert (peak.value, peak.verdict) == (None, Verdict.ILL_POSED)
     assert simulate(loop, signals={"r": step()}, duration=1.0, samples=3).curves["y"] == pytest.approx([1.0] * 3)
