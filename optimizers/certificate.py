@@ -86,10 +86,16 @@ def violation_of(goal: Goal, measured: Measured) -> float:
     value = number_of(measured)
     if math.isinf(value) and not goal.unlimited:
         value = math.nan
-    return float(np.max(signed_excess(goal, np.array(value)).clip(min=0.0), initial=0.0)) if not math.isnan(value) else BROKEN
+    return (
+        float(np.max(signed_excess(goal, np.array(value)).clip(min=0.0), initial=0.0))
+        if not math.isnan(value)
+        else BROKEN
+    )
 
 
-def signed_excess(goal: Goal, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def signed_excess(
+    goal: Goal, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     """Return for each bound of the goal (first axis: upper, lower where given) how far values lie beyond it.
 
     Relative to the bound, plain where the bound is 0; negative where there is room.

@@ -11,7 +11,6 @@ an absent metric, an unstable system (by how fast it diverges), a system that do
 from __future__ import annotations
 
 from collections.abc import Mapping
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -78,7 +77,12 @@ class Evaluator:
     def before(self) -> list[list[Measured]]:
         """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
         return [
-            [measured for measured, _ in measure(self.problem.diagram, self.problem.requests, overrides={**scenario, **self.problem.before})]
+            [
+                measured
+                for measured, _ in measure(
+                    self.problem.diagram, self.problem.requests, overrides={**scenario, **self.problem.before}
+                )
+            ]
             for scenario in self.problem.scenarios
         ]
 
@@ -132,7 +136,7 @@ class Evaluator:
                 overrides={**self.problem.scenarios[scenario], **dict(zip(names, point.tolist(), strict=True))}, gradient=names,
             )  # fmt: skip
             for goal, (measured, gradient) in zip(asked, found, strict=True):
-                values[scenario, goal] = self._number(goal, measured)
+                values[scenario, goal] = self._number(int(goal), measured)
                 slopes[scenario, goal] = 0.0 if gradient is None else gradient.values * reach
         if np.isnan(values).any():
             return None
@@ -167,9 +171,11 @@ class Evaluator:
         rate = np.where(np.isfinite(growth), np.maximum(growth, 0.0), 0.0)
         broken = np.where(unstable, UNSTABLE * (1 + np.log10(1 + rate)), broken)
         broken = np.where(np.isposinf(growth), IMPOSSIBLE, broken)
-        objective = np.where((unstable | np.isnan(values).any(axis=2)).any(axis=1), np.nan, self.objectives(values).max(axis=1))
+        objective = np.where(
+            (unstable | np.isnan(values).any(axis=2)).any(axis=1), np.nan, self.objectives(values).max(axis=1)
+        )
         return Assessment(
-            objective=objective, violation=broken.max(axis=1), values=values, doubtful=doubtful.any(axis=(1, 2))
+            objective=objective, violation=broken.max(axis=1), values=values, doubtful=np.asarray(doubtful.any(axis=(1, 2)))
         )  # fmt: skip
 
     def _values(self, positions: Matrix) -> tuple[Matrix, Matrix, npt.NDArray[np.bool_]]:
@@ -184,7 +190,9 @@ class Evaluator:
         growth = np.where(screened.valid, screened.growth, np.inf).reshape(count, batch).T.copy()
         # What screening does not know at all has to be measured one by one.
         unknown = doubtful & np.isnan(values)
-        for b, s in zip(*np.nonzero(unknown.any(axis=2) & ~np.isposinf(growth) & ((growth < 0) | unknown.all(axis=2))), strict=True):
+        for b, s in zip(
+            *np.nonzero(unknown.any(axis=2) & ~np.isposinf(growth) & ((growth < 0) | unknown.all(axis=2))), strict=True
+        ):
             asked = np.flatnonzero(unknown[b, s])
             overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
             found = measure(
@@ -192,7 +200,7 @@ class Evaluator:
                 overrides={**self.problem.scenarios[s], **overrides},
             )  # fmt: skip
             for goal, (measured, _) in zip(asked, found, strict=True):
-                values[b, s, goal] = self._number(goal, measured)
+                values[b, s, goal] = self._number(int(goal), measured)
             doubtful[b, s, asked] = False
             if growth[b, s] >= 0 and not np.isnan(values[b, s]).any():
                 growth[b, s] = -1.0

@@ -1,6 +1,6 @@
 """What is to be optimised: variables, experiments, goals and the scenarios that one choice of the variables must serve.
 
-    minimize  max_s Σ_g w_g f_g(p, s)   subject to   lower_g ≤ f_g(p, s) ≤ upper_g  for every goal g and scenario s
+minimize  max_s Σ_g w_g f_g(p, s)   subject to   lower_g ≤ f_g(p, s) ≤ upper_g  for every goal g and scenario s
 """
 
 from __future__ import annotations
@@ -136,9 +136,13 @@ class Problem:
         if not self.variables:
             raise ProblemError("variables must be at least one parameter, got none", at=("variables",))
         if not any(goal.sense for goal in self.goals):
-            raise ProblemError("goals must be at least one with a sense (minimize or maximize), got none", at=("goals",))
+            raise ProblemError(
+                "goals must be at least one with a sense (minimize or maximize), got none", at=("goals",)
+            )
         if not self.scenarios:
-            raise ProblemError("scenarios must be at least one (an empty one is the system as it is), got none", at=("scenarios",))
+            raise ProblemError(
+                "scenarios must be at least one (an empty one is the system as it is), got none", at=("scenarios",)
+            )
         names = [experiment.name for experiment in self.experiments]
         _refuse_repeats(names, "experiments", "name")
         _refuse_repeats([variable.parameter for variable in self.variables], "variables", "parameter")
@@ -175,7 +179,9 @@ def _refuse_repeats(names: Iterable[str], *at: str) -> None:
     seen: set[str] = set()
     for index, name in enumerate(names):
         if name in seen:
-            raise ProblemError(f"{at[-1]} must be different for each of {at[0]}, got {name!r} twice", at=(at[0], index, at[-1]))
+            raise ProblemError(
+                f"{at[-1]} must be different for each of {at[0]}, got {name!r} twice", at=(at[0], index, at[-1])
+            )
         seen.add(name)
 
 
@@ -196,22 +202,12 @@ def _axis(diagram: Diagram, variable: Variable, at: Path) -> Axis:
         )
     lower = _first(variable.lower, info.lower)
     upper = _first(variable.upper, info.upper)
-    for key, bound in (("lower", lower), ("upper", upper)):
-        if bound is None or not math.isfinite(bound):
-            raise ProblemError(f"{key} must be given for {name} (a finite number), the parameter itself has none", at=(*at, key))
-    assert lower is not None
-    assert upper is not None
-    if lower == upper:
-        raise ProblemError(f"upper must be > lower {lower:g} {info.unit}, got a range of zero width", at=(*at, "upper"))
-    if lower > upper:
-        raise ProblemError(f"upper must be > lower {lower:g} {info.unit}, got {upper:g}", at=(*at, "upper"))
-    for key, bound in (("lower", lower), ("upper", upper)):
-        for rule, limit, broken in (
-            (">=", info.lower, info.lower is not None and bound < info.lower),
-            ("<=", info.upper, info.upper is not None and bound > info.upper),
-        ):
-            if broken:
-                raise ProblemError(f"{key} of {name} must be {rule} {limit:g} {info.unit}, got {bound:g}", at=(*at, key))
+    if lower is None or upper is None or not (math.isfinite(lower) and math.isfinite(upper)):
+        key = "lower" if lower is None or not math.isfinite(lower) else "upper"
+        raise ProblemError(
+            f"{key} must be given for {name} (a finite number), the parameter itself has none", at=(*at, key)
+        )
+    _check_range(info, lower, upper, at)
     if variable.scale not in {None, "linear", "log"}:
         raise ProblemError(f"scale must be linear or log, got {variable.scale!r}", at=(*at, "scale"))
     if variable.scale == "log" and lower <= 0:
@@ -226,13 +222,30 @@ def _axis(diagram: Diagram, variable: Variable, at: Path) -> Axis:
     )  # fmt: skip
 
 
+def _check_range(info: ParameterInfo, lower: float, upper: float, at: Path) -> None:
+    if lower >= upper:
+        got = "a range of zero width" if lower == upper else f"{upper:g}"
+        raise ProblemError(f"upper must be > lower {lower:g} {info.unit}, got {got}", at=(*at, "upper"))
+    for key, bound in (("lower", lower), ("upper", upper)):
+        if info.lower is not None and bound < info.lower:
+            raise ProblemError(
+                f"{key} of {info.path} must be >= {info.lower:g} {info.unit}, got {bound:g}", at=(*at, key)
+            )
+        if info.upper is not None and bound > info.upper:
+            raise ProblemError(
+                f"{key} of {info.path} must be <= {info.upper:g} {info.unit}, got {bound:g}", at=(*at, key)
+            )
+
+
 def _first(given: float | None, default: float | None) -> float | None:
     return default if given is None else given
 
 
 def _check_ports(diagram: Diagram, experiment: Experiment, at: Path) -> None:
     if not experiment.signals:
-        raise ProblemError(f"input must be at least one command for experiment {experiment.name!r}, got none", at=(*at, "input"))
+        raise ProblemError(
+            f"input must be at least one command for experiment {experiment.name!r}, got none", at=(*at, "input")
+        )
     for port in experiment.signals:
         if port not in diagram.inputs:
             raise ProblemError(f"port must be one of {_list(diagram.inputs)}, got {port!r}", at=(*at, "input", "port"))
@@ -256,7 +269,9 @@ def _request(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experiment]
     experiment = None
     if goal.experiment is not None:
         if goal.experiment not in experiments:
-            raise ProblemError(f"experiment must be one of {_list(experiments)}, got {goal.experiment!r}", at=(*at, "experiment"))
+            raise ProblemError(
+                f"experiment must be one of {_list(experiments)}, got {goal.experiment!r}", at=(*at, "experiment")
+            )
         experiment = experiments[goal.experiment]
     for name, known in (("output", diagram.outputs), ("target", diagram.outputs), ("source", diagram.inputs)):
         value = getattr(goal, name)

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import nnls
 
-from engine.study import measure
 from engine.verdicts import Measured
 from optimizers.certificate import TOLERANCE, Certificate, certificate_of, number_of, signed_excess, worst_scenario
 from optimizers.evaluate import Evaluator, Matrix
@@ -26,9 +25,7 @@ ACTIVE = 1e-3
 """A bound is active when less room than this (relative to the bound) is left."""
 
 
-def conclude(
-    tracker: Tracker, position: Vector, status: Status, advice: str, *, grid: GridMap | None = None
-) -> Result:
+def conclude(tracker: Tracker, position: Vector, status: Status, advice: str, *, grid: GridMap | None = None) -> Result:
     """Measure the best point exactly and say everything about it.
 
     Parameters
@@ -45,14 +42,11 @@ def conclude(
     problem = evaluator.problem
     best = problem.values(position)
     names = [axis.parameter for axis in problem.axes]
-    rows: list[list[Measured]] = []
-    slopes = np.full((len(problem.scenarios), len(problem.goals), len(names)), np.nan)
-    for s, scenario in enumerate(problem.scenarios):
-        found = measure(problem.diagram, problem.requests, overrides={**scenario, **best}, gradient=names)
-        rows.append([measured for measured, _ in found])
-        for g, (_, gradient) in enumerate(found):
-            if gradient is not None:
-                slopes[s, g] = gradient.values
+    found = evaluator.exact(best)
+    rows = [[measured for measured, _ in row] for row in found]
+    slopes = np.array(
+        [[np.full(len(names), np.nan) if gradient is None else gradient.values for _, gradient in row] for row in found]
+    )
     certificate = certificate_of(problem, rows)
     values = np.array([[number_of(measured) for measured in row] for row in rows])
     by_position = slopes * np.array([axis.slope(best[axis.parameter]) for axis in problem.axes])
@@ -106,7 +100,9 @@ def _multipliers(evaluator: Evaluator, position: Vector, values: Matrix, slopes:
         return total, active
     moves = np.where(np.isfinite(slopes), slopes, 0.0)
     objective = evaluator.objectives(values)
-    weights = np.array([evaluator.objective_weight(g) if g in problem.objectives else 0.0 for g in range(len(problem.goals))])
+    weights = np.array(
+        [evaluator.objective_weight(g) if g in problem.objectives else 0.0 for g in range(len(problem.goals))]
+    )
     size = max(float(np.abs(objective).max()), 1e-300)
     worst = np.flatnonzero(objective >= objective.max() - ACTIVE * size)
     columns = [np.einsum("g,gv->v", weights, moves[s]) / size for s in worst]

@@ -14,8 +14,10 @@ D. Kraft, "A software package for sequential quadratic programming", DFVLR-FB 88
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
+from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
 from optimizers.certificate import BROKEN, TOLERANCE
@@ -97,7 +99,9 @@ class Tracker:
             self.rank, self.best = rank, np.array(position, dtype=float)
             variables = self.evaluator.problem.values(self.best)
             count = self.evaluator.evaluations
-            self.history.append(HistoryPoint(evaluation=count, objective=objective, violation=violation, variables=variables))
+            self.history.append(
+                HistoryPoint(evaluation=count, objective=objective, violation=violation, variables=variables)
+            )
             self.monitor.best(count, objective, violation, variables)
 
     @property
@@ -182,11 +186,12 @@ class Descent:
             # scipy misreads a gradient that is a view of something else.
             return np.ascontiguousarray(rows)
 
-        outcome = scipy_minimize(
+        # Its stubs know no constraint with a Jacobian of its own.
+        solver: Any = scipy_minimize
+        outcome = solver(
             lambda z: float(z[n]), np.append(start, level.max()), jac=lambda _: slope_of_level, method="SLSQP",
-            bounds=[*([(0.0, 1.0)] * n), (None, None)],
-            constraints={"type": "ineq", "fun": constraints, "jac": jacobian},
-            options={"maxiter": 100, "ftol": 1e-8},
+            bounds=Bounds(np.append(np.zeros(n), -np.inf), np.append(np.ones(n), np.inf)),
+            constraints={"type": "ineq", "fun": constraints, "jac": jacobian}, options={"maxiter": 100, "ftol": 1e-8},
         )  # fmt: skip
         return np.clip(outcome.x[:n], 0.0, 1.0) if np.isfinite(outcome.x).all() else start
 
@@ -208,7 +213,10 @@ class Descent:
 
     def _excess(self, values: Matrix) -> Vector:
         """Return every bound's excess in every scenario, bound by bound."""
-        rows = [np.clip(sign * (values[:, g] - bound) / (abs(bound) or 1.0), -BROKEN, BROKEN) + self._margins[g] for g, bound, sign in self._bounds]
+        rows = [
+            np.clip(sign * (values[:, g] - bound) / (abs(bound) or 1.0), -BROKEN, BROKEN) + self._margins[g]
+            for g, bound, sign in self._bounds
+        ]
         return np.concatenate(rows) if rows else np.zeros(0)
 
     def _excess_slopes(self, local: Local) -> Matrix:

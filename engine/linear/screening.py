@@ -19,13 +19,13 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.linear.screening_frequency import LOOP_METRICS, PATH_METRICS, Path, Scan
-from engine.linear.screening_march import Lanes, Mesh, Responses, Stacked, balance, march
+from engine.linear.screening_march import Lanes, Mesh, Responses, balance, march
 from engine.linear.screening_time import METRICS as TIME_METRICS
 from engine.linear.screening_time import Readings, Trace
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
-    from engine.linear.system import Array
+    from engine.linear.system import Array, StackedSystem
     from engine.signals import Signal
     from engine.study import MetricRequest
 
@@ -126,7 +126,9 @@ class Screening:
         if output not in self._outputs:
             self._outputs.append(output)
 
-    def _chunk(self, overrides: Mapping[str, Array], values: Array, doubtful: Array, growth: Array, valid: Array) -> None:
+    def _chunk(
+        self, overrides: Mapping[str, Array], values: Array, doubtful: Array, growth: Array, valid: Array
+    ) -> None:
         stack = self._diagram.realize_stack(overrides)
         valid[:] = stack.valid
         here = np.flatnonzero(stack.valid)
@@ -145,7 +147,7 @@ class Screening:
             growth[here[chosen]] = run.growth
             coarse = run.settled & (run.resolution > RESOLVED).any(axis=(1, 2))
             self._read_time(run, here[chosen], ~coarse & run.settled, values, doubtful)
-            doubtful[np.ix_(here[chosen[~run.settled]], list(self._experiment))] = True
+            doubtful[np.ix_(here[chosen[~run.settled]], np.array(list(self._experiment), dtype=int))] = True
             if coarse.any():
                 finer = march(lanes.take(chosen[coarse]), Mesh.graded(int(level) + 1, split=2), detail=6)
                 self._read_time(finer, here[chosen[coarse]], finer.settled, values, doubtful)
@@ -156,7 +158,7 @@ class Screening:
         if stable.size:
             self._read_frequency(stack, overrides, stable, values, doubtful)
 
-    def _lanes(self, stack: Stacked, here: Array) -> tuple[Lanes, Array]:
+    def _lanes(self, stack: StackedSystem, here: Array) -> tuple[Lanes, Array]:
         """Return what a march needs, and for which candidates all delays are equal."""
         scale = balance(stack.a[here])
         a = stack.a[here] * scale[:, None, :] / scale[:, :, None]
@@ -168,7 +170,10 @@ class Screening:
         equal = ~np.any(stack.x0[here] != 0, axis=1)
         if delays.shape[1]:
             width = delays[:, 0]
-            spread = np.abs((delays - width[:, None]).real).max(axis=1) + np.abs((delays - width[:, None]).imag).max(axis=1) * 1e30
+            spread = (
+                np.abs((delays - width[:, None]).real).max(axis=1)
+                + np.abs((delays - width[:, None]).imag).max(axis=1) * 1e30
+            )
             equal &= (spread <= 1e-12 * width.real) & (width.real > 0)
         else:
             fastest = np.abs(np.linalg.eigvals(a.real)).max(axis=1, initial=0.0)
@@ -185,8 +190,8 @@ class Screening:
             return
         part, rows = run.take(which), index[which]
         known: dict[tuple[int, int, Callable[[Trace], Readings]], Readings] = {}
-        for index, experiment in self._experiment.items():
-            request = self._requests[index]
+        for column, experiment in self._experiment.items():
+            request = self._requests[column]
             assert request.output is not None
             output = self._outputs.index(self._diagram.outputs.index(request.output))
             metric = TIME_METRICS[request.metric]
@@ -194,14 +199,18 @@ class Screening:
             if key not in known:
                 command = self._commands[experiment]
                 roles = self._diagram.input_roles
-                reference = sum(value for name, value in zip(self._diagram.inputs, command, strict=True) if roles[name] == "reference")
+                reference = sum(
+                    value
+                    for name, value in zip(self._diagram.inputs, command, strict=True)
+                    if roles[name] == "reference"
+                )
                 known[key] = metric(Trace.of(part, experiment, output, np.asarray(reference, dtype=float)))
             found = known[key]
-            values[rows, index] = found.value
-            doubtful[rows, index] = found.doubtful | (part.resolution[:, experiment, output] > RESOLVED)
+            values[rows, column] = found.value
+            doubtful[rows, column] = found.doubtful | (part.resolution[:, experiment, output] > RESOLVED)
 
     def _read_frequency(
-        self, stack: Stacked, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array
+        self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array
     ) -> None:
         scans: dict[tuple[str | None, ...], tuple[Path, Scan]] = {}
         for index, request in enumerate(self._requests):
@@ -236,16 +245,18 @@ def _octaves(lanes: Lanes) -> Array:
     """Return how often the interval must be halved until its first piece resolves the fastest mode, (B,)."""
     fastest = np.abs(np.linalg.eigvals(lanes.a.real)).max(axis=1, initial=0.0)
     phase = np.maximum(fastest * lanes.width.real, 1e-300)
-    return np.clip(np.ceil(np.log2(phase / _RESOLVED_PHASE)), 2, _MOST_OCTAVES).astype(int)
+    return np.asarray(np.clip(np.ceil(np.log2(phase / _RESOLVED_PHASE)), 2, _MOST_OCTAVES), dtype=int)
 
 
-def _path(stack: Stacked, here: Array, source: str, target: str, *, sign: float) -> Path:
+def _path(stack: StackedSystem, here: Array, source: str, target: str, *, sign: float) -> Path:
     """Return one path of the candidates ``here``, balanced."""
     i, o = stack.inputs.index(source), stack.outputs.index(target)
     scale = balance(stack.a[here])
     b = np.concatenate([stack.b1[here][:, :, i : i + 1], stack.b2[here]], axis=2) / scale[:, :, None]
     c = np.concatenate([sign * stack.c1[here][:, o : o + 1], stack.c2[here]], axis=1) * scale[:, None, :]
-    top = np.concatenate([sign * stack.d11[here][:, o : o + 1, i : i + 1], sign * stack.d12[here][:, o : o + 1]], axis=2)
+    top = np.concatenate(
+        [sign * stack.d11[here][:, o : o + 1, i : i + 1], sign * stack.d12[here][:, o : o + 1]], axis=2
+    )
     bottom = np.concatenate([stack.d21[here][:, :, i : i + 1], stack.d22[here]], axis=2)
     return Path(
         a=stack.a[here] * scale[:, None, :] / scale[:, :, None], b=b, c=c,

@@ -84,15 +84,21 @@ class Scan:
         for index in np.flatnonzero(~modal):
             row = rows[index]
             resolvent = 1j * omega[index][:, None, None] * np.eye(path.a.shape[1]) - path.a[row].real
-            inner[index] = path.c[row].real @ np.linalg.solve(resolvent, path.b[row].real[None].astype(complex)) + path.d[row].real
+            inner[index] = (
+                path.c[row].real @ np.linalg.solve(resolvent, path.b[row].real[None].astype(complex)) + path.d[row].real
+            )
         if ports == 1:
             return np.asarray(inner[..., 0, 0])
         turn = np.exp(-1j * omega[:, :, None] * self._tau[rows, None, :])
         with np.errstate(divide="ignore", invalid="ignore"):
             if ports == 2:
                 e = turn[..., 0]
-                return np.asarray(inner[..., 0, 0] + inner[..., 0, 1] * e * inner[..., 1, 0] / (1 - e * inner[..., 1, 1]))
-        delayed = np.linalg.solve(np.eye(ports - 1) - turn[..., :, None] * inner[..., 1:, 1:], turn[..., None] * inner[..., 1:, :1])
+                return np.asarray(
+                    inner[..., 0, 0] + inner[..., 0, 1] * e * inner[..., 1, 0] / (1 - e * inner[..., 1, 1])
+                )
+        delayed = np.linalg.solve(
+            np.eye(ports - 1) - turn[..., :, None] * inner[..., 1:, 1:], turn[..., None] * inner[..., 1:, :1]
+        )
         return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
 
     def _grid(self) -> Array:
@@ -107,7 +113,9 @@ class Scan:
         high = np.maximum(np.maximum(top, inverse), low)
         count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
         inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
-        tails = np.concatenate([np.geomspace(1e-4 * low, 0.04 * low, 12, axis=1), np.geomspace(12 * high, 1e3 * high, 12, axis=1)], axis=1)
+        tails = np.concatenate(
+            [np.geomspace(1e-4 * low, 0.04 * low, 12, axis=1), np.geomspace(12 * high, 1e3 * high, 12, axis=1)], axis=1
+        )
         width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
         around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * np.array([-4.0, -1.0, 0.0, 1.0, 4.0])
         pieces = [inside, tails, around.reshape(len(low), -1)]
@@ -130,6 +138,8 @@ class Scan:
             place = summits.argmax(axis=1)
             low = self.frequencies[rows, np.maximum(place - 1, 0)]
             high = self.frequencies[rows, np.minimum(place + 1, last)]
+            trial = value = np.zeros((len(rows), 9))
+            middle = place
             for _ in range(4):
                 trial = low[:, None] * (high / low)[:, None] ** (np.arange(9) / 8)
                 value = height(self.at(rows, trial))
@@ -163,7 +173,9 @@ class Scan:
         low, high = self.frequencies[rows, place], self.frequencies[rows, place + 1]
         at_low, at_high = values[rows, place], values[rows, place + 1]
         for step in range(16):
-            weight = np.clip(at_low / np.where(at_low == at_high, 1.0, at_low - at_high), 0.01, 0.99) if step % 3 else 0.5
+            weight = (
+                np.clip(at_low / np.where(at_low == at_high, 1.0, at_low - at_high), 0.01, 0.99) if step % 3 else 0.5
+            )
             middle = low + (high - low) * weight
             value = level(self.at(rows, middle[:, None]), rows)[:, 0]
             same = (value >= 0) == (at_low >= 0)
@@ -241,17 +253,17 @@ def _peak(path: Path, scan: Scan, shape: Callable[[Array], Array], slope: Callab
 
 
 def path_peak(path: Path, scan: Scan) -> Readings:
-    """max |G|."""
+    """Return max |G|."""
     return _peak(path, scan, lambda g: g, np.ones_like)
 
 
 def sensitivity_peak(path: Path, scan: Scan) -> Readings:
-    """max |1 / (1 + L)|."""
+    """Return max |1 / (1 + L)|."""
     return _peak(path, scan, lambda g: 1 / (1 + g), lambda g: -1 / (1 + g) ** 2)
 
 
 def complementary_peak(path: Path, scan: Scan) -> Readings:
-    """max |L / (1 + L)|."""
+    """Return max |L / (1 + L)|."""
     return _peak(path, scan, lambda g: g / (1 + g), lambda g: 1 / (1 + g) ** 2)
 
 
@@ -267,7 +279,9 @@ def bandwidth(path: Path, scan: Scan) -> Readings:
     level = np.abs(static.real) * 10**-0.15
     rows, omega = scan.crossings(lambda g, systems: np.abs(g) - level[systems, None], first_fall=True)
     value = np.full(batch, np.inf, dtype=complex)
-    omega = _newton(path, rows, omega, lambda g: np.abs(g) - level[rows], lambda g, slope: (np.conj(g) * slope).real / np.abs(g))
+    omega = _newton(
+        path, rows, omega, lambda g: np.abs(g) - level[rows], lambda g, slope: (np.conj(g) * slope).real / np.abs(g)
+    )
     g, moved, slope = solved(path, rows, omega)
     size = np.abs(g)
     fall = (np.conj(g) * slope).real / size

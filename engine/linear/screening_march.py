@@ -21,7 +21,8 @@ D. Breda, S. Maset, R. Vermiglio, Stability of Linear Delay Differential Equatio
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Protocol, Self
+from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from numpy.polynomial import legendre, polynomial
@@ -31,24 +32,6 @@ from engine.linear.system import Array
 STAGES = 8
 POINTS = STAGES + 1
 """Samples of a piece: its start (right limit) and the Radau points, the last of which is its end."""
-
-
-class Stacked(Protocol):
-    """Many linear systems of one structure: the arrays of LinearSystem with a leading axis for the candidates."""
-
-    a: Array
-    b1: Array
-    b2: Array
-    c1: Array
-    c2: Array
-    d11: Array
-    d12: Array
-    d21: Array
-    d22: Array
-    delays: Array
-    x0: Array
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
 
 
 def _radau() -> tuple[Array, Array, Array, Array]:
@@ -81,7 +64,9 @@ GRID = np.concatenate(([0.0], NODES))
 TO_POLYNOMIAL = np.linalg.inv(polynomial.polyvander(2 * GRID - 1, STAGES))
 """Samples of a piece -> coefficients in 2θ - 1, lowest power first."""
 _TOP = np.linalg.inv(legendre.legvander(2 * GRID - 1, STAGES))[-1]
-_LEFT = legendre.legvander(np.array([-1.0]), STAGES - 1)[0] @ np.linalg.inv(legendre.legvander(2 * NODES - 1, STAGES - 1))
+_LEFT = legendre.legvander(np.array([-1.0]), STAGES - 1)[0] @ np.linalg.inv(
+    legendre.legvander(2 * NODES - 1, STAGES - 1)
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +80,7 @@ class Mesh:
     def graded(cls, octaves: int, split: int = 1) -> Self:
         """Return 2^-octaves, then octaves up to 1, each piece cut in ``split`` equal parts."""
         bounds = np.concatenate(([0.0], 2.0 ** np.arange(-octaves, 1)))
-        fine = np.concatenate([np.linspace(lo, hi, split, endpoint=False) for lo, hi in zip(bounds[:-1], bounds[1:], strict=True)])
+        fine = np.concatenate([np.linspace(lo, hi, split, endpoint=False) for lo, hi in pairwise(bounds)])
         return cls(starts=fine, lengths=np.diff(np.append(fine, 1.0)))
 
 
@@ -292,7 +277,7 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
             powers = [*powers[1:], powers[-1] @ powers[-1]]
     pieces = np.cumsum([0, *map(len, starts)])
     values = np.zeros((batch, experiments, outputs, pieces[-1], POINTS), dtype=np.result_type(one.read, steady))
-    for (who, part), start, end in zip(parts, pieces[:-1], pieces[1:], strict=True):
+    for (who, part), (start, end) in zip(parts, pairwise(pieces), strict=True):
         values[who, :, :, start:end] = part
     top = np.abs(values.real @ _TOP).max(axis=3)
     values += final[..., None, None]
@@ -310,7 +295,7 @@ def _whole_interval(read: Array, mesh: Mesh) -> Array:
     fine = read.reshape(batch, len(mesh.lengths), POINTS, -1, size)
     piece = np.searchsorted(mesh.starts, GRID, side="right") - 1
     weights = _weights((GRID - mesh.starts[piece]) / mesh.lengths[piece])
-    return np.einsum("gi,bgirk->bgrk", weights, fine[:, piece]).reshape(batch, -1, size)
+    return np.asarray(np.einsum("gi,bgirk->bgrk", weights, fine[:, piece]).reshape(batch, -1, size))
 
 
 def _twice(read: Array, step: Array) -> Array:

@@ -55,7 +55,7 @@ class Trace:
     @property
     def flat(self) -> Array:
         """Samples in the order of time, (B, P * POINTS), real."""
-        return self.real.reshape(len(self.values), -1)
+        return np.asarray(self.real.reshape(len(self.values), -1))
 
     @cached_property
     def tops(self) -> Array:
@@ -70,20 +70,20 @@ class Trace:
     @cached_property
     def extent(self) -> Array:
         """Largest absolute sample, (B,)."""
-        return np.maximum(self.tops.max(axis=1), -self.bottoms.min(axis=1))
+        return np.asarray(np.maximum(self.tops.max(axis=1), -self.bottoms.min(axis=1)))
 
     def polynomial(self, rows: Array, piece: Array) -> Array:
         """Return the coefficients (k, POINTS) of y on pieces, in 2θ - 1."""
-        return self.values[rows, piece] @ TO_POLYNOMIAL.T
+        return np.asarray(self.values[rows, piece] @ TO_POLYNOMIAL.T)
 
     def instant(self, rows: Array, piece: Array, u: Array) -> Array:
         """Return the time (s) of the place u in [-1, 1] of a piece."""
-        return self.width[rows] * (self.starts[piece] + self.lengths[piece] * (u + 1) / 2)
+        return np.asarray(self.width[rows] * (self.starts[piece] + self.lengths[piece] * (u + 1) / 2))
 
 
 def _reduced(choose: np.ufunc, samples: Array) -> Array:
     """Reduce the last, short axis; numpy's own reduction is several times slower on such an axis."""
-    result = samples[..., 0].copy()
+    result: Array = samples[..., 0].copy()
     for place in range(1, samples.shape[-1]):
         choose(result, samples[..., place], out=result)
     return result
@@ -112,7 +112,7 @@ def _root(coefficients: Array, low: Array, high: Array, rises: Array) -> Array:
         low, high = np.where(below, u, low), np.where(below, high, u)
         newton = u - value / np.where(slope == 0, np.inf, slope)
         u = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
-    return u
+    return np.asarray(u)
 
 
 def _crossing(trace: Trace, rows: Array, before: Array, level: Array) -> Array:
@@ -162,12 +162,16 @@ def _polished(trace: Trace, rows: Array, sample: Array, sign: float | Array) -> 
     # A jump: the sample on this side may be higher than anything on the other.
     original = trace.values[rows, sample // POINTS, sample % POINTS]
     jump = sign * original.real > sign * value.real
-    return np.where(jump, original, value), np.where(jump, sample // POINTS, piece), np.where(jump, grid[sample % POINTS], u)
+    return (
+        np.where(jump, original, value),
+        np.where(jump, sample // POINTS, piece),
+        np.where(jump, grid[sample % POINTS], u),
+    )
 
 
 def _highest(trace: Trace, rows: Array, piece: Array, sign: float) -> Array:
     """Return the number of the sample of a piece at which sign * y is largest."""
-    return piece * POINTS + (sign * trace.real[rows, piece]).argmax(axis=1)
+    return np.asarray(piece * POINTS + (sign * trace.real[rows, piece]).argmax(axis=1))
 
 
 def _largest(trace: Trace, sign: float) -> tuple[Array, Array, Array]:
@@ -205,7 +209,7 @@ def _readings(trace: Trace, value: Array, doubtful: Array | None = None) -> Read
 
 def _relative(trace: Trace) -> Array:
     """Return which candidates have a final value that differs from 0."""
-    return np.abs(trace.final.real) > NEGLIGIBLE * trace.extent
+    return np.asarray(np.abs(trace.final.real) > NEGLIGIBLE * trace.extent)
 
 
 def _absent(value: Array, there: Array) -> Array:
@@ -248,7 +252,11 @@ def _last_entry(trace: Trace, band: float) -> Readings:
     last = np.minimum(last, pieces * POINTS - 2)
     # A turning point between samples may leave the band once more, or just touch it.
     later = np.where(np.arange(pieces) > last_piece[:, None], reach, 0.0)
-    own = np.where(np.arange(POINTS) > (last % POINTS)[:, None] + 1, np.abs(trace.real[everyone, last_piece] - middle[:, None]), 0.0)
+    own = np.where(
+        np.arange(POINTS) > (last % POINTS)[:, None] + 1,
+        np.abs(trace.real[everyone, last_piece] - middle[:, None]),
+        0.0,
+    )
     later[everyone, last_piece] = own.max(axis=1)
     peak_piece = later.argmax(axis=1)
     rows = np.flatnonzero((later[everyone, peak_piece] > _GRAZING * half) & (last >= 0))
@@ -272,11 +280,11 @@ def _last_entry(trace: Trace, band: float) -> Readings:
         if out.any():
             again = rows[out]
             edges = trace.final[again] + side[out] * band * (way * trace.final)[again]
-            entry[again] = _descent(trace, again, piece[out], u[out], edges, side[out])
+            entry[again] = _descent(trace, again, piece=piece[out], top=u[out], level=edges, side=side[out])
     return _readings(trace, _absent(entry, _relative(trace)), doubtful)
 
 
-def _descent(trace: Trace, rows: Array, piece: Array, top: Array, level: Array, side: Array) -> Array:
+def _descent(trace: Trace, rows: Array, *, piece: Array, top: Array, level: Array, side: Array) -> Array:
     """Return when y comes back to ``level`` after a turning point that exceeds it by less than the samples show."""
     coefficients = trace.polynomial(rows, piece)
     coefficients[:, 0] = coefficients[:, 0] - level
@@ -343,12 +351,12 @@ def _magnitude(trace: Trace) -> tuple[Array, Array, Array, Array]:
 
 
 def peak(trace: Trace) -> Readings:
-    """max |y|."""
+    """Return max |y|."""
     return _readings(trace, _magnitude(trace)[0])
 
 
 def peak_time(trace: Trace) -> Readings:
-    """argmax |y|."""
+    """Return the time of max |y|."""
     _, approached, piece, u = _magnitude(trace)
     rows = np.arange(len(piece))
     _, first, second = _evaluate(trace.polynomial(rows, piece), u.astype(trace.values.dtype))
@@ -358,7 +366,7 @@ def peak_time(trace: Trace) -> Readings:
 
 
 def steady_state_error(trace: Trace) -> Readings:
-    """r - y∞."""
+    """Return r - y∞."""
     return _readings(trace, trace.reference - trace.final)
 
 
@@ -366,7 +374,7 @@ def _integrable(trace: Trace) -> Array:
     """Return whose error goes to zero."""
     error = trace.reference - trace.final
     size = np.abs(trace.reference.real[:, None] - trace.flat).max(axis=1)
-    return np.abs(error.real) <= NEGLIGIBLE * size
+    return np.asarray(np.abs(error.real) <= NEGLIGIBLE * size)
 
 
 def ise(trace: Trace) -> Readings:

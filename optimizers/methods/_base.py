@@ -55,7 +55,9 @@ class Method(abc.ABC):
         known = {param.name: param for param in cls.options}
         for name in given:
             if name not in known:
-                raise ProblemError(f"{name} must be an option of {cls.kind} ({', '.join(known) or 'it has none'})", at=("method", name))
+                raise ProblemError(
+                    f"{name} must be an option of {cls.kind} ({', '.join(known) or 'it has none'})", at=("method", name)
+                )
         resolved: dict[str, Any] = {}
         for name, param in known.items():
             value = given.get(name)

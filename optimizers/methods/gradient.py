@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from engine.parameters import Param
-from optimizers.certificate import TOLERANCE, certify
+from optimizers.certificate import TOLERANCE, certificate_of
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
@@ -35,12 +35,22 @@ class Gradient(Method):
 
     kind: ClassVar[str] = "gradient"
     title: ClassVar[str] = "Gradient"
-    doc: ClassVar[str] = "Samples the ranges, then descends with exact derivatives from the best points; the optimum is proven."
+    doc: ClassVar[str] = (
+        "Samples the ranges, then descends with exact derivatives from the best points; the optimum is proven."
+    )
     source: ClassVar[str] = "D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988"
     options: ClassVar[tuple[Param, ...]] = (
         Param(name="starts", symbol="k", unit="1", doc="points to descend from", default=8, lower=1, upper=100),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
-        Param(name="max_evaluations", symbol="", unit="1", doc="evaluations of all goals in all scenarios", default=5000, lower=0, upper=1e7),
+        Param(
+            name="max_evaluations",
+            symbol="",
+            unit="1",
+            doc="evaluations of all goals in all scenarios",
+            default=5000,
+            lower=0,
+            upper=1e7,
+        ),
     )
 
     def minimize(
@@ -48,7 +58,10 @@ class Gradient(Method):
     ) -> Result:
         """Return the best point found."""
         tracker = Tracker(Evaluator(problem), monitor, int(options["max_evaluations"]))
-        status, advice = Status.CONVERGED, "descents from different points end here; no active goal can be relaxed for free."
+        status, advice = (
+            Status.CONVERGED,
+            "descents from different points end here; no active goal can be relaxed for free.",
+        )
         try:
             _search(tracker, int(options["starts"]), rng)
         except Stopped as stop:
@@ -121,7 +134,8 @@ def _prove(tracker: Tracker, margins: Vector) -> None:
         assert tracker.best is not None
         if tracker.rank[0] > 0:
             return
-        certificate = certify(problem, problem.values(tracker.best))
+        rows = tracker.evaluator.exact(problem.values(tracker.best))
+        certificate = certificate_of(problem, [[measured for measured, _ in row] for row in rows])
         if certificate.valid:
             return
         for proof in certificate.goals:

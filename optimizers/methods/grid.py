@@ -30,7 +30,9 @@ class Grid(Method):
 
     kind: ClassVar[str] = "grid"
     title: ClassVar[str] = "Grid"
-    doc: ClassVar[str] = "Evaluates every combination, keeps the whole map, and shows where the other methods should go."
+    doc: ClassVar[str] = (
+        "Evaluates every combination, keeps the whole map, and shows where the other methods should go."
+    )
     source: ClassVar[str] = "D. C. Montgomery, Design and Analysis of Experiments, 8th ed., chapter 5"
     options: ClassVar[tuple[Param, ...]] = (
         Param(name="points", symbol="n", unit="1", doc="values of each variable; a number, or one for each", default=21, lower=2, upper=MOST_POINTS),
@@ -66,14 +68,20 @@ class Grid(Method):
         tracker = Tracker(Evaluator(problem), monitor, 1 + rounds * (total + 1))
         axes = [np.linspace(0.0, 1.0, count) for count in counts]
         positions = _combinations(axes) if full else _sampled(options["sampling"], total, len(problem.axes), rng)
-        status, advice = Status.CONVERGED, "the best point of the grid; between its points there may be better ones (refine, or gradient)."
+        status, advice = (
+            Status.CONVERGED,
+            "the best point of the grid; between its points there may be better ones (refine, or gradient).",
+        )
         objective, violation = np.full(total, np.nan), np.full(total, np.nan)
         try:
             _evaluate(tracker, positions, objective, violation, 0.9 / rounds)
             width = 1.0 / (np.array(counts) - 1) if full else np.full(len(counts), total ** (-1.0 / len(counts)))
             for _ in range(rounds - 1):
                 assert tracker.best is not None
-                finer = [np.clip(np.linspace(x - w, x + w, n), 0.0, 1.0) for x, w, n in zip(tracker.best, width, counts, strict=True)]
+                finer = [
+                    np.clip(np.linspace(x - w, x + w, n), 0.0, 1.0)
+                    for x, w, n in zip(tracker.best, width, counts, strict=True)
+                ]
                 nearby = _combinations(finer)
                 _evaluate(tracker, nearby, np.empty(len(nearby)), np.empty(len(nearby)), 0.9 / rounds)
                 width = 2 * width / (np.array(counts) - 1)
@@ -99,7 +107,9 @@ def _counts(problem: Problem, points: int | Mapping[str, int]) -> list[int]:
         return [points] * len(names)
     for name in points:
         if name not in names:
-            raise ProblemError(f"points must name variables ({', '.join(names)}), got {name!r}", at=("method", "points", name))
+            raise ProblemError(
+                f"points must name variables ({', '.join(names)}), got {name!r}", at=("method", "points", name)
+            )
     for name in names:
         if name not in points:
             raise ProblemError(f"points must be given for {name}, got nothing", at=("method", "points"))

@@ -6,7 +6,10 @@ from engine.diagram import Block, Connection, Diagram, Parameter, System, compil
 from engine.signals import make
 from optimizers.problem import Experiment, Goal, Problem, Scenario, Sense, Variable
 
-SCENARIOS: tuple[Scenario, ...] = ({"lag": 0.0005, "delay": 0.0044, "velocity_gain": 49.0}, {"lag": 0.0012, "delay": 0.0036, "velocity_gain": 51.0})
+SCENARIOS: tuple[Scenario, ...] = (
+    {"lag": 0.0005, "delay": 0.0044, "velocity_gain": 49.0},
+    {"lag": 0.0012, "delay": 0.0036, "velocity_gain": 51.0},
+)
 STEP = Experiment(name="step", signals={"reference": make("step", {})})
 
 
@@ -24,7 +27,9 @@ def loop(controller: Block, parameters: dict[str, Parameter], *, delay: float = 
                 "reference": Block(kind="input"),
                 "error": Block(kind="sum", values={"signs": "+-"}),
                 "controller": controller,
-                "valve": Block(kind="transfer_function", values={"numerator": ["=velocity_gain"], "denominator": ["=lag", 1.0]}),
+                "valve": Block(
+                    kind="transfer_function", values={"numerator": ["=velocity_gain"], "denominator": ["=lag", 1.0]}
+                ),
                 "cylinder": Block(kind="integrator"),
                 "transport": Block(kind="delay", values={"time": "=delay"}),
             },
@@ -50,7 +55,7 @@ def pid_loop(**keywords: float) -> Diagram:
         block,
         {
             "kp": Parameter(value=1.0, lower=0.2, upper=5.0, scale="log"),
-            "ki": Parameter(value=0.1, lower=0.01, upper=20.0, scale="log"),
+            "ki": Parameter(value=40.0, lower=20.0, upper=200.0, scale="log"),
             "kd": Parameter(value=0.001, lower=1e-4, upper=0.01, scale="log"),
         },
         **keywords,
