@@ -32,6 +32,11 @@ class PeakTime(TimeMetric):
         peak = largest_magnitude(subject)
         if isinstance(peak, Absent):
             return peak
-        if peak.at is None:
+        if peak.at is None or _barely(subject, float(peak.value[0].real)):
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output approaches its final value without a peak")
         return Found(value=subject.curve.turning(peak.at) - subject.start, at=peak.at)
+
+
+def _barely(subject: TimeSubject, peak: float) -> bool:
+    """Return whether the peak exceeds the final value by so little that its instant is not defined by the curve."""
+    return subject.final is not None and peak - abs(float(subject.final[0].real)) <= 1e-8 * peak

@@ -50,6 +50,9 @@ def values(diagram: Diagram, parameter: str, factor: float) -> list[float | None
     return [m.value for m, _ in measure(diagram, list(REQUESTS.values()), overrides=at)]
 
 
+KINKED = {"settling_time", "response_time", "overshoot", "iae", "itae", "iae_to_1s"}
+
+
 def measured_overshoot(exact: list[tuple[Measured, Gradient | None]]) -> float:
     return exact[list(REQUESTS).index("overshoot")][0].value or 0.0
 
@@ -77,7 +80,10 @@ def test_gradient_equals_the_converged_difference(servo: Servo, parameter: str) 
         converged = (16 * first[1] - first[0]) / 15
         scale = max(abs(measured.value), 1e-9)
         if abs(converged - first[1]) > 1e-4 * scale:
-            # Two orders that disagree stand at a jump (a peak that grazes the settling band), not at a derivative.
-            assert name in {"settling_time", "response_time"}, name
+            # Two orders that disagree stand at a jump (a peak that grazes the settling band) or at a kink (an overshoot
+            # that just begins, an error that just touches zero), not at a derivative.
+            assert name in KINKED, name
             continue
-        assert gradient.values[0] * at == pytest.approx(converged, rel=2e-5, abs=2e-7 * scale), name
+        assert gradient.values[0] * at == pytest.approx(
+            converged, rel=2e-5, abs=2e-7 * scale + 2 * abs(converged - first[1])
+        ), name
