@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NoReturn, TypeVar
 
-from sqlalchemy.exc import StatementError
 from sqlalchemy.orm import Session
 
-from storage.errors import UNAVAILABLE, StorageError
+from storage.errors import UNAVAILABLE
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Crashed, Done, Frame, Message, Progress, Refused
 from storage.models import Job, JobStatus
@@ -25,8 +24,8 @@ from storage.session import Database
 MAX_ATTEMPTS = 3
 #: How often (s) a running job is asked whether it is still wanted.
 _LOOK_INTERVAL = 0.2
-#: How long (s) a write is tried again while the database is away, and the pause between two tries.
-_PATIENCE, _PAUSE = 300.0, 1.0
+#: The pauses (s) between two tries to write while the database is away, and the longest of them.
+_PAUSE, _LONGEST_PAUSE = 0.5, 15.0
 
 _log = logging.getLogger(__name__)
 
@@ -82,6 +81,9 @@ class Supervisor:
             )
             try:
                 self._follow(job, child)
+            except Exception as error:  # noqa: BLE001 - a result that is no JSON, or anything else: the job must end
+                _log.exception("job %s (%s) cannot be brought to its end", job.id, job.kind)
+                self._internal_error(job, type(error).__name__)
             finally:
                 child.kill()
 
@@ -142,14 +144,7 @@ class Supervisor:
             )
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)
 
-        try:
-            self._write(keep)
-        except (StorageError, StatementError, ValueError) as error:
-            # Not JSON (NaN, an unknown type), or no such system: an error of the compute function.
-            if isinstance(error, UNAVAILABLE):
-                raise
-            _log.exception("the result of job %s (%s) cannot be kept", job.id, job.kind)
-            self._internal_error(job, type(error).__name__)
+        self._write(keep)
 
     def _internal_error(self, job: Job, kind: str) -> None:
         detail = f"the computation met an internal error ({kind}); the service's log tells more under {job.id}"
@@ -168,17 +163,17 @@ class Supervisor:
         raise Stopped
 
     def _write(self, work: Callable[[Session], Value]) -> Value:
-        """Do some work in a transaction; wait for a database that is away."""
-        give_up_at = time.monotonic() + _PATIENCE
+        """Do some work in a transaction; wait for a database that is away, for there is nothing else to do."""
+        pause = _PAUSE
         while True:
             try:
                 with self._database.session() as session:
                     return work(session)
             except UNAVAILABLE as error:
-                if self._stopping.is_set() or time.monotonic() > give_up_at:
-                    raise
+                if self._stopping.wait(pause):
+                    raise Stopped from error
                 _log.warning("the database is away: %s", error)
-                time.sleep(_PAUSE)
+                pause = min(2 * pause, _LONGEST_PAUSE)
 
     @contextmanager
     def _counted(self) -> Iterator[None]:

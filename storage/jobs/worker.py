@@ -150,6 +150,8 @@ class Worker:
                         return
                     dead = workers.dead()
                 recover(dead)
+                with self._database.session() as session:
+                    WorkerRepository(session).forget()
             except UNAVAILABLE as error:
                 _log.warning("worker %s cannot reach the database: %s", self.name, error)
 

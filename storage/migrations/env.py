@@ -10,12 +10,14 @@ from sqlalchemy import Connection, create_engine
 
 from storage.migrations.filter import is_ours
 from storage.models import Base
-from storage.models.base import UtcDateTime
+from storage.models.base import PlainText, Token, UtcDateTime
 
 
 def _render(kind: str, item: object, _context: object) -> str | Literal[False]:
     """Write plain SQLAlchemy types into migrations, so that these do not change when our own types do."""
-    return "sa.DateTime(timezone=True)" if kind == "type" and isinstance(item, UtcDateTime) else False
+    if kind != "type" or not isinstance(item, UtcDateTime | PlainText | Token):
+        return False
+    return f"sa.{item.impl!r}"
 
 
 def _run(connection: Connection) -> None:

@@ -9,6 +9,8 @@ from sqlalchemy import JSON, DateTime, Dialect, MetaData, String, Text
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
+from storage.errors import DocumentError
+
 #: Every constraint has a name, so that a migration can drop it on either database.
 NAMING_CONVENTION = {
     "ix": "ix_%(table_name)s_%(column_0_N_name)s",
@@ -21,9 +23,9 @@ NAMING_CONVENTION = {
 #: Documents are any JSON value; ``Any`` because their shape belongs to who wrote them.
 Document = dict[str, Any]
 
-Id = String(40)
-Sha256 = String(64)
-Word = String(64)
+
+#: The largest number in an integer column; a larger one of a caller's is the same to every comparison.
+MAX_INTEGER = 2**31 - 1
 
 
 def utc_now() -> datetime:
@@ -57,6 +59,39 @@ class UtcDateTime(TypeDecorator[datetime]):
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
 
 
+class PlainText(TypeDecorator[str]):
+    """Text as both databases can keep it: Postgres knows no NUL, and UTF-8 no lone surrogate."""
+
+    impl = Text
+    cache_ok = True
+
+    def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:  # noqa: ARG002
+        """Refuse what could be written into one of the two databases only."""
+        if value is not None and value != _clean(value):
+            raise DocumentError(f"text must be Unicode without NUL, got {value!r}")
+        return value
+
+
+class Token(TypeDecorator[str]):
+    """A short word that the software chose itself; a caller's guess with NUL in it matches nothing."""
+
+    impl = String
+    cache_ok = True
+
+    def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:  # noqa: ARG002
+        """Put question marks in place of characters that no token has."""
+        return value if value is None else _clean(value)
+
+
+def _clean(text: str) -> str:
+    return text.replace("\0", "?").encode(errors="replace").decode()
+
+
+Id = Token(40)
+Sha256 = Token(64)
+Word = Token(64)
+
+
 class Base(DeclarativeBase):
     """The base of all tables. JSON is text on both databases: it keeps the order of keys, JSONB would not."""
 
@@ -65,5 +100,5 @@ class Base(DeclarativeBase):
         datetime: UtcDateTime(),
         dict[str, Any]: JSON(none_as_null=True),
         list[Any]: JSON(none_as_null=True),
-        str: Text(),
+        str: PlainText(),
     }

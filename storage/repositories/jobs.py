@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from storage.errors import NotFoundError
 from storage.ids import new_id
 from storage.models import Job, JobEvent, JobStatus
-from storage.models.base import Document, utc_now
+from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
 
 _ALIVE = (JobStatus.QUEUED, JobStatus.RUNNING)
@@ -65,7 +65,7 @@ class JobRepository:
     def events(self, identifier: str, *, after: int = 0, limit: int = 1000) -> Sequence[JobEvent]:
         """Return the events of a job with ids above ``after``, in order."""
         self.get(identifier)
-        rows = select(JobEvent).where(JobEvent.job_id == identifier, JobEvent.id > after)
+        rows = select(JobEvent).where(JobEvent.job_id == identifier, JobEvent.id > min(after, MAX_INTEGER))
         return self._session.scalars(rows.order_by(JobEvent.id).limit(limit)).all()
 
     def cancel(self, identifier: str) -> Job:

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
 from storage.models import System, SystemRevision
-from storage.models.base import Document, utc_now
+from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
 
 
@@ -52,7 +52,7 @@ class SystemRepository:
         """
         system = self._head(identifier)
         number = system.revision if revision is None else revision
-        row = self._session.get(SystemRevision, (identifier, number))
+        row = self._session.get(SystemRevision, (identifier, number)) if 1 <= number <= system.revision else None
         if row is None:
             raise NotFoundError("revision", f"{identifier}/{number}")
         return _stored(system, row)
@@ -88,7 +88,7 @@ class SystemRepository:
         self._head(identifier)
         rows = select(SystemRevision).where(SystemRevision.system_id == identifier)
         if before is not None:
-            rows = rows.where(SystemRevision.number < before)
+            rows = rows.where(SystemRevision.number < min(before, MAX_INTEGER))
         return list(self._session.scalars(rows.order_by(SystemRevision.number.desc()).limit(limit)))
 
     def _head(self, identifier: str) -> System:
@@ -100,6 +100,8 @@ class SystemRepository:
     def _move(self, identifier: str, expected_revision: int, **values: object) -> System:
         """Change the head, provided that it is at the expected revision when the change takes place."""
         system = self._head(identifier)
+        if system.revision != expected_revision:
+            raise RevisionConflictError(identifier, expected=expected_revision, actual=system.revision)
         moved = self._session.execute(
             update(System)
             .where(System.id == identifier, System.revision == expected_revision, System.deleted_at.is_(None))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
-from sqlalchemy import select, update
+from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
 from storage.insertion import insert_if_absent
@@ -16,6 +16,8 @@ from storage.models.base import utc_now
 HEARTBEAT_INTERVAL = 2.0
 #: ... and counts as dead when it has not for this long.
 STALE_AFTER = timedelta(seconds=10)
+#: A dead worker's row is kept this long.
+FORGOTTEN_AFTER = timedelta(days=1)
 
 
 class WorkerRepository:
@@ -55,6 +57,10 @@ class WorkerRepository:
     def dead(self) -> Sequence[str]:
         """Return the names of workers that have stopped or gone silent."""
         return self._session.scalars(select(Worker.id).where(Worker.seen_at < utc_now() - STALE_AFTER)).all()
+
+    def forget(self) -> None:
+        """Delete what is left of workers that have been dead for a day; one that comes back then must stop."""
+        self._session.execute(delete(Worker).where(Worker.seen_at < utc_now() - FORGOTTEN_AFTER))
 
     def _update(self, identifier: str, holder: str, **values: object) -> bool:
         updated = self._session.execute(

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(z
     told = next_frame(child)
     assert isinstance(told, Message)
     process = int(told.text)
-    parent = int(open(f"/proc/{process}/stat").read().split()[3])  # noqa: SIM115, PTH123
+    parent = int(Path(f"/proc/{process}/stat").read_text().split()[3])
     os.kill(parent, signal.SIGKILL)
     with pytest.raises(ChildDied, match="lost the process that started it"):
         next_frame(child)

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from storage import Database
-from storage.errors import InvalidCursorError, NotFoundError, RevisionConflictError, StorageError
+from storage.errors import DocumentError, InvalidCursorError, NotFoundError, RevisionConflictError
 from storage.models import DEFAULT_WORKSPACE, Workspace
 from storage.repositories import SystemRepository
 
@@ -146,5 +146,32 @@ def test_a_foreign_cursor_is_refused(database, cursor):
 def test_a_document_that_is_no_json_is_refused(database, value):
     with database.sessions() as session:
         systems = SystemRepository(session, DEFAULT_WORKSPACE)
-        with pytest.raises(StorageError, match="JSON"):
+        with pytest.raises(DocumentError, match="JSON"):
             systems.create(name="x", document={"value": value})
+
+
+# What Postgres (NUL), UTF-8 (a lone surrogate) and SQLite (more than 64 bits) cannot take must fail alike on both.
+@pytest.mark.parametrize("text", ["a\0b", "a\ud800b"])
+def test_odd_text_is_kept_in_documents_and_refused_elsewhere(database, text):
+    with database.sessions() as session:
+        with pytest.raises(DocumentError, match="Unicode without NUL"):
+            SystemRepository(session, DEFAULT_WORKSPACE).create(name=text, document={})
+        session.rollback()
+        stored = SystemRepository(session, DEFAULT_WORKSPACE).create(name="x", document={text: text})
+        session.expunge_all()
+        systems = SystemRepository(session, DEFAULT_WORKSPACE)
+        assert systems.get(stored.id).document == {text: text}
+        with pytest.raises(NotFoundError):
+            systems.get(text)
+
+
+@pytest.mark.parametrize("number", [0, -1, 2**31, 2**63, 10**30])
+def test_a_revision_that_no_database_can_count_does_not_exist(database, number):
+    identifier = create(database)
+    with database.session() as session:
+        systems = SystemRepository(session, DEFAULT_WORKSPACE)
+        with pytest.raises(NotFoundError):
+            systems.get(identifier, revision=number)
+        with pytest.raises(RevisionConflictError):
+            systems.delete(identifier, expected_revision=number)
+        assert len(systems.revisions(identifier, before=number)) == (number > 1)
