@@ -34,6 +34,8 @@ def serve(argv: Sequence[str]) -> int:
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
     given = parser.parse_args(argv)
 
+    import signal
+
     import uvicorn
 
     from api.main import create_app
@@ -53,10 +55,10 @@ def serve(argv: Sequence[str]) -> int:
             timeout_graceful_shutdown=3,
         )
         server = uvicorn.Server(config)
-        try:
-            server.run()
-        except KeyboardInterrupt:
-            return 130
+        # uvicorn stops in good order and then raises the signal again; the worker is still to be stopped after that.
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: None)
+        server.run()
         return 0 if server.started else 1
     finally:
         if worker is not None:

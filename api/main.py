@@ -25,12 +25,25 @@ DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives 
 Systems are diagrams of blocks; their responses, metrics and elasticities are exact. Values are in SI unless a unit is
 written. Everything under `/v1` needs a key: `Authorization: Bearer <key>`. Errors are RFC 9457 problem documents."""
 
+_SCHEMAS = "#/components/schemas/"
 _PROBLEMS = {
     401: "no key, or one that opens nothing",
     403: "the key lacks the scope",
     413: "the body is too large",
     422: "the document is wrong: `errors` says where",
 }
+
+
+class Application(FastAPI):
+    """The application whose reference also holds the schema of problems, which no endpoint returns as its own reply."""
+
+    def openapi(self) -> dict[str, Any]:
+        """Return the OpenAPI document."""
+        document = super().openapi()
+        if "ProblemReply" not in document["components"]["schemas"]:
+            problem = ProblemReply.model_json_schema(ref_template=_SCHEMAS + "{model}")
+            document["components"]["schemas"] |= {**problem.pop("$defs"), "ProblemReply": problem}
+        return document
 
 
 def create_app(settings: Settings | None = None, *, expects_worker: bool = False) -> FastAPI:
@@ -62,7 +75,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             queue.close()
             database.dispose()
 
-    app = FastAPI(
+    app = Application(
         title="Servotune",
         version=version("servotune"),
         description=DESCRIPTION,
@@ -71,7 +84,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     )
     handlers.install(app)
     problems: dict[int | str, dict[str, Any]] = {
-        status: {"description": text, "content": {MEDIA_TYPE: {"schema": ProblemReply.model_json_schema()}}}
+        status: {"description": text, "content": {MEDIA_TYPE: {"schema": {"$ref": f"{_SCHEMAS}ProblemReply"}}}}
         for status, text in _PROBLEMS.items()
     }
     for router in ROUTERS:

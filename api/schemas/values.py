@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
+from typing_extensions import TypeAliasType
 
 NAME = "^[a-z][a-z0-9_]*$"
 PATH = "^[a-z][a-z0-9_]*(\\.[a-z][a-z0-9_]*)*$"
@@ -79,17 +80,26 @@ _EXPRESSION: dict[str, Any] = {"type": "string", "pattern": "^=", "examples": ["
 _QUANTITY_OR_NUMBER = {"anyOf": [_NUMBER, QUANTITY_SCHEMA]}
 SCALAR_SCHEMA: dict[str, Any] = {"anyOf": [_NUMBER, QUANTITY_SCHEMA, _EXPRESSION]}
 
-Quantity = Annotated[Any, PlainValidator(_quantity), WithJsonSchema(_QUANTITY_OR_NUMBER)]
+Quantity = TypeAliasType(
+    "Quantity",
+    Annotated[Any, PlainValidator(_quantity), WithJsonSchema(_QUANTITY_OR_NUMBER)],
+)
 """A number in SI, or {"value", "unit"}."""
-Scalar = Annotated[Any, PlainValidator(_scalar), WithJsonSchema(SCALAR_SCHEMA)]
+Scalar = TypeAliasType(
+    "Scalar",
+    Annotated[Any, PlainValidator(_scalar), WithJsonSchema(SCALAR_SCHEMA)],
+)
 """A number in SI, a quantity, or an expression."""
-Root = Annotated[
-    Any,
-    PlainValidator(_root),
-    WithJsonSchema(
-        {"anyOf": [SCALAR_SCHEMA, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}]}
-    ),
-]
+Root = TypeAliasType(
+    "Root",
+    Annotated[
+        Any,
+        PlainValidator(_root),
+        WithJsonSchema(
+            {"anyOf": [SCALAR_SCHEMA, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}]}
+        ),
+    ],
+)
 """A zero or pole: real as a scalar, complex as [real, imaginary]."""
 Scalars = Annotated[list[Scalar], Field(min_length=1, max_length=100_000)]
 Rows = Annotated[list[list[Scalar]], Field(max_length=500)]
@@ -106,11 +116,14 @@ def _auto_or_quantity(value: Any) -> Any:
     raise _wrong('"auto", a number or a quantity {"value", "unit"}', value)
 
 
-AutoOrQuantity = Annotated[
-    Any,
-    PlainValidator(_auto_or_quantity),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, _NUMBER, QUANTITY_SCHEMA]}),
-]
+AutoOrQuantity = TypeAliasType(
+    "AutoOrQuantity",
+    Annotated[
+        Any,
+        PlainValidator(_auto_or_quantity),
+        WithJsonSchema({"anyOf": [{"const": "auto"}, _NUMBER, QUANTITY_SCHEMA]}),
+    ],
+)
 """A quantity, or "auto": the service chooses."""
 
 
@@ -125,9 +138,12 @@ def is_scalar_quantity(value: Any) -> bool:
     return is_number(value) or is_quantity(value)
 
 
-AutoOrQuantities = Annotated[
-    Any,
-    PlainValidator(_auto_or_quantities),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "array", "minItems": 1, "items": _QUANTITY_OR_NUMBER}]}),
-]
+AutoOrQuantities = TypeAliasType(
+    "AutoOrQuantities",
+    Annotated[
+        Any,
+        PlainValidator(_auto_or_quantities),
+        WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "array", "minItems": 1, "items": _QUANTITY_OR_NUMBER}]}),
+    ],
+)
 """A list of quantities, or "auto"."""

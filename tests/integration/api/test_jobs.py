@@ -150,7 +150,7 @@ def test_an_optimization_improves_its_goal_and_proves_it(client, worker) -> None
 
 def test_a_cancelled_job_stops_within_a_second(client, worker) -> None:
     long = OPTIMIZATION | {
-        "variables": [{"parameter": name, "lower": 1e-4, "upper": 0.05} for name in ("kp", "controller.ki", "controller.kd")],
+        "variables": [{"parameter": name, "lower": 0.002, "upper": 0.02} for name in ("kp", "controller.ki", "controller.kd")],
         "method": {"kind": "gradient", "starts": 100, "seed": 1, "max_evaluations": 100_000},
     }  # fmt: skip
     job = client.post("/v1/optimizations", json=long).json()

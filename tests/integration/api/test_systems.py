@@ -151,7 +151,7 @@ WRONG = {
         change(parameters=PNEUMATIC["parameters"] | {"a": {"value": "=b"}, "b": {"value": "=a"}}),
         "/parameters/",
     ),
-    "wrong name": (pneumatic(**{"Motor": {"kind": "gain", "gain": 1}}), "/blocks/Motor"),
+    "wrong name": (pneumatic(Motor={"kind": "gain", "gain": 1}), "/blocks/Motor"),
     "unknown source": (
         change(connections=[*PNEUMATIC["connections"], {"from": "ghost", "to": "error.in1"}]),
         "/connections/5",

@@ -1,0 +1,120 @@
+"""openapi/openapi.json is the contract: the code makes exactly this, and it says what clients rely on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from api.export_openapi import render
+from engine import elements, signals
+from optimizers import methods
+
+SNAPSHOT = Path(__file__).parents[2] / "openapi" / "openapi.json"
+DOCUMENT: dict[str, Any] = json.loads(SNAPSHOT.read_text(encoding="utf-8"))
+
+ENDPOINTS = [
+    "POST /v1/systems",
+    "GET /v1/systems",
+    "GET /v1/systems/{identifier}",
+    "PUT /v1/systems/{identifier}",
+    "DELETE /v1/systems/{identifier}",
+    "GET /v1/systems/{identifier}/revisions",
+    "GET /v1/systems/{identifier}/revisions/{number}",
+    "POST /v1/simulations",
+    "POST /v1/frequency-responses",
+    "POST /v1/influence",
+    "POST /v1/validations",
+    "POST /v1/optimizations",
+    "POST /v1/identifications",
+    "GET /v1/jobs",
+    "GET /v1/jobs/{identifier}",
+    "GET /v1/jobs/{identifier}/result",
+    "GET /v1/jobs/{identifier}/events",
+    "POST /v1/jobs/{identifier}/cancel",
+    "POST /v1/datasets",
+    "GET /v1/datasets",
+    "GET /v1/datasets/{identifier}",
+    "DELETE /v1/datasets/{identifier}",
+    "PUT /v1/datasets/{identifier}/segments/{sha256}",
+    "GET /v1/datasets/{identifier}/segments",
+    "POST /v1/datasets/{identifier}/commit",
+    "GET /v1/datasets/{identifier}/channels/{name}",
+    "GET /v1/datasets/{identifier}/original",
+    "GET /v1/results",
+    "GET /v1/results/{identifier}",
+    "GET /v1/catalog/elements",
+    "GET /v1/catalog/signals",
+    "GET /v1/catalog/metrics",
+    "GET /v1/catalog/methods",
+    "GET /healthz",
+    "GET /readyz",
+]
+
+
+def test_the_snapshot_is_what_the_code_makes() -> None:
+    assert SNAPSHOT.read_text(encoding="utf-8") == render(), "run `make openapi` and look at the difference"
+
+
+@pytest.mark.parametrize("endpoint", ENDPOINTS)
+def test_what_the_contract_promises_is_there(endpoint) -> None:
+    method, _, path = endpoint.partition(" ")
+    assert method.lower() in DOCUMENT["paths"][path]
+
+
+def operations():
+    return [
+        (f"{method.upper()} {path}", operation)
+        for path, methods_of in DOCUMENT["paths"].items()
+        for method, operation in methods_of.items()
+    ]
+
+
+@pytest.mark.parametrize(("endpoint", "operation"), operations())
+def test_every_operation_under_v1_asks_for_a_key_and_answers_errors_as_problems(endpoint, operation) -> None:
+    assert operation["summary"]
+    if not endpoint.split()[1].startswith("/v1"):
+        return
+    assert operation["security"] == [{"HTTPBearer": []}]
+    for status in ("401", "403", "422"):
+        assert "application/problem+json" in operation["responses"][status]["content"]
+
+
+@pytest.mark.parametrize(("endpoint", "operation"), operations())
+def test_every_post_that_creates_takes_an_idempotency_key(endpoint, operation) -> None:
+    if endpoint.startswith("POST") and not endpoint.endswith("/cancel"):
+        assert "Idempotency-Key" in [parameter["name"] for parameter in operation["parameters"]]
+
+
+def tags(schema):
+    """Return the mapping of every discriminator in a schema."""
+    if isinstance(schema, dict):
+        found = [schema["discriminator"]["mapping"]] if "discriminator" in schema else []
+        return found + [mapping for value in schema.values() for mapping in tags(value)]
+    return []
+
+
+@pytest.mark.parametrize(
+    ("schema", "kinds"),
+    [
+        ("SystemDocument", {*elements.catalogue(), "subsystem"}),
+        ("InputDocument", set(signals.catalogue())),
+        ("OptimizationRequest", set(methods.catalogue())),
+    ],
+)
+def test_every_kind_of_the_catalogue_is_in_the_contract(schema, kinds) -> None:
+    properties = DOCUMENT["components"]["schemas"][schema]["properties"]
+    (mapping,) = [
+        found for name in ("blocks", "signal", "method") if name in properties for found in tags(properties[name])
+    ]
+    assert set(mapping) == kinds
+
+
+def test_a_parameter_carries_symbol_unit_and_bounds() -> None:
+    area = DOCUMENT["components"]["schemas"]["LinearPneumaticMotorBlock"]["properties"]["area"]
+    assert area["x-unit"] == "m**2"
+    assert area["x-symbol"]
+    assert area["description"]
+    assert area["x-lower"] == 0.0

@@ -1,0 +1,146 @@
+"""`servotune serve` and `servotune worker` as a user runs them."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from api.commands import openapi
+from tests.integration.api.conftest import finished
+from tests.integration.api.documents import RAW, lag_recording, upload
+from tests.integration.api.test_datasets import FILE, TEXT
+
+KEY = "a-key-of-the-operator"
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return int(listener.getsockname()[1])
+
+
+@contextmanager
+def served(
+    folder: Path, *arguments: str, database: str | None = None, **settings: str
+) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
+    """Run `servotune serve` until it is ready; stop it at the end."""
+    port = free_port()
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("SERVOTUNE_")}
+    environment |= {"SERVOTUNE_DATABASE_URL": database or f"sqlite:///{folder / 'served.db'}"}
+    environment |= {f"SERVOTUNE_{name.upper()}": value for name, value in settings.items()}
+    command = [sys.executable, "-m", "servotune", "serve", "--port", str(port), *arguments]
+    with (folder / "log.txt").open("w") as log:
+        process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, text=True)
+        try:
+            with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=30) as client:
+                wait(client, 200, process, folder)
+                client.headers["Authorization"] = f"Bearer {settings.get('bootstrap_key', '')}"
+                yield process, client
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def wait(client: httpx.Client, status: int, process: subprocess.Popen[str], folder: Path, within: float = 60.0) -> Any:
+    until = time.monotonic() + within
+    while time.monotonic() < until:
+        assert process.poll() is None, (folder / "log.txt").read_text()
+        try:
+            reply = client.get("/readyz")
+            if reply.status_code == status:
+                return reply
+        except httpx.TransportError:
+            pass
+        time.sleep(0.1)
+    raise AssertionError((folder / "log.txt").read_text())
+
+
+def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_path, database_url) -> None:
+    with served(tmp_path, database=database_url, bootstrap_key=KEY) as (process, client):
+        assert client.get("/readyz").json()["checks"]["worker"] == "ok"
+        reply = upload(client, FILE, TEXT)
+        assert finished(client, reply.json()["job"])["status"] == "succeeded"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=30) == 0
+    log = (tmp_path / "log.txt").read_text()
+    assert "Traceback" not in log
+    assert KEY not in log
+
+
+def test_the_first_key_is_printed_once_and_kept_only_as_a_hash(tmp_path) -> None:
+    with served(tmp_path, "--no-worker") as (_, client):
+        (key,) = re.findall(r"st_[\w-]{40,}", (tmp_path / "log.txt").read_text())
+        client.headers["Authorization"] = f"Bearer {key}"
+        assert client.get("/v1/systems").status_code == 200
+        assert client.get("/readyz").json()["checks"]["worker"] == "absent"
+    stored = b"".join(path.read_bytes() for path in tmp_path.glob("served.db*"))
+    assert key.encode() not in stored
+    with served(tmp_path, "--no-worker") as (_, client):
+        assert "st_" not in (tmp_path / "log.txt").read_text()
+        client.headers["Authorization"] = f"Bearer {key}"
+        assert client.get("/v1/systems").status_code == 200
+
+
+def test_without_its_worker_the_service_is_not_ready(tmp_path) -> None:
+    with served(tmp_path, bootstrap_key=KEY, worker_stale_seconds="3") as (process, client):
+        children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=True)
+        for child in children.stdout.split():
+            os.kill(int(child), signal.SIGKILL)
+        reply = wait(client, 503, process, tmp_path)
+        assert reply.json()["checks"]["worker"] == "stale"
+        assert client.get("/healthz").status_code == 200
+        # what needs no worker goes on
+        assert upload(client, RAW, lag_recording(samples=100)).status_code == 200
+
+
+def test_the_worker_ends_with_a_killed_service(tmp_path) -> None:
+    with served(tmp_path, bootstrap_key=KEY) as (process, _):
+        children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=True)
+        (worker,) = [int(child) for child in children.stdout.split()]
+        process.kill()
+        process.wait()
+        until = time.monotonic() + 30
+        while time.monotonic() < until and Path(f"/proc/{worker}").exists():
+            time.sleep(0.1)
+        assert not Path(f"/proc/{worker}").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"database_url": "oracle://x"}, "sqlite or postgresql"),
+        ({"bootstrap_key": "short"}, "SERVOTUNE_BOOTSTRAP_KEY"),
+        ({"body_limit": "much"}, "SERVOTUNE_BODY_LIMIT"),
+        ({"database_url": "postgresql+psycopg://nobody@127.0.0.1:1/none"}, "must be reachable"),
+    ],
+)
+def test_wrong_settings_end_with_a_sentence(tmp_path, settings, says) -> None:
+    environment = {"SERVOTUNE_DATABASE_URL": f"sqlite:///{tmp_path / 'x.db'}"}
+    environment |= {f"SERVOTUNE_{name.upper()}": value for name, value in settings.items()}
+    command = [sys.executable, "-m", "servotune", "serve", "--no-worker", "--port", str(free_port())]
+    done = subprocess.run(
+        command, env=os.environ | environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode != 0
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_openapi_is_printed(capsys) -> None:
+    assert openapi([]) == 0
+    assert '"openapi": "3.1.0"' in capsys.readouterr().out
