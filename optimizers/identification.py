@@ -311,13 +311,14 @@ def _advice(status: Status, unknowns: tuple[Unknown, ...], x: Samples, indisting
     if status is Status.BUDGET:
         said.append("The search had not settled when its evaluations were used up: start nearer, or narrow the bounds.")
     for unknown, c in zip(unknowns, x, strict=True):
+        value = unknown.value(float(c))
         for side, bound in (("lower", unknown.lower), ("upper", unknown.upper)):
-            if math.isfinite(bound) and math.isclose(
-                unknown.value(float(c)), bound, rel_tol=1e-9, abs_tol=0.0 if bound else 1e-300
-            ):
+            if value == bound == 0:
+                said.append(f"{unknown.parameter} came to rest at 0: the recording shows none of it.")
+            elif math.isfinite(bound) and math.isclose(value, bound, rel_tol=1e-9):
+                limit = f"{bound:.4g} {unknown.unit}".rstrip()
                 said.append(
-                    f"{unknown.parameter} came to rest at its {side} bound {bound:.4g} {unknown.unit}".rstrip()
-                    + ": the recording asks for more room."
+                    f"{unknown.parameter} came to rest at its {side} bound {limit}: the recording asks for more room."
                 )
     if indistinguishable:
         said.append(

@@ -22,7 +22,8 @@ from engine.linear import single_delay
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
 from engine.linear.poles import poles, static_gain
-from engine.linear.short_delay import without_short_delays
+from engine.linear.propagate import exponentials
+from engine.linear.short_delay import lifted, without_short_delays
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import slopes
 from engine.linear.trajectory import respond
@@ -112,6 +113,14 @@ class Drive:
             raise ValueError(
                 f"inputs must be {system.n_in} rows of samples, got an array of shape {self._inputs.shape}"
             )
+        lanes = system.lanes
+        system, moves = lifted(system, self._h)
+        values, tangents = self._respond(system)
+        for move, tangent in zip(moves, tangents[lanes:], strict=True):
+            values = values + move * tangent
+        return values, tangents[:lanes]
+
+    def _respond(self, system: LaneSystem) -> tuple[Samples, Samples]:
         samples = self._inputs.shape[1]
         rest = replace(system, x0=np.zeros_like(system.x0))
         values = np.zeros((system.n_out, samples))
@@ -149,12 +158,10 @@ class Drive:
             if growth > np.log(self._growth_limit):
                 return None
         if found.verdict is not Verdict.OK:
-            curve = _step_response(part, h * samples)
-            return _Kernel(
-                gain=np.zeros(part.lanes), transient=_means(curve, h, samples), step=_values(curve, self._instants)
-            )
-        transient = -np.log(SETTLED) / found.slowest + float(part.delays[0].real.sum())
-        count = int(np.ceil(1.2 * transient / h)) + 4
+            step, transient = _step(part, h, samples)
+            return _Kernel(gain=np.zeros(part.lanes), transient=transient, step=step)
+        duration = -np.log(SETTLED) / found.slowest + float(part.delays[0].real.sum())
+        count = int(np.ceil(1.2 * duration / h)) + 4
         while count < samples:
             kernel = _settled(part, h, count)
             if kernel is not None:
@@ -162,7 +169,7 @@ class Drive:
                 return kernel
             count *= 2
         gain = static_gain(part)[:, 0, 0]
-        return _Kernel(gain=gain, transient=_means(_step_response(part, h * samples) + -gain, h, samples), step=None)
+        return _Kernel(gain=gain, transient=_step(part, h, samples)[1] - gain[:, None], step=None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,17 +208,37 @@ def _settled(part: LaneSystem, h: float, count: int) -> _Kernel | None:
         gain = static_gain(part)[:, 0, 0]
     except np.linalg.LinAlgError:
         return None
-    transient = _means(_step_response(part, h * count) + -gain, h, count)
+    transient = _step(part, h, count)[1] - gain[:, None]
     size = np.abs(transient[0].real)
     tail = float(size[-max(4, count // 20) :].max())
     still = tail <= SETTLED * max(float(size.max()), abs(float(gain[0].real)))
     return _Kernel(gain=gain, transient=transient, step=None) if still else None
 
 
-def _step_response(part: LaneSystem, horizon: float) -> Curve:
-    if part.m == 1:
-        return single_delay.step_response(part, horizon)
-    return respond(part, [_STEP], horizon).output(0)
+def _step(part: LaneSystem, h: float, count: int) -> tuple[Array, Array]:
+    """Return the step response at 0, h, ... and its exact mean over each interval, both of shape (lanes, count)."""
+    if not part.m:
+        return _step_without_delays(part, h, count)
+    horizon = h * count
+    curve = single_delay.step_response(part, horizon) if part.m == 1 else respond(part, [_STEP], horizon).output(0)
+    return _values(curve, h * np.arange(count, dtype=np.float64)), _means(curve, h, count)
+
+
+def _step_without_delays(part: LaneSystem, h: float, count: int) -> tuple[Array, Array]:
+    """Advance x and its mean from interval to interval by one matrix exponential, however fast the lags are."""
+    n, lanes = part.n, part.lanes
+    # x' = A x + B, q' = x / h with q = 0 at the start of each interval: q becomes the mean of x
+    joint = np.zeros((lanes, 2 * n + 1, 2 * n + 1), dtype=part.dtype)
+    joint[:, :n, :n] = h * part.a
+    joint[:, :n, 2 * n :] = h * part.b1
+    joint[:, n : 2 * n, :n] = np.eye(n)
+    grown = exponentials(joint)
+    advance, forced = grown[:, :n, :n], grown[:, :n, 2 * n :]
+    states = np.zeros((count, lanes, n, 1), dtype=part.dtype)
+    for k in range(1, count):
+        states[k] = advance @ states[k - 1] + forced
+    means = grown[:, n : 2 * n, :n] @ states + grown[:, n : 2 * n, 2 * n :]
+    return (part.c1 @ states + part.d11)[:, :, 0, 0].T, (part.c1 @ means + part.d11)[:, :, 0, 0].T
 
 
 def _located(curve: Curve, instants: Samples) -> tuple[npt.NDArray[np.intp], Array]:

@@ -20,6 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.linear.system import ARRAYS
+from engine.linear.tangent import INFINITESIMAL
+
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
 
@@ -30,6 +33,8 @@ SAMPLES = 8.0
 """How many such delays at least fit into a sampling interval."""
 REACH = 0.3
 """Largest product of a delay with the fastest rate of the system."""
+
+_SHORTEST = 1e-4
 
 
 def without_short_delays(system: LaneSystem, sample_time: float) -> LaneSystem:
@@ -76,6 +81,32 @@ def without_short_delays(system: LaneSystem, sample_time: float) -> LaneSystem:
     )
 
 
+def lifted(system: LaneSystem, sample_time: float) -> tuple[LaneSystem, Real]:
+    """Return the system with delays below 1e-4 samples lifted to that, and how far each must be moved back.
+
+    Lags of the fifth order that are still faster would be lost in rounding. Every lifted delay gets a lane of its own
+    behind the others, so that its small rest is one step of first order: what this leaves is of the order of 1e-9.
+
+    Returns
+    -------
+    system : LaneSystem
+    moves : ndarray, shape (extra lanes,)
+        In s, not positive.
+    """
+    delays = system.delays[0].real
+    tiny = np.flatnonzero(delays < _SHORTEST * sample_time)
+    if not tiny.size:
+        return system, np.zeros(0)
+    floor = _SHORTEST * sample_time
+    lanes = np.concatenate([np.arange(system.lanes), np.zeros(tiny.size, dtype=np.intp)])
+    parts = {name: getattr(system, name)[lanes].astype(complex) for name in ARRAYS}
+    for name, array in parts.items():
+        parts[name][system.lanes :] = array[system.lanes :].real
+    parts["delays"][:, tiny] += floor - delays[tiny]
+    parts["delays"][system.lanes + np.arange(tiny.size), tiny] += 1j * INFINITESIMAL
+    return replace(system, **parts), delays[tiny] - floor
+
+
 def _fastest(system: LaneSystem) -> float:
     """Return the fastest rate (1/s) of the system with its delays cut open, and with none."""
     a, b, c, d = system.a[0].real, system.b2[0].real, system.c2[0].real, system.d22[0].real
@@ -90,8 +121,8 @@ def _fastest(system: LaneSystem) -> float:
 def _lag() -> tuple[Real, Real, Real]:
     """Return state matrix, input column and output row of the lag for a delay of 1."""
     p, q = ORDER - 1, ORDER
-    numerator = [(-1) ** j * _padé(p, q, j) for j in range(p + 1)]
-    denominator = [_padé(q, p, j) for j in range(q + 1)]
+    numerator = [(-1) ** j * _coefficient(p, q, j) for j in range(p + 1)]
+    denominator = [_coefficient(q, p, j) for j in range(q + 1)]
     # its poles lie near |s| = 6: states scaled by powers of 6 are of like size
     size = 6.0 ** np.arange(q)
     state = np.diag(np.full(q - 1, 6.0), 1)
@@ -101,5 +132,5 @@ def _lag() -> tuple[Real, Real, Real]:
     return state, drive, (np.array(numerator) * size)[None]
 
 
-def _padé(own: int, other: int, j: int) -> float:
+def _coefficient(own: int, other: int, j: int) -> float:
     return factorial(own + other - j) * factorial(own) / (factorial(own + other) * factorial(j) * factorial(own - j))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 RESOLUTION = 1e-12
 """What the last Chebyshev coefficients of a segment may be, relative to the largest value of the response."""
 
-MAX_SEGMENTS = 20_000
+MAX_SEGMENTS = 50_000
 
 _REACH = 4.0
 """|λ| h up to which a polynomial of degree 16 holds e^{λt} over a segment h to 1e-13."""
@@ -42,7 +42,7 @@ def step_response(system: LaneSystem, horizon: float) -> Curve:
     ------
     EngineError
         When the delay is so short against the horizon, or the response so stiff against the delay, that more than
-        20 000 segments would be needed.
+        50 000 segments would be needed.
     """
     system = system.balanced() if system.n else system
     delay = float(system.delays[0, 0].real)

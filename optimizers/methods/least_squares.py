@@ -96,7 +96,11 @@ def _local(evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, ma
         x = result.x  # the model exists beside the bound but not on it
     # the slopes are those beside the bound: on it a delay of 0 is no delay any more
     return Minimum(
-        x=x, residuals=at(x)[0], jacobian=result.jac, converged=result.status > 0, evaluations=int(result.nfev)
+        x=x,
+        residuals=at(x)[0],
+        jacobian=np.asarray(result.jac),
+        converged=result.status > 0,
+        evaluations=int(result.nfev),
     )
 
 

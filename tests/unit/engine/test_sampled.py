@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.errors import EngineError
-from engine.linear import single_delay
+from engine.linear import short_delay, single_delay
 from engine.linear.sampled import Drive, simulate_sampled
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import INFINITESIMAL
@@ -145,9 +145,33 @@ def test_the_march_of_one_delay_is_the_response_of_the_method_of_steps():
     assert fast.sample(time) == pytest.approx(slow.sample(time), abs=1e-11)
 
 
-def test_a_delay_too_short_to_follow_is_refused_by_name():
-    with pytest.raises(EngineError, match=r"delay must be long enough to follow over .* got 1e-06 s"):
-        simulate_sampled(loop(30.0, 0.012, 1e-6), recorded(), 0.01)
+@pytest.mark.parametrize("delay", [1.2e-3, 5e-4, 1e-5])
+def test_a_delay_far_below_the_samples_is_followed_by_lags_as_exactly(delay, monkeypatch):
+    point, u = np.array([30.0, 0.012, delay]), recorded(40)
+    lanes = LaneSystem.of([loop(*(point + 1j * INFINITESIMAL * unit)) for unit in np.eye(3)])
+    values, tangents = Drive(u, 0.01).respond(lanes)
+    monkeypatch.setattr(short_delay, "REACH", 0.0)
+    exact, exact_tangents = Drive(u, 0.01).respond(lanes)
+    assert values == pytest.approx(exact, abs=1e-8)
+    assert tangents == pytest.approx(exact_tangents, abs=1e-6 * np.abs(exact_tangents).max())
+
+
+def test_a_vanishing_delay_goes_over_into_none():
+    u = recorded()
+    closed = LinearSystem.delay_free(
+        np.array([[-1 / 0.012, -30 / 0.012], [1, 0]]),
+        np.array([[30 / 0.012], [0]]),
+        np.array([[0.0, 1.0]]),
+        np.zeros((1, 1)),
+    )
+    none = simulate_sampled(closed, u, 0.01)
+    for delay in (1e-7, 1e-9, 1e-13):
+        assert simulate_sampled(loop(30.0, 0.012, delay), u, 0.01) == pytest.approx(none, abs=1e-7 + 120 * delay)
+
+
+def test_a_delay_too_short_for_a_long_transient_is_refused_by_name():
+    with pytest.raises(EngineError, match=r"delay must be long enough to follow over .* got 0\.0137 s"):
+        simulate_sampled(loop(1e-3, 0.012, 0.0137), recorded(61_500), 0.1)
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,20 @@ def test_a_parameter_at_its_bound_is_said_to_want_more_room():
     assert "gain came to rest at its upper bound 18" in result.advice
 
 
+def test_a_delay_that_is_not_there_is_found_to_be_none():
+    instant = drive(transport=Block(kind="delay", values={"time": 0.0}))
+    y = measured(instant, {"gain": 20.0, "valve.time_constant": 0.01})
+    unknown = (
+        Variable(parameter="gain"),
+        Variable(parameter="valve.time_constant", lower=1e-4, upper=0.1),
+        Variable(parameter="transport.time", lower=0.0, upper=0.1),
+    )
+    result = identify(problem(y, *unknown), rng=rng())
+    assert values(result) == pytest.approx({"gain": 20.0, "valve.time_constant": 0.01, "transport.time": 0.0}, rel=1e-5)
+    assert "transport.time came to rest at 0" in result.advice
+    assert any("transport.time cannot be told from 0" in sentence for sentence in result.indistinguishable)
+
+
 def test_a_logarithmic_search_keeps_its_interval_positive():
     noise = np.random.default_rng(1).normal(scale=0.5, size=TIME.size)
     variable = Variable(parameter="valve.time_constant", lower=1e-6, upper=10.0, scale="log")
