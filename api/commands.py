@@ -81,7 +81,7 @@ def worker(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="servotune worker", description="Compute jobs. Settings are environment variables SERVOTUNE_*."
     )
-    parser.add_argument("--slots", type=int, default=1, help="jobs at the same time (default: %(default)s)")
+    parser.add_argument("--slots", type=int, help="jobs at the same time (default: SERVOTUNE_WORKER_SLOTS)")
     parser.add_argument("--with-parent", action="store_true", help="stop when standard input closes")
     given = parser.parse_args(argv)
 
@@ -96,7 +96,7 @@ def worker(argv: Sequence[str]) -> int:
         signal.signal(number, lambda *_: stop.set())
     if given.with_parent:
         threading.Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
-    Worker(settings.database_url, compute="api.worker:run", slots=given.slots).run(stop)
+    Worker(settings.database_url, compute="api.worker:run", slots=given.slots or settings.worker_slots).run(stop)
     return 0
 
 

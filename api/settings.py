@@ -10,6 +10,7 @@
 | ``SERVOTUNE_MAX_VARIANTS`` | 1000 | variants of one request |
 | ``SERVOTUNE_MAX_NUMBERS`` | 5000000 | samples x curves x variants of one reply |
 | ``SERVOTUNE_COMPUTE_SLOTS`` | (CPU cores) | requests that compute at the same time |
+| ``SERVOTUNE_WORKER_SLOTS`` | 1 | jobs that a worker computes at the same time |
 | ``SERVOTUNE_REQUEST_SECONDS`` | 60 | longest computation inside a request, s |
 | ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
@@ -38,6 +39,7 @@ class Settings(BaseSettings):
     max_variants: int = Field(default=1000, ge=1)
     max_numbers: int = Field(default=5_000_000, ge=1000)
     compute_slots: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
+    worker_slots: int = Field(default=1, ge=1)
     request_seconds: float = Field(default=60.0, gt=0)
     worker_stale_seconds: float = Field(default=30.0, gt=0)
     idempotency_hours: float = Field(default=24.0, gt=0)

@@ -16,7 +16,7 @@ STEP = {"kind": "step", "amplitude": {"value": 1, "unit": "mm"}}
 
 LAWS: Mapping[str, Document] = {
     "P": {"kind": "p", "kp": 200},
-    "PID": {"kind": "pid", "kp": 200, "ki": 0, "kd": 0, "filter_frequency": 1000},
+    "PID": {"kind": "pid", "kp": 200, "ki": 2, "kd": 0, "filter_frequency": 1000},
     "PD2": {"kind": "pd2", "kp": 200, "kd1": 0, "kd2": 0, "filter_frequency": 1000},
 }
 """Control laws by name; position error in m, valve command 1 at full opening, so kp = 200 1/m opens it fully at 5 mm."""
@@ -24,7 +24,7 @@ LAWS: Mapping[str, Document] = {
 VARIABLES: Mapping[str, list[Document]] = {
     "PID": [
         {"parameter": "controller.kp", "lower": 100, "upper": 700, "scale": "log"},
-        {"parameter": "controller.ki", "lower": 0, "upper": 20},
+        {"parameter": "controller.ki", "lower": 2, "upper": 20},
         {"parameter": "controller.kd", "lower": 0, "upper": 0.9},
     ],
     "PD2": [
