@@ -165,5 +165,5 @@ def _simulated(
         system = diagram.realize(overrides)
     rest = np.zeros(recording.samples)
     inputs = np.array([recording.inputs.get(name, rest) for name in diagram.inputs])
-    found = simulate_sampled(system, inputs, recording.sample_time)
-    return {name: found[i] for i, name in enumerate(diagram.outputs)}
+    names = tuple(recording.outputs)
+    return dict(zip(names, simulate_sampled(system, inputs, recording.sample_time, outputs=names), strict=True))

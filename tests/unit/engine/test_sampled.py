@@ -115,6 +115,16 @@ def test_several_inputs_superpose_and_direct_gains_pass_at_once():
     assert simulate_sampled(system, u, 0.1) == pytest.approx(alone, rel=1e-10)
 
 
+def test_outputs_are_chosen_by_name_and_silent_inputs_drive_nothing():
+    a = -np.diag([1.0, 2.0])
+    system = LinearSystem.delay_free(a, np.eye(2), np.eye(2), np.zeros((2, 2)), inputs=("u", "v"), outputs=("x", "y"))
+    u = np.vstack([recorded(100, 4), np.zeros(100)])
+    both = simulate_sampled(system, u, 0.1)
+    assert both[0] == pytest.approx(simulate_sampled(lag(1.0), u[:1], 0.1)[0])
+    assert not both[1].any()
+    assert simulate_sampled(system, u, 0.1, outputs=("y", "x")).tolist() == both[::-1].tolist()
+
+
 def test_tangents_are_the_converged_differences():
     point, u = np.array([30.0, 0.012, 0.0137]), recorded()
     lanes = LaneSystem.of([loop(*(point + 1j * INFINITESIMAL * unit)) for unit in np.eye(3)])
