@@ -151,6 +151,7 @@ class Zygote:
             with theirs:
                 self._process = subprocess.Popen(  # noqa: S603 - our own module
                     [sys.executable, "-P", "-m", "storage.jobs.zygote", self._compute_path, str(theirs.fileno())],
+                    stdin=subprocess.DEVNULL,
                     pass_fds=[theirs.fileno()],
                     env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
                     start_new_session=True,

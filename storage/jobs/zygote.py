@@ -31,7 +31,9 @@ _PR_SET_PDEATHSIG = 1
 
 def main(compute_path: str, control: socket.socket) -> NoReturn:
     """Serve until the worker closes its end of ``control``."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the worker's to handle
+    # Ctrl-C and a service manager's SIGTERM to every process are the worker's to handle: it gives the jobs back first.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     wake_reader, wake_writer = os.pipe()
     os.set_blocking(wake_writer, False)
     signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)

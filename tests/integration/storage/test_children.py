@@ -13,7 +13,7 @@ import pytest
 
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Done, Frame, Message
-from tests.support.desk import COMPUTE, wait_until_gone
+from tests.support.desk import COMPUTE, exists, wait_until_gone
 
 
 def job(kind: str, **body) -> ComputeJob:
@@ -68,6 +68,21 @@ def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(z
         pass
     assert frame.result["count"] == 1
     other.kill()
+
+
+def test_a_service_manager_that_signals_every_process_leaves_the_children_to_the_worker(zygote):
+    child = zygote.start(job("spin"))
+    told = next_frame(child)
+    assert isinstance(told, Message)
+    process = int(told.text)
+    parent = int(Path(f"/proc/{process}/stat").read_text().split()[3])
+    for one in (parent, process):
+        os.kill(one, signal.SIGTERM)
+        os.kill(one, signal.SIGINT)
+    assert child.receive(0.3) is None
+    child.kill()
+    wait_until_gone(process, timeout=1.0)
+    assert exists(parent)
 
 
 def test_a_compute_function_that_cannot_be_imported_is_told():

@@ -92,7 +92,7 @@ def test_cancel_kills_a_busy_loop_within_a_second(busy_desk):
         ("crash", {}, ("internal", "(ZeroDivisionError)")),
         ("not_json", {}, ("internal", "internal error")),
         ("die", {"signal": int(signal.SIGKILL)}, ("process-died", "killed by SIGKILL")),
-        ("die", {"signal": int(signal.SIGTERM)}, ("process-died", "killed by SIGTERM")),
+        ("die", {"signal": int(signal.SIGSEGV)}, ("process-died", "killed by SIGSEGV")),
     ],
 )
 def test_a_job_that_goes_wrong_fails_with_a_problem(busy_desk, caplog, kind, body, problem):
