@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from engine.linear.screening import Screened, Screening
 from engine.study import Gradient, measure
-from engine.verdicts import Measured
+from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
 from optimizers.problem import Problem, Sense, Vector
 
@@ -124,9 +124,9 @@ class Evaluator:
         shape = (count, len(axes), len(self.problem.goals))
         raw = screened.values.reshape(shape)
         values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
-        unsure = screened.doubtful.reshape(shape)[:, 0] | np.isnan(values)
-        stable = screened.growth.reshape(count, len(axes))[:, 0] < 0
-        if not (stable | unsure.all(axis=1)).all():
+        # A doubtful value still shows the way; what screening cannot measure at all is measured exactly.
+        unsure = screened.doubtful.reshape(shape)[:, 0] & np.isnan(values)
+        if (screened.growth >= 0).any() or not screened.valid.all():
             return None
         for scenario in np.flatnonzero(unsure.any(axis=1)):
             asked = np.flatnonzero(unsure[scenario])
@@ -189,10 +189,8 @@ class Evaluator:
         doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
         growth = np.where(screened.valid, screened.growth, np.inf).reshape(count, batch).T.copy()
         # What screening does not know at all has to be measured one by one.
-        unknown = doubtful & np.isnan(values)
-        for b, s in zip(
-            *np.nonzero(unknown.any(axis=2) & ~np.isposinf(growth) & ((growth < 0) | unknown.all(axis=2))), strict=True
-        ):
+        unknown = doubtful & np.isnan(values) & ~(growth >= 0)[:, :, None]
+        for b, s in zip(*np.nonzero(unknown.any(axis=2)), strict=True):
             asked = np.flatnonzero(unknown[b, s])
             overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
             found = measure(
@@ -202,8 +200,9 @@ class Evaluator:
             for goal, (measured, _) in zip(asked, found, strict=True):
                 values[b, s, goal] = self._number(int(goal), measured)
             doubtful[b, s, asked] = False
-            if growth[b, s] >= 0 and not np.isnan(values[b, s]).any():
-                growth[b, s] = -1.0
+            if np.isnan(growth[b, s]):
+                diverges = any(measured.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for measured, _ in found)
+                growth[b, s] = 0.0 if diverges else -1.0
         return values, growth, doubtful
 
     def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]]) -> Screened:

@@ -34,6 +34,8 @@ RESOLVED = 1e-6
 _CHUNK = 256
 _MOST_OCTAVES = 10
 _RESOLVED_PHASE = 4.0
+_FINER = ((2, 6, _CHUNK), (2, 9, 16))
+"""What is tried where a response is not resolved: pieces cut in so many, so many octaves fine, so many candidates at once."""
 _INTEGRALS = frozenset({"iae", "ise", "itae"})
 _MARGINAL = 1e-9
 
@@ -50,7 +52,7 @@ class Screened:
     doubtful : ndarray of bool, shape (B, R)
         The exact path has to decide.
     growth : ndarray, shape (B,)
-        Real part of the rightmost characteristic root of the closed system (1/s), about; >= 0: unstable, no values.
+        Real part of the rightmost characteristic root of the closed system (1/s), about; >= 0: unstable, no values; NaN: not known.
     valid : ndarray of bool, shape (B,)
         The system exists at these parameters.
     """
@@ -88,7 +90,7 @@ class Screening:
         count = len(self._requests)
         values = np.full((batch, count), np.nan, dtype=complex if complex_lanes else float)
         doubtful = np.tile(~np.array(self.measurable, dtype=bool), (batch, 1))
-        growth = np.full(batch, np.inf)
+        growth = np.full(batch, np.nan)
         valid = np.zeros(batch, dtype=bool)
         for start in range(0, batch, _CHUNK):
             span = slice(start, min(start + _CHUNK, batch))
@@ -145,12 +147,19 @@ class Screening:
             chosen = np.flatnonzero(octaves == level)
             run = march(lanes.take(chosen), Mesh.graded(int(level)))
             growth[here[chosen]] = run.growth
-            coarse = run.settled & (run.resolution > RESOLVED).any(axis=(1, 2))
-            self._read_time(run, here[chosen], ~coarse & run.settled, values, doubtful)
-            doubtful[np.ix_(here[chosen[~run.settled]], np.array(list(self._experiment), dtype=int))] = True
-            if coarse.any():
-                finer = march(lanes.take(chosen[coarse]), Mesh.graded(int(level) + 1, split=2), detail=6)
-                self._read_time(finer, here[chosen[coarse]], finer.settled, values, doubtful)
+            unsure = ~run.settled & ~(run.growth * run.width.real > _MARGINAL)
+            doubtful[np.ix_(here[chosen[unsure]], np.array(list(self._experiment), dtype=int))] = True
+            coarse = run.settled & ~_resolved(run)
+            self._read_time(run, here[chosen], run.settled & ~coarse, values, doubtful)
+            again = chosen[coarse]
+            for split, detail, most in _FINER:
+                left: list[Array] = []
+                for first in range(0, len(again), most):
+                    those = again[first : first + most]
+                    finer = march(lanes.take(those), Mesh.graded(int(level) + 1, split=split), detail=detail)
+                    left.append(those[~_resolved(finer)])
+                    self._read_time(finer, here[those], finer.settled, values, doubtful)
+                again = np.concatenate(left) if left else again[:0]
         # An eigenvalue of 1 to rounding: an integrator beside the path, or the edge of stability. Not for screening.
         edge = np.abs(growth[here] * lanes.width.real) < _MARGINAL
         doubtful[here[edge]] = True
@@ -239,6 +248,10 @@ def _step(signal: Signal) -> tuple[float, float] | None:
     if signal.degree() != 0 or len(points) != 1 or final is None:
         return None
     return points[0], final
+
+
+def _resolved(run: Responses) -> Array:
+    return np.asarray((run.resolution <= RESOLVED).all(axis=(1, 2)))
 
 
 def _octaves(lanes: Lanes) -> Array:

@@ -22,6 +22,8 @@ SMALLEST_LOOP_GAIN = 1e-3
 """Crossings of a loop gain below this are not counted."""
 _PER_DECADE = 32
 _TURNS = 120
+_REACH = 1e-7, 1e5
+"""How far the scan goes below the lowest and above the highest corner, where only limits are left to be found."""
 _WELL_CONDITIONED = 1e7
 _NUDGE = 1e-10
 
@@ -114,7 +116,11 @@ class Scan:
         count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
         inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
         tails = np.concatenate(
-            [np.geomspace(1e-4 * low, 0.04 * low, 12, axis=1), np.geomspace(12 * high, 1e3 * high, 12, axis=1)], axis=1
+            [
+                np.geomspace(_REACH[0] * low, 0.04 * low, 14, axis=1),
+                np.geomspace(12 * high, _REACH[1] * high, 14, axis=1),
+            ],
+            axis=1,
         )
         width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
         around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * np.array([-4.0, -1.0, 0.0, 1.0, 4.0])
@@ -122,7 +128,7 @@ class Scan:
         if self._tau.shape[1]:
             pieces.append(np.where(inverse > 0, inverse, low)[:, None] * 0.25 * np.arange(1, _TURNS + 1))
         omega = np.concatenate(pieces, axis=1)
-        return np.sort(np.clip(omega, 1e-4 * low[:, None], 1e3 * high[:, None]), axis=1)
+        return np.sort(np.clip(omega, _REACH[0] * low[:, None], _REACH[1] * high[:, None]), axis=1)
 
     def peak(self, height: Callable[[Array], Array]) -> Array:
         """Return the frequency (B,) at which ``height`` of the response is largest."""

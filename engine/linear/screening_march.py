@@ -275,18 +275,25 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
             coarse = _twice(coarse, powers[0])
             state = powers[-1] @ state
             powers = [*powers[1:], powers[-1] @ powers[-1]]
-    pieces = np.cumsum([0, *map(len, starts)])
-    values = np.zeros((batch, experiments, outputs, pieces[-1], POINTS), dtype=np.result_type(one.read, steady))
-    for (who, part), (start, end) in zip(parts, pairwise(pieces), strict=True):
-        values[who, :, :, start:end] = part
-    top = np.abs(values.real @ _TOP).max(axis=3)
-    values += final[..., None, None]
+    values = _joined(parts, final)
     flat = values.real.reshape(batch, experiments, outputs, -1)
     extent = np.maximum(flat.max(axis=3), -flat.min(axis=3))
+    top = np.abs((values.real - final.real[..., None, None]) @ _TOP).max(axis=3)
     return Responses(
         starts=np.concatenate(starts), lengths=np.concatenate(lengths), values=values, final=final, width=lanes.width,
         resolution=top / np.where(extent > 0, extent, 1.0), settled=settled, growth=growth,
     )  # fmt: skip
+
+
+def _joined(parts: list[tuple[Array, Array]], final: Array) -> Array:
+    """Return the outputs (B, E, o, P, POINTS) from deviations of those candidates that were still marching."""
+    pieces = np.cumsum([0, *(part.shape[3] for _, part in parts)])
+    shape = (*final.shape, int(pieces[-1]), POINTS)
+    values = np.zeros(shape, dtype=np.result_type(final, *(part for _, part in parts)))
+    for (who, part), (start, end) in zip(parts, pairwise(pieces), strict=True):
+        values[who, :, :, start:end] = part
+    values += final[..., None, None]
+    return values
 
 
 def _whole_interval(read: Array, mesh: Mesh) -> Array:

@@ -1,0 +1,207 @@
+"""Screening agrees with the exact path, value and derivative, and says so where it cannot vouch for a number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.linear.screening import Screening
+from engine.linear.screening_march import NODES, Mesh
+from engine.linear.screening_time import METRICS
+from engine.signals import make
+from engine.study import MetricRequest, measure
+
+STEP = {"u": make("step", {})}
+LOOP = ("sensitivity_peak", "complementary_peak", "gain_margin", "phase_margin", "delay_margin")
+
+
+def lag_loop(*, delay: float | None = 0.004, second: float | None = None) -> Diagram:
+    """Velocity-gain plant with a valve lag and, if wanted, transport delays, under a proportional law with lead."""
+    blocks = {
+        "u": Block(kind="input"),
+        "error": Block(kind="sum", values={"signs": "+-"}),
+        "controller": Block(kind="pd", values={"kp": "=kp", "kd": "=kd", "filter_frequency": 2000.0}),
+        "valve": Block(kind="transfer_function", values={"numerator": [50.0], "denominator": ["=lag", 1.0]}),
+        "cylinder": Block(kind="integrator"),
+    }
+    route = ["u", "error.in1"], ["error", "controller"], ["controller", "valve"], ["valve", "cylinder"]
+    last = "cylinder"
+    connections = list(route)
+    for name, time in (("first", delay), ("second", second)):
+        if time is not None:
+            blocks[name] = Block(kind="delay", values={"time": f"={name}_delay"})
+            connections.append([last, name])
+            last = name
+    connections.append([last, "error.in2"])
+    parameters = {
+        "kp": Parameter(value=1.5), "kd": Parameter(value=0.002), "lag": Parameter(value=8e-4),
+        **({"first_delay": Parameter(value=delay)} if delay is not None else {}),
+        **({"second_delay": Parameter(value=second)} if second is not None else {}),
+    }  # fmt: skip
+    return compile_system(
+        System(
+            parameters=parameters,
+            blocks=blocks,
+            connections=tuple(Connection(source=a, target=b) for a, b in connections),
+            outputs={"y": "cylinder", "v": "valve", "c": "controller"},
+        )
+    )
+
+
+def oscillator(natural: float, damping: float, *, gain: float = 1.0) -> Diagram:
+    """gain ω² / (s² + 2ζω s + ω²)."""
+    return compile_system(
+        System(
+            parameters={"w": Parameter(value=natural), "z": Parameter(value=damping), "k": Parameter(value=gain)},
+            blocks={
+                "u": Block(kind="input"),
+                "g": Block(
+                    kind="transfer_function", values={"numerator": ["=k*w*w"], "denominator": [1.0, "=2*z*w", "=w*w"]}
+                ),
+            },
+            connections=(Connection(source="u", target="g"),),
+            outputs={"y": "g"},
+        )
+    )
+
+
+def time_requests(*metrics: str, output: str = "y") -> list[MetricRequest]:
+    return [MetricRequest(metric=metric, signals=STEP, output=output) for metric in metrics]
+
+
+def test_the_radau_points_are_those_of_radau_iia() -> None:
+    # Roots of P_8 - P_7 on (0, 1]; c_1 and c_8 of the 8-stage Radau IIA method.
+    assert NODES[0] == pytest.approx(0.0224793864387125, abs=1e-14)
+    assert NODES[-1] == 1.0
+
+
+def test_a_graded_mesh_fills_the_interval() -> None:
+    mesh = Mesh.graded(3, split=2)
+    assert mesh.starts[0] == 0.0
+    assert np.allclose(mesh.starts + mesh.lengths, np.append(mesh.starts[1:], 1.0), atol=1e-15)
+
+
+@pytest.mark.parametrize("delay", [None, 0.004])
+def test_every_metric_agrees_with_the_exact_path(delay) -> None:
+    diagram = lag_loop(delay=delay)
+    metrics = [m for m in METRICS if m != "peak_time"]
+    requests = [
+        *time_requests(*metrics),
+        *time_requests("max_velocity", output="v"),
+        *time_requests("control_effort", output="c"),
+        *(MetricRequest(metric=metric, open_at="error") for metric in LOOP),
+        MetricRequest(metric="bandwidth", source="u", target="y"),
+        MetricRequest(metric="control_sensitivity_peak", source="u", target="c"),
+    ]
+    kp, kd = np.array([1.0, 1.6, 2.4]), np.array([0.001, 0.004, 0.002])
+    screened = Screening(diagram, requests)({"kp": kp, "kd": kd})
+    assert not screened.doubtful.any()
+    assert (screened.growth < 0).all()
+    for row in range(3):
+        exact = measure(diagram, requests, overrides={"kp": float(kp[row]), "kd": float(kd[row])})
+        for column, (measured, _) in enumerate(exact):
+            value = screened.values[row, column]
+            if measured.value is None:
+                assert not np.isfinite(value)
+            else:
+                assert value == pytest.approx(measured.value, rel=1e-6, abs=1e-9), requests[column].metric
+
+
+def test_derivatives_ride_along() -> None:
+    diagram = lag_loop()
+    requests = [
+        *time_requests("rise_time", "response_time", "overshoot", "peak_time", "iae", "ise", "itae"),
+        *time_requests("max_velocity", output="v"),
+        *(MetricRequest(metric=metric, open_at="error") for metric in LOOP),
+        MetricRequest(metric="bandwidth", source="u", target="y"),
+    ]
+    names = ["kp", "kd", "lag", "first_delay"]
+    point = np.array([2.4, 0.002, 8e-4, 0.004])
+    lanes = point + 1e-30j * np.diag(point)
+    screened = Screening(diagram, requests)({name: lanes[:, i] for i, name in enumerate(names)})
+    exact = measure(diagram, requests, overrides=dict(zip(names, point.tolist(), strict=True)), gradient=names)
+    for column, (measured, gradient) in enumerate(exact):
+        assert measured.value is not None
+        assert gradient is not None
+        elasticities = screened.values[:, column].imag / 1e-30 / measured.value
+        assert elasticities == pytest.approx(gradient.values * point / measured.value, rel=1e-5, abs=1e-6), requests[
+            column
+        ].metric
+
+
+def test_closed_form_of_an_oscillator() -> None:
+    # 1/(s²+s+1): overshoot exp(-πζ/√(1-ζ²)), peak time π/(ω√(1-ζ²)); ISE of the step = (ζ + 1/(4ζ))/ω.
+    zeta = 0.5
+    screened = Screening(oscillator(1.0, zeta), time_requests("overshoot", "peak_time", "ise"))(
+        {"w": np.array([1.0, 7.0])}
+    )
+    root = np.sqrt(1 - zeta**2)
+    for row, natural in enumerate((1.0, 7.0)):
+        expected = [np.exp(-np.pi * zeta / root), np.pi / (natural * root), (zeta + 1 / (4 * zeta)) / natural]
+        assert screened.values[row] == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_lightly_damped_mode_is_refined_until_it_is_resolved() -> None:
+    zeta = 0.01
+    screened = Screening(oscillator(100.0, zeta), time_requests("overshoot", "settling_time"))({"k": np.array([1.0])})
+    assert not screened.doubtful[0, 0]
+    assert screened.values[0, 0] == pytest.approx(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), rel=1e-6)
+
+
+def test_unstable_and_stable_candidates_do_not_disturb_each_other() -> None:
+    diagram, requests = lag_loop(), time_requests("rise_time", "overshoot")
+    screening = Screening(diagram, requests)
+    alone = screening({"kp": np.array([1.5])})
+    mixed = screening({"kp": np.array([40.0, 1.5, 1e3])})
+    assert mixed.values[1] == pytest.approx(alone.values[0], rel=1e-12)
+    assert np.isnan(mixed.values[[0, 2]]).all()
+    assert (mixed.growth[[0, 2]] > 0).all()
+    assert mixed.growth[2] > mixed.growth[0]  # the further beyond the edge, the faster it diverges
+
+
+def test_the_edge_of_stability_is_found() -> None:
+    # ∫ with delay τ: 1 + k e^(-sτ)/s loses stability at k τ = π/2.
+    diagram = compile_system(
+        System(
+            parameters={"k": Parameter(value=1.0)},
+            blocks={
+                "u": Block(kind="input"), "error": Block(kind="sum", values={"signs": "+-"}),
+                "k": Block(kind="gain", values={"gain": "=k"}), "i": Block(kind="integrator"), "d": Block(kind="delay", values={"time": 1.0}),
+            },
+            connections=tuple(
+                Connection(source=a, target=b)
+                for a, b in (("u", "error.in1"), ("d", "error.in2"), ("error", "k"), ("k", "i"), ("i", "d"))
+            ),
+            outputs={"y": "i"},
+        )
+    )  # fmt: skip
+    screened = Screening(diagram, time_requests("overshoot"))({"k": np.pi / 2 * np.array([0.99, 1.01])})
+    assert screened.growth[0] < 0 < screened.growth[1]
+
+
+def test_what_cannot_be_measured_is_said_in_advance() -> None:
+    diagram = lag_loop()
+    sine = {"u": make("sine", {"frequency": 10.0})}
+    requests = [
+        MetricRequest(metric="rise_time", signals=STEP, output="y"),
+        MetricRequest(metric="peak", signals=sine, output="y"),
+        MetricRequest(metric="iae", signals=STEP, output="y", duration=0.1),
+        MetricRequest(metric="damping_ratio"),
+    ]
+    screening = Screening(diagram, requests)
+    assert screening.measurable == (True, False, False, False)
+    screened = screening({"kp": np.array([1.5])})
+    assert screened.doubtful[0].tolist() == [False, True, True, True]
+
+
+def test_delays_of_different_length_are_left_to_the_exact_path() -> None:
+    screened = Screening(lag_loop(second=0.001), time_requests("rise_time"))({"kp": np.array([1.5])})
+    assert screened.doubtful.all()
+    assert np.isnan(screened.values).all()
+    assert np.isnan(screened.growth).all()
+
+
+def test_a_member_that_does_not_exist_is_invalid() -> None:
+    screened = Screening(lag_loop(), time_requests("rise_time"))({"lag": np.array([8e-4, np.inf])})
+    assert screened.valid.tolist() == [True, False]
