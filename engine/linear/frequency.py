@@ -180,6 +180,8 @@ class FrequencyResponse:
         if total_delay:
             omega = np.concatenate([omega, self._turns(low, high, total_delay)])
         omega = np.unique(omega)
+        # two points that differ by rounding alone make a false summit between them, and hide the bracket of the true one
+        omega = omega[np.diff(omega, prepend=0.0) > 1e-12 * omega]
         values = self(omega)
         return self._refined(omega, values)
 
