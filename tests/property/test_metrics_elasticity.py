@@ -50,7 +50,7 @@ def values(diagram: Diagram, parameter: str, factor: float) -> list[float | None
     return [m.value for m, _ in measure(diagram, list(REQUESTS.values()), overrides=at)]
 
 
-KINKED = {"settling_time", "response_time", "overshoot", "iae", "itae", "iae_to_1s"}
+KINKED = {"settling_time", "response_time", "overshoot", "peak", "iae", "itae", "iae_to_1s"}
 
 
 def measured_overshoot(exact: list[tuple[Measured, Gradient | None]]) -> float:
@@ -63,8 +63,8 @@ def test_gradient_equals_the_converged_difference(servo: Servo, parameter: str) 
     exact = measure(diagram, list(REQUESTS.values()), gradient=[parameter])
     assert sum(m.verdict is Verdict.OK for m, _ in exact) >= 12
     at = diagram.parameters[parameter].value
-    # Richardson on central differences with steps 2e-4, 1e-4 and 5e-5: error of the order h^6
-    steps = (2e-4, 1e-4, 5e-5)
+    # Richardson on central differences: error of the order h^6; smaller steps would only show the rounding of the metrics
+    steps = (4e-3, 2e-3, 1e-3)
     pairs = [(values(diagram, parameter, 1 + h), values(diagram, parameter, 1 - h)) for h in steps]
     for i, name in enumerate(REQUESTS):
         measured, gradient = exact[i]
@@ -79,11 +79,9 @@ def test_gradient_equals_the_converged_difference(servo: Servo, parameter: str) 
         first = [(4 * d[k + 1] - d[k]) / 3 for k in range(2)]
         converged = (16 * first[1] - first[0]) / 15
         scale = max(abs(measured.value), 1e-9)
-        if abs(converged - first[1]) > 1e-4 * scale:
+        if name in KINKED and abs(converged - first[1]) > 1e-4 * scale:
             # Two orders that disagree stand at a jump (a peak that grazes the settling band) or at a kink (an overshoot
             # that just begins, an error that just touches zero), not at a derivative.
-            assert name in KINKED, name
             continue
-        assert gradient.values[0] * at == pytest.approx(
-            converged, rel=2e-5, abs=2e-7 * scale + 2 * abs(converged - first[1])
-        ), name
+        slack = 2e-5 * scale + 2 * abs(converged - first[1]) if name in KINKED else 2e-7 * scale
+        assert gradient.values[0] * at == pytest.approx(converged, rel=2e-5, abs=slack), name
