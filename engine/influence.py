@@ -119,7 +119,8 @@ def influence(
         elasticities[name] = row
     coefficients: dict[str, dict[str, Coefficient]] = {name: {} for name in requests}
     for p in parameters:
-        for name, cell in _changed(diagram, requests, base, p, values[p], change, overrides).items():
+        cells = _changed(diagram, requests, base, p, value=values[p], change=change, overrides=overrides)
+        for name, cell in cells.items():
             coefficients[name][p] = cell
     by_parameter, by_metric = _strongest(elasticities, parameters)
     return Influence(
@@ -132,6 +133,7 @@ def _changed(
     requests: Mapping[str, MetricRequest],
     base: Mapping[str, Measured],
     parameter: str,
+    *,
     value: float,
     change: float,
     overrides: Mapping[str, float] | None,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.document import Remark
 from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.evaluation import LARGEST, Evaluation
 from engine.linear.path import path
@@ -24,7 +25,6 @@ from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
-    from engine.document import Remark
     from engine.metrics import Metric
     from engine.signals import Signal
 
@@ -178,26 +178,37 @@ def metric_named(name: str) -> type[Metric]:
 
 def _find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
     metric = metric_named(request.metric)
+    lacking = _lacking(metric, request)
+    if lacking:
+        return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
     try:
         if issubclass(metric, TimeMetric):
-            if request.output is None or not request.signals:
-                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs an input signal and the name of an output")
-            outputs = together.get(_command(request), [request.output])
-            return metric.measure(evaluation.time_subject(request.signals, request.output, request.duration, outputs))
-        if issubclass(metric, PathMetric):
-            if request.source is None or request.target is None:
-                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs 'from' (an input) and 'to' (an output)")
-            return metric.measure(evaluation.path(request.source, request.target))
-        if issubclass(metric, LoopMetric):
-            if request.open_at is None:
-                return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs 'open_at': where the loop is cut open")
-            return metric.measure(evaluation.loop(request.open_at))
-        assert issubclass(metric, SystemMetric)
-        return metric.measure(evaluation.system_subject)
+            outputs = together.get(_command(request), [str(request.output)])
+            subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
+            finding = metric.measure(subject)
+        elif issubclass(metric, PathMetric):
+            finding = metric.measure(evaluation.path(str(request.source), str(request.target)))
+        elif issubclass(metric, LoopMetric):
+            finding = metric.measure(evaluation.loop(str(request.open_at)))
+        else:
+            assert issubclass(metric, SystemMetric)
+            finding = metric.measure(evaluation.system_subject)
     except IllPosedError as error:
-        return Absent(verdict=Verdict.ILL_POSED, advice=error.message)
+        finding = Absent(verdict=Verdict.ILL_POSED, advice=error.message)
     except UnresolvedError as error:
-        return Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
+        finding = Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
+    return finding
+
+
+def _lacking(metric: type[Metric], request: MetricRequest) -> str:
+    """Return what a request must still name for this metric, or an empty string."""
+    if issubclass(metric, TimeMetric) and (request.output is None or not request.signals):
+        return "it needs an input signal and the name of an output"
+    if issubclass(metric, PathMetric) and (request.source is None or request.target is None):
+        return "it needs 'from' (an input) and 'to' (an output)"
+    if issubclass(metric, LoopMetric) and request.open_at is None:
+        return "it needs 'open_at': where the loop is cut open"
+    return ""
 
 
 def unit_of(diagram: Diagram, request: MetricRequest) -> str:
@@ -209,8 +220,7 @@ def unit_of(diagram: Diagram, request: MetricRequest) -> str:
         return unit
     own = _named_unit(diagram, request.output)
     if own == "1":
-        rest = unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
-        return rest
+        return unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
     base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own
     return unit.replace("output", base)
 
@@ -283,10 +293,11 @@ def _fitting(unit: str) -> tuple[str, ...]:
 
 
 def _hidden(names: Sequence[str]) -> tuple[Remark, ...]:
-    from engine.document import Remark
-
     return tuple(
-        Remark(at=("outputs", name), detail=f"output {name} settles, but the system has modes that do not decay and are not seen there")
+        Remark(
+            at=("outputs", name),
+            detail=f"output {name} settles, but the system has modes that do not decay and are not seen there",
+        )
         for name in names
     )
 
@@ -427,7 +438,9 @@ def frequency_response(
     )
 
 
-def _listed(crossings: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]) -> tuple[tuple[float, float], ...]:
+def _listed(
+    crossings: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+) -> tuple[tuple[float, float], ...]:
     return tuple((float(frequency[0].real), float(value[0].real)) for frequency, value in crossings)
 
 

@@ -8,13 +8,21 @@ exact derivative by the implicit-function rule dt*/dp = -(∂y/∂p) / ẏ.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, integration_matrix, weights
+from engine.linear.chebyshev import (
+    DEGREE,
+    NODES,
+    coefficient_matrix,
+    differentiation_matrix,
+    integration_matrix,
+    weights,
+)
 from engine.linear.system import Array
 
 _STILL = 1e-14
@@ -53,7 +61,9 @@ class Curve:
     def slope(self) -> Curve:
         """The derivative with respect to time, piece by piece (jumps are not counted)."""
         width = np.diff(self.edges, axis=0)
-        return Curve(edges=self.edges, values=np.einsum("jl,klp->kjp", differentiation_matrix(), self.values) / width[:, None, :])
+        return Curve(
+            edges=self.edges, values=np.einsum("jl,klp->kjp", differentiation_matrix(), self.values) / width[:, None, :]
+        )
 
     def __add__(self, other: Array | float) -> Curve:
         return Curve(edges=self.edges, values=self.values + other)
@@ -140,7 +150,9 @@ class Curve:
         w = weights((time - self.edges[k]) / width)  # (lanes, N + 1)
         slope = np.einsum("pj,jp->p", w @ d, self.values[k]) / width
         bend = float((weights(np.asarray(theta)) @ d @ d @ self.values[k, :, 0].real) / width[0].real ** 2)
-        return np.asarray(time - 1j * slope.imag / bend) if np.iscomplexobj(slope) and bend else np.full(len(width), time)
+        return (
+            np.asarray(time - 1j * slope.imag / bend) if np.iscomplexobj(slope) and bend else np.full(len(width), time)
+        )
 
     def _best(self, nodes: npt.NDArray[np.float64]) -> tuple[Array, float]:
         top = nodes.max(axis=1)
@@ -173,7 +185,9 @@ class Curve:
         k = self._piece(time)
         last = np.full((1, self.edges.shape[1]), time, dtype=self.edges.dtype)
         part = self._part(k, self.edges[k], last[0])
-        return Curve(edges=np.concatenate([self.edges[: k + 1], last]), values=np.concatenate([self.values[:k], part[None]]))
+        return Curve(
+            edges=np.concatenate([self.edges[: k + 1], last]), values=np.concatenate([self.values[:k], part[None]])
+        )
 
     def since(self, time: float) -> Curve:
         """Return the part after the fixed instant ``time``."""
@@ -182,7 +196,10 @@ class Curve:
         k = self._piece(np.nextafter(time, np.inf))
         first = np.full((1, self.edges.shape[1]), time, dtype=self.edges.dtype)
         part = self._part(k, first[0], self.edges[k + 1])
-        return Curve(edges=np.concatenate([first, self.edges[k + 1 :]]), values=np.concatenate([part[None], self.values[k + 1 :]]))
+        return Curve(
+            edges=np.concatenate([first, self.edges[k + 1 :]]),
+            values=np.concatenate([part[None], self.values[k + 1 :]]),
+        )
 
     def _piece(self, time: float) -> int:
         return int(np.clip(np.searchsorted(self.times, time, side="left") - 1, 0, len(self.values) - 1))
@@ -210,7 +227,7 @@ class Curve:
             width = edges[k + 1] - edges[k]
             cuts = [0.0, *_roots(values[k, :, 0].real), 1.0]
             # the moving cut contributes nothing to first order because the curve is zero there
-            for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+            for a, b in itertools.pairwise(cuts):
                 part = weights(a + NODES * (b - a)) @ values[k]
                 sign = -1.0 if part[:, 0].real.sum() < 0 else 1.0
                 out_values.append(sign * part)
@@ -285,7 +302,7 @@ def _roots(nodes: npt.NDArray[np.float64]) -> list[float]:
     brackets = [(float(_SCAN[k]), float(_SCAN[k + 1])) for k in np.flatnonzero(changes)]
     for k in np.flatnonzero(turning) + 1:
         a, b = float(_SCAN[k - 1]), float(_SCAN[k + 1])
-        top = _polish(np.polynomial.chebyshev.chebder(coefficients), a, b)
+        top = _polish(np.asarray(np.polynomial.chebyshev.chebder(coefficients), dtype=np.float64), a, b)
         if (float(np.polynomial.chebyshev.chebval(2 * top - 1, coefficients)) < 0) != bool(negative[k]):
             brackets += [(a, top), (top, b)]
     return sorted(_polish(coefficients, a, b) for a, b in brackets)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
 
 Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 Shape = Callable[["Array", "Array"], "Array"]
 """A real quantity of the response from its real and imaginary part, e.g. |G|²."""
 
@@ -36,12 +37,12 @@ _MOST_POINTS = 40_000
 
 def squared_magnitude(re: Array, im: Array) -> Array:
     """|G|²."""
-    return re * re + im * im
+    return np.asarray(re * re + im * im)
 
 
 def squared_sensitivity(re: Array, im: Array) -> Array:
     """|1 / (1 + L)|²."""
-    return 1 / ((1 + re) * (1 + re) + im * im)
+    return np.asarray(1 / ((1 + re) * (1 + re) + im * im))
 
 
 def squared_complementary(re: Array, im: Array) -> Array:
@@ -67,9 +68,11 @@ class FrequencyResponse:
         The scan ends where the magnitude has fallen below this part of its low-frequency or peak value.
     """
 
-    def __init__(self, system: LaneSystem, *, corners: Real | None = None, floor: float = 1e-3) -> None:
+    def __init__(
+        self, system: LaneSystem, *, corners: npt.NDArray[np.complex128] | None = None, floor: float = 1e-3
+    ) -> None:
         self.system = system
-        self._corners = np.zeros(0) if corners is None else corners
+        self._corners = np.zeros(0, dtype=complex) if corners is None else corners
         self._floor = floor
 
     def __call__(self, frequencies: Real) -> npt.NDArray[np.complex128]:
@@ -148,7 +151,7 @@ class FrequencyResponse:
         """Poles and zeros of the delay-free part and the corners given, as complex numbers (damping matters)."""
         s = self.system.value
         a = s.a[0]
-        found = [np.linalg.eigvals(a), self._corners.astype(complex)]
+        found = [np.linalg.eigvals(a), self._corners]
         if not s.m and s.n:
             pencil = np.block([[a, s.b1[0]], [s.c1[0], s.d11[0]]])
             weight = np.diag([*([1.0] * s.n), 0.0])

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eig, matrix_balance
 
-from engine.linear.tangent import slopes
+from engine.linear.tangent import slopes, solve
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     a = system.a[0].real
     balanced, transform = matrix_balance(a, permute=False)
     scale = np.diag(transform)
-    values, left, right = eig(balanced, left=True, right=True)
+    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]  # the stubs know two results; left and right make three
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     size = float(np.linalg.norm(balanced))
     uncertainty = 20 * _EPS * size / np.maximum(overlap, _EPS)
@@ -150,6 +150,7 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
     """Return the distinct poles that Newton on det F, s -= 1 / tr(F⁻¹ F_s), reaches from the guesses."""
     tau = float(system.delays[0].real.max())
     s = guesses.copy()
+    step = np.full(len(s), np.inf + 0j)
     with np.errstate(all="ignore"):
         for _ in range(50):
             f, slope = _characteristic(system, s)
@@ -167,7 +168,9 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
             if np.all(np.abs(step) <= 4e-15 * np.maximum(np.abs(s), 1e-12)):
                 break
     near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
-    still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau) if len(step) == len(s) else np.ones(len(s), dtype=bool)
+    still = (
+        np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau) if len(step) == len(s) else np.ones(len(s), dtype=bool)
+    )
     kept: list[complex] = []
     for value in s[near & still]:
         if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
@@ -227,7 +230,9 @@ def _neutral(system: LaneSystem) -> bool:
         return False
     m = len(d22)
     turns = np.exp(2j * np.pi * np.arange(24) / 24)
-    phases = np.stack(np.meshgrid(*([turns] * (m - 1)), indexing="ij"), -1).reshape(-1, m - 1) if m > 1 else np.ones((1, 0))
+    phases = (
+        np.stack(np.meshgrid(*([turns] * (m - 1)), indexing="ij"), -1).reshape(-1, m - 1) if m > 1 else np.ones((1, 0))
+    )
     phases = phases[:4096]
     rotated = d22 * np.concatenate([np.ones((len(phases), 1)), phases], axis=1)[:, None, :]
     return bool(np.abs(np.linalg.eigvals(rotated)).max() >= 1 - 1e-12)
@@ -241,8 +246,6 @@ def static_gain(system: LaneSystem) -> Array:
     numpy.linalg.LinAlgError
         When the system has a pole at s = 0.
     """
-    from engine.linear.tangent import solve
-
     n, m = system.n, system.m
     top = np.concatenate([system.a, system.b2], axis=-1)
     bottom = np.concatenate([system.c2, system.d22 - np.eye(m)], axis=-1)

@@ -1,6 +1,6 @@
 """A linear system with internal delays, in the form that every exact response starts from.
 
-    x' = A x + B1 u + B2 w,   y = C1 x + D11 u + D12 w,   z = C2 x + D21 u + D22 w,   w_i(t) = z_i(t - delay_i)
+x' = A x + B1 u + B2 w,   y = C1 x + D11 u + D12 w,   z = C2 x + D21 u + D22 w,   w_i(t) = z_i(t - delay_i)
 """
 
 from __future__ import annotations
@@ -51,7 +51,14 @@ class LinearSystem:
 
     @classmethod
     def delay_free(
-        cls, a: Array, b: Array, c: Array, d: Array, *, inputs: tuple[str, ...] = ("u",), outputs: tuple[str, ...] = ("y",)
+        cls,
+        a: Array,
+        b: Array,
+        c: Array,
+        d: Array,
+        *,
+        inputs: tuple[str, ...] = ("u",),
+        outputs: tuple[str, ...] = ("y",),
     ) -> LinearSystem:
         """Return x' = A x + B u, y = C x + D u as a system without delay channels, from rest."""
         n, n_in, n_out = a.shape[0], d.shape[1], d.shape[0]
@@ -116,7 +123,7 @@ class LaneSystem:
         return int(self.d11.shape[1])
 
     @property
-    def dtype(self) -> type[np.float64] | type[np.complex128]:
+    def dtype(self) -> type[np.float64 | np.complex128]:
         """float64, or complex128 when a lane carries infinitesimals."""
         return np.complex128 if any(np.iscomplexobj(getattr(self, name)) for name in ARRAYS) else np.float64
 

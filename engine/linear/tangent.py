@@ -48,4 +48,4 @@ def solve(matrix: Array, right: Array) -> Array:
     inverse = np.linalg.inv(matrix[0].real)
     value = inverse @ right[0].real
     tangent = inverse @ (right.imag - matrix.imag @ value)
-    return value + 1j * tangent
+    return np.asarray(value + 1j * tangent)

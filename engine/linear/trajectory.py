@@ -73,7 +73,9 @@ class Trajectory:
         return Curve(edges=self.edges, values=self.u[..., index])
 
 
-def respond(system: LaneSystem, signals: Sequence[Signal], horizon: float, *, plan: list[_Segment] | None = None) -> Trajectory:
+def respond(
+    system: LaneSystem, signals: Sequence[Signal], horizon: float, *, plan: list[_Segment] | None = None
+) -> Trajectory:
     """Return the response to ``signals`` from t = 0 to ``horizon``.
 
     Parameters
@@ -112,33 +114,29 @@ class _Run:
         self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
         self._propagators: dict[tuple[tuple[float, ...], int], Propagator] = {}
         self._dtype = system.dtype
+        self.edges: Array = np.zeros((1, self.lanes))
+        self.x, self.u, self.y, self.z = (
+            np.zeros((0, DEGREE + 1, self.lanes, size)) for size in (system.n, system.n_in, system.n_out, system.m)
+        )
         self._allocate(max(pieces, 64))
         degrees = [signal.degree() for signal in signals]
-        self._exact = not system.m and all(d is not None and d <= 1 for d in degrees)
+        self.exact = not system.m and all(d is not None and d <= 1 for d in degrees)
         self.state: Array = np.array(system.x0, dtype=self._dtype)
 
     def _allocate(self, pieces: int) -> None:
-        s, p, nodes = self.s, self.lanes, DEGREE + 1
-        shapes = {"x": s.n, "u": s.n_in, "y": s.n_out, "z": s.m}
-        for name, size in shapes.items():
-            new = np.zeros((pieces, nodes, p, size), dtype=self._dtype)
-            if self.count:
-                new[: self.count] = getattr(self, name)[: self.count]
-            setattr(self, name, new)
-        edges = np.zeros((pieces + 1, p), dtype=self._dtype)
-        if self.count:
-            edges[: self.count + 1] = self.edges[: self.count + 1]
-        self.edges = edges
-
-    x: Array
-    u: Array
-    y: Array
-    z: Array
+        """Make room for so many pieces, keeping those there are."""
+        shape, k = (pieces, DEGREE + 1, self.lanes), self.count
+        s = self.s
+        self.x, self.u, self.y, self.z = (
+            _grown(old[:k], (*shape, size), self._dtype)
+            for old, size in ((self.x, s.n), (self.u, s.n_in), (self.y, s.n_out), (self.z, s.m))
+        )
+        self.edges = _grown(self.edges[: k + 1], (pieces + 1, self.lanes), self._dtype)
 
     def propagator(self, segment: _Segment) -> Propagator:
         found = self._propagators.get(segment.key)
         if found is None:
-            make = Exponential if self._exact else Collocation
+            make = Exponential if self.exact else Collocation
             found = make(self.s.a, self._b, self._basis @ segment.width)
             self._propagators[segment.key] = found
         return found
@@ -173,17 +171,18 @@ class _Run:
 
     def trajectory(self, plan: list[_Segment]) -> Trajectory:
         k = self.count
-        return Trajectory(
-            edges=self.edges[: k + 1], x=self.x[:k], u=self.u[:k], y=self.y[:k], z=self.z[:k], plan=plan
-        )
+        return Trajectory(edges=self.edges[: k + 1], x=self.x[:k], u=self.u[:k], y=self.y[:k], z=self.z[:k], plan=plan)
 
     def _inputs(self, start: Array, width: Array) -> Array:
         """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
         points, to_nodes = interior()
         t0, h = float(start[0].real), float(width[0].real)
         inside = t0 + h * points
-        values = np.stack([np.asarray(signal.value(inside), dtype=float) for signal in self.signals], axis=-1) \
-            if self.signals else np.zeros((DEGREE + 1, 0))
+        values = (
+            np.stack([np.asarray(signal.value(inside), dtype=float) for signal in self.signals], axis=-1)
+            if self.signals
+            else np.zeros((DEGREE + 1, 0))
+        )
         values = to_nodes @ values
         if self._dtype != np.complex128:
             return np.broadcast_to(values, (self.lanes, *values.shape))
@@ -213,16 +212,22 @@ class _Run:
         return out
 
 
+def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.complex128]) -> Array:
+    new = np.zeros(shape, dtype=dtype)
+    new[: len(old)] = old
+    return new
+
+
 def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Trajectory:
     """Return the real response on segments placed so that it is resolved."""
     run = _Run(system, signals, 64)
-    watch = _Resolution(run, states=not run._exact)
+    watch = _Resolution(run, states=not run.exact)
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
     plan: list[_Segment] = []
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
-    smallest = 0.25 / max(float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0, 1e-300) if run._exact else 0.0
+    smallest = 0.25 / max(float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0, 1e-300) if run.exact else 0.0
     for a, b in _gaps(signals, basis, horizon):
         gap = b - a
         whole = float(gap @ basis)
@@ -240,14 +245,18 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
             run.append(segment, nodes)
             plan.append(segment)
             if len(plan) > MAX_SEGMENTS:
-                ratio = f"the shortest delay is {system.delays[0].real.min():.3g} s" if system.m else "it is very lightly damped"
-                msg = f"the response must be resolved by at most {MAX_SEGMENTS} segments over {horizon:.3g} s, but {ratio}"
-                raise UnresolvedError(msg)
+                raise _unresolved("it is too lightly damped or too stiff", horizon)
             position += width
             while level and roomy and (position / (2 * width)).is_integer():
                 level, width, roomy = level - 1, 2 * width, False
             previous = whole * 0.5**level
     return run.trajectory(plan)
+
+
+def _unresolved(why: str, horizon: float) -> UnresolvedError:
+    return UnresolvedError(
+        f"a response must be resolved by at most {MAX_SEGMENTS} segments over {horizon:.3g} s, but {why}"
+    )
 
 
 class _Resolution:
@@ -257,7 +266,9 @@ class _Resolution:
         self._states = states
         s = run.s
         self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
-        self._through = np.abs(np.concatenate([np.concatenate([s.d11[0], s.d12[0]], 1), np.concatenate([s.d21[0], s.d22[0]], 1)]))
+        self._through = np.abs(
+            np.concatenate([np.concatenate([s.d11[0], s.d12[0]], 1), np.concatenate([s.d21[0], s.d22[0]], 1)])
+        )
         self._largest = np.zeros(s.n_out + s.m)
         self._largest_state = np.zeros(s.n)
 
@@ -290,24 +301,27 @@ class _Resolution:
 def _gaps(signals: Sequence[Signal], basis: npt.NDArray[np.float64], horizon: float) -> list[tuple[Array, Array]]:
     """Return the intervals between breaking points, none longer than the shortest delay, as combinations of the basis."""
     m = len(basis) - 1
+    shortest = float(basis[1:].min()) if m else np.inf
+    if horizon > MAX_SEGMENTS * shortest:
+        raise _unresolved(f"the shortest delay is {shortest:.3g} s", horizon)
     starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
     points = [np.array([t, *([0.0] * m)]) for t in starts]
     if m:
         points = _echoes(points, basis, horizon)
     end = np.zeros(1 + m)
     end[0] = horizon
-    shortest = float(basis[1:].min()) if m else np.inf
     unit = np.zeros(1 + m)
     if m:
         unit[1 + int(np.argmin(basis[1:]))] = 1.0
     gaps: list[tuple[Array, Array]] = []
-    for k, a in enumerate(points):
-        b = points[k + 1] if k + 1 < len(points) else end
-        while float((b - a) @ basis) > shortest * (1 + 1e-9):
-            gaps.append((a, a + unit))
-            a = a + unit
-        if float((b - a) @ basis) > 1e-12 * horizon:
-            gaps.append((a, b))
+    for k, point in enumerate(points):
+        a, b = point, points[k + 1] if k + 1 < len(points) else end
+        start = a
+        while float((b - start) @ basis) > shortest * (1 + 1e-9):
+            gaps.append((start, start + unit))
+            start = start + unit
+        if float((b - start) @ basis) > 1e-12 * horizon:
+            gaps.append((start, b))
     return gaps
 
 

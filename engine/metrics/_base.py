@@ -203,10 +203,15 @@ def without_final_value(subject: TimeSubject) -> Absent | None:
     if refusal is not None:
         return refusal
     if subject.final is None:
-        return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step")
+        return Absent(
+            verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step"
+        )
     largest = float(np.abs(subject.curve.values[:, :, 0].real).max())
     if abs(float((subject.final - subject.initial)[0].real)) <= NEGLIGIBLE * largest or largest == 0.0:
-        return Absent(verdict=Verdict.ZERO_STATIC_GAIN, advice="the output returns to where it began: relative metrics do not exist")
+        return Absent(
+            verdict=Verdict.ZERO_STATIC_GAIN,
+            advice="the output returns to where it began: relative metrics do not exist",
+        )
     return None
 
 
@@ -224,7 +229,7 @@ def passage(subject: TimeSubject, part: float) -> Array | None:
     level = initial + part * way
     curve = subject.curve
     if sign * (curve.values[0, 0, 0] - level[0]).real >= 0:
-        return curve.edges[0]
+        return np.asarray(curve.edges[0])
     return next((instant for instant, _ in curve.crossings(level)), None)
 
 
@@ -243,7 +248,9 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
             candidates.append(last)
     zero = subject.curve.edges[0]
     entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
-    return Found(value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half, float(entry[0].real)))
+    return Found(
+        value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half, float(entry[0].real))
+    )
 
 
 def _grazes(subject: TimeSubject, half: Array, entry: float) -> bool:
@@ -293,7 +300,9 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae"])
             return refusal
         size = float(np.abs(error.values[:, :, 0].real).max())
         if subject.error_final is None or abs(float(subject.error_final[0].real)) > NEGLIGIBLE * size:
-            return Absent(verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration")
+            return Absent(
+                verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration"
+            )
     else:
         error = error.until(subject.duration)
     error = error.since(subject.start)

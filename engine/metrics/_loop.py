@@ -1,6 +1,6 @@
 """Where an open loop L passes -1's neighbours: every gain, phase and delay margin.
 
-    gain:  Im L = 0, Re L < 0 -> 1 / |L|;   phase:  |L| = 1 -> π + arg L;   delay:  phase in [0, 2π) / ω
+gain:  Im L = 0, Re L < 0 -> 1 / |L|;   phase:  |L| = 1 -> π + arg L;   delay:  phase in [0, 2π) / ω
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Up to which frequency the output follows.
 
-    first ω with |T(jω)| = 10^(-3/20) |T(0)|
+first ω with |T(jω)| = 10^(-3/20) |T(0)|
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.linear.frequency import squared_magnitude
-from engine.metrics._base import Absent, Found, NEGLIGIBLE, PathMetric, unsettled
+from engine.metrics._base import NEGLIGIBLE, Absent, Found, PathMetric, unsettled
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -24,7 +24,9 @@ class Bandwidth(PathMetric):
     unit: ClassVar[str] = "rad/s"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "First frequency at which the magnitude falls 3 dB (10^(-3/20)) below its static value."
-    source: ClassVar[str] = "G. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynamic Systems, section 6.1"
+    source: ClassVar[str] = (
+        "G. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynamic Systems, section 6.1"
+    )
     time_power: ClassVar[int] = -1
     absent_is_infinite: ClassVar[bool] = True
 
@@ -37,7 +39,9 @@ class Bandwidth(PathMetric):
         assert subject.static is not None
         top = float(subject.response.peak(squared_magnitude)[0][0].real)
         if float(subject.static[0].real) ** 2 <= NEGLIGIBLE**2 * top:
-            return Absent(verdict=Verdict.ZERO_STATIC_GAIN, advice="the static gain is 0, so there is nothing to fall 3 dB from")
+            return Absent(
+                verdict=Verdict.ZERO_STATIC_GAIN, advice="the static gain is 0, so there is nothing to fall 3 dB from"
+            )
         level = subject.static**2 * 10**-0.3
         crossing = next(iter(subject.response.crossings(squared_magnitude, level)), None)
         if crossing is None:

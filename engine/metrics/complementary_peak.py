@@ -1,6 +1,6 @@
 """How much the reference is amplified at worst.
 
-    Mt = max over ω of |L / (1 + L)|
+Mt = max over ω of |L / (1 + L)|
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ class ComplementaryPeak(LoopMetric):
         if refusal is not None:
             return refusal
         if subject.verdict is not Verdict.OK:
-            return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
+            return Absent(
+                verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite"
+            )
         static, direct = subject.static, subject.response.direct
         at_rest = np.ones(1) if static is None else static / (1 + static)  # with an integrator L(0) is infinite
         return highest(subject.response, squared_complementary, at_rest=at_rest, at_infinity=direct / (1 + direct))

@@ -1,6 +1,6 @@
 """The largest dynamic compliance, displacement per force.
 
-    max over ω of |x/F (jω)|
+max over ω of |x/F (jω)|
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The largest absolute value of the control output named.
 
-    max |u(t)|
+max |u(t)|
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class ControlEffort(TimeMetric):
     title: ClassVar[str] = "Control effort"
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "The largest absolute value of the control output named. Nothing is differentiated: name the output that carries it."
+    definition: ClassVar[str] = (
+        "The largest absolute value of the control output named. Nothing is differentiated: name the output that carries it."
+    )
     source: ClassVar[str] = "S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4"
     belongs_to: ClassVar[tuple[str, ...]] = ("1", "V", "A", "m**3/s")
     amplitude_power: ClassVar[int] = 1

@@ -1,6 +1,6 @@
 """How hard the control works on average.
 
-    sqrt(1/T ∫₀^T u² dt)
+sqrt(1/T ∫₀^T u² dt)
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The largest gain from the reference to the control.
 
-    Mks = max over ω of |K S (jω)|
+Mks = max over ω of |K S (jω)|
 """
 
 from __future__ import annotations

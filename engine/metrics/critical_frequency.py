@@ -1,6 +1,6 @@
 """The frequency at which the system wants to swing.
 
-    |p| of the complex pole pair with the largest real part
+|p| of the complex pole pair with the largest real part
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ class CriticalFrequency(SystemMetric):
     unit: ClassVar[str] = "rad/s"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "Undamped natural frequency of the complex pole pair with the largest real part."
-    source: ClassVar[str] = "the critical frequency of the influence-coefficient method; natural frequency of the dominant oscillatory pair"
+    source: ClassVar[str] = (
+        "the critical frequency of the influence-coefficient method; natural frequency of the dominant oscillatory pair"
+    )
     time_power: ClassVar[int] = -1
 
     @classmethod

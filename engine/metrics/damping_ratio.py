@@ -1,6 +1,6 @@
 """How well the least damped mode is damped.
 
-    min over pairs of -Re p / |p|
+min over pairs of -Re p / |p|
 """
 
 from __future__ import annotations

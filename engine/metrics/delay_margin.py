@@ -1,6 +1,6 @@
 """How much more delay the loop bears.
 
-    min over crossings of (phase margin in [0, 2π)) / ω
+min over crossings of (phase margin in [0, 2π)) / ω
 """
 
 from __future__ import annotations

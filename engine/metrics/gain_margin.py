@@ -1,6 +1,6 @@
 """How much the loop gain may change.
 
-    1 / |L| where the phase of L is -180°
+1 / |L| where the phase of L is -180°
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ class GainMargin(LoopMetric):
     title: ClassVar[str] = "Gain margin"
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
-    definition: ClassVar[str] = "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale."
+    definition: ClassVar[str] = (
+        "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale."
+    )
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
 
@@ -37,6 +39,8 @@ class GainMargin(LoopMetric):
             return refusal
         margins = gain_margins(subject.response, subject.static)
         if not margins:
-            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the phase never reaches -180°: the gain margin is infinite")
+            return Absent(
+                verdict=Verdict.NEVER_CROSSES, advice="the phase never reaches -180°: the gain margin is infinite"
+            )
         frequency, value = min(margins, key=lambda pair: abs(float(np.log(pair[1][0].real))))
         return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)

@@ -1,6 +1,6 @@
 """Integral of absolute error.
 
-    ∫ |r - y| dt
+∫ |r - y| dt
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Integral of squared error.
 
-    ∫ (r - y)² dt
+∫ (r - y)² dt
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Integral of time-weighted absolute error.
 
-    ∫ t |r - y| dt
+∫ t |r - y| dt
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class Itae(TimeMetric):
     title: ClassVar[str] = "Integral of time-weighted absolute error"
     unit: ClassVar[str] = "output*s**2"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "Integral of time-weighted absolute error from the command's start to the duration, or to infinity."
+    definition: ClassVar[str] = (
+        "Integral of time-weighted absolute error from the command's start to the duration, or to infinity."
+    )
     source: ClassVar[str] = "D. Graham, R. C. Lathrop, Trans. AIEE 72 (1953) 273-288"
     amplitude_power: ClassVar[int] = 1
     time_power: ClassVar[int] = 2

@@ -1,6 +1,6 @@
 """The largest absolute value of the acceleration output named.
 
-    max |a(t)|
+max |a(t)|
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class MaxAcceleration(TimeMetric):
     title: ClassVar[str] = "Largest acceleration"
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
-    definition: ClassVar[str] = "The largest absolute value of the acceleration output named. Nothing is differentiated: name the output that carries it."
+    definition: ClassVar[str] = (
+        "The largest absolute value of the acceleration output named. Nothing is differentiated: name the output that carries it."
+    )
     source: ClassVar[str] = "the dynamic behaviour parameter a_max of the influence-coefficient method"
     belongs_to: ClassVar[tuple[str, ...]] = ("m/s**2", "rad/s**2")
     amplitude_power: ClassVar[int] = 1

@@ -1,6 +1,6 @@
 """The largest absolute value of the velocity output named.
 
-    max |v(t)|
+max |v(t)|
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class MaxVelocity(TimeMetric):
     title: ClassVar[str] = "Largest velocity"
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
-    definition: ClassVar[str] = "The largest absolute value of the velocity output named. Nothing is differentiated: name the output that carries it."
+    definition: ClassVar[str] = (
+        "The largest absolute value of the velocity output named. Nothing is differentiated: name the output that carries it."
+    )
     source: ClassVar[str] = "the dynamic behaviour parameter v of the influence-coefficient method"
     belongs_to: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
     amplitude_power: ClassVar[int] = 1

@@ -1,11 +1,13 @@
 """How far the output goes beyond its final value.
 
-    (max y - y∞) / (y∞ - y0), 0 if negative
+(max y - y∞) / (y∞ - y0), 0 if negative
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+import numpy as np
 
 from engine.metrics._base import Found, TimeMetric, span, without_final_value
 
@@ -21,7 +23,9 @@ class Overshoot(TimeMetric):
     title: ClassVar[str] = "Overshoot"
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "How far the output goes beyond its final value, as a ratio of its way; 0 when it does not."
+    definition: ClassVar[str] = (
+        "How far the output goes beyond its final value, as a ratio of its way; 0 when it does not."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
 
     @classmethod
@@ -30,9 +34,10 @@ class Overshoot(TimeMetric):
         refusal = without_final_value(subject)
         if refusal is not None:
             return refusal
+        assert subject.final is not None
         _, way, sign = span(subject)
         top, at = (subject.curve * sign).largest()
         beyond = (top - sign * subject.final) / (sign * way)
         if float(beyond[0].real) <= 1e-12:
-            return Found(value=0.0 * beyond.real)
+            return Found(value=np.zeros(len(beyond)))
         return Found(value=beyond, at=at)

@@ -1,6 +1,6 @@
 """The largest absolute value of the output.
 
-    max |y(t)|
+max |y(t)|
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class Peak(TimeMetric):
     title: ClassVar[str] = "Peak"
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "The largest absolute value of the output. Nothing is differentiated: name the output that carries it."
+    definition: ClassVar[str] = (
+        "The largest absolute value of the output. Nothing is differentiated: name the output that carries it."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     amplitude_power: ClassVar[int] = 1
 

@@ -1,6 +1,6 @@
 """When the output is largest.
 
-    t_p = argmax |y(t)|
+t_p = argmax |y(t)|
 """
 
 from __future__ import annotations

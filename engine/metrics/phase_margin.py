@@ -1,6 +1,6 @@
 """How much phase the loop may lose.
 
-    π + arg L where |L| = 1
+π + arg L where |L| = 1
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ class PhaseMargin(LoopMetric):
             return refusal
         margins = phase_margins(subject.response)
         if not margins:
-            return Absent(verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: the phase margin is infinite")
+            return Absent(
+                verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: the phase margin is infinite"
+            )
         frequency, value = min(margins, key=lambda pair: abs(float(pair[1][0].real)))
         return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)

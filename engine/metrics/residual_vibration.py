@@ -1,6 +1,6 @@
 """What goes on swinging after the command has ended.
 
-    (max y - min y) / 2 for t >= t_end
+(max y - min y) / 2 for t >= t_end
 """
 
 from __future__ import annotations

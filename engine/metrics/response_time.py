@@ -1,6 +1,6 @@
 """When the output enters the ±5 % band for the last time.
 
-    t_s = min t such that |y(t') - y∞| <= 0.05 |y∞ - y0| for all t' >= t
+t_s = min t such that |y(t') - y∞| <= 0.05 |y∞ - y0| for all t' >= t
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class ResponseTime(TimeMetric):
     title: ClassVar[str] = "Response time"
     unit: ClassVar[str] = "s"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "Time from the command's start to the last entry into the band of ±5 % of the way around the final value."
+    definition: ClassVar[str] = (
+        "Time from the command's start to the last entry into the band of ±5 % of the way around the final value."
+    )
     source: ClassVar[str] = "the response time t_r of the influence-coefficient method; band of 5 %"
     time_power: ClassVar[int] = 1
 

@@ -1,6 +1,6 @@
 """How long the output takes from 10 % to 90 % of its way.
 
-    t_r = t(y0 + 0.9 (y∞ - y0)) - t(y0 + 0.1 (y∞ - y0)), first crossings
+t_r = t(y0 + 0.9 (y∞ - y0)) - t(y0 + 0.1 (y∞ - y0)), first crossings
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ class RiseTime(TimeMetric):
     title: ClassVar[str] = "Rise time"
     unit: ClassVar[str] = "s"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "Time from 10 % to 90 % of the way from the value before the command to the final value, first crossings."
+    definition: ClassVar[str] = (
+        "Time from 10 % to 90 % of the way from the value before the command to the final value, first crossings."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[int] = 1
 

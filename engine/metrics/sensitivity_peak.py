@@ -1,6 +1,6 @@
 """How much a disturbance is amplified at worst.
 
-    Ms = max over ω of |1 / (1 + L)|
+Ms = max over ω of |1 / (1 + L)|
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ class SensitivityPeak(LoopMetric):
         if refusal is not None:
             return refusal
         if subject.verdict is not Verdict.OK:
-            return Absent(verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite")
+            return Absent(
+                verdict=Verdict.DIVERGES, advice="the closed loop has poles on the imaginary axis: the peak is infinite"
+            )
         static, direct = subject.static, subject.response.direct
         at_rest = np.zeros(1) if static is None else 1 / (1 + static)  # with an integrator L(0) is infinite
         return highest(subject.response, squared_sensitivity, at_rest=at_rest, at_infinity=1 / (1 + direct))

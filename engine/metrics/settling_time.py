@@ -1,6 +1,6 @@
 """When the output enters the ±2 % band for the last time.
 
-    t_s = min t such that |y(t') - y∞| <= 0.02 |y∞ - y0| for all t' >= t
+t_s = min t such that |y(t') - y∞| <= 0.02 |y∞ - y0| for all t' >= t
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ class SettlingTime(TimeMetric):
     title: ClassVar[str] = "Settling time"
     unit: ClassVar[str] = "s"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "Time from the command's start to the last entry into the band of ±2 % of the way around the final value."
+    definition: ClassVar[str] = (
+        "Time from the command's start to the last entry into the band of ±2 % of the way around the final value."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[int] = 1
 

@@ -1,6 +1,6 @@
 """What remains of the error.
 
-    e∞ = lim (r - y)
+e∞ = lim (r - y)
 """
 
 from __future__ import annotations
@@ -35,5 +35,7 @@ class SteadyStateError(TimeMetric):
         if subject.error is None:
             return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a reference input")
         if subject.error_final is None:
-            return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step")
+            return Absent(
+                verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step"
+            )
         return Found(value=subject.error_final)

@@ -1,11 +1,13 @@
 """How far the output goes the wrong way.
 
-    (y0 - min y) / (y∞ - y0), 0 if negative
+(y0 - min y) / (y∞ - y0), 0 if negative
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
+
+import numpy as np
 
 from engine.metrics._base import Found, TimeMetric, span, without_final_value
 
@@ -21,7 +23,9 @@ class Undershoot(TimeMetric):
     title: ClassVar[str] = "Undershoot"
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
-    definition: ClassVar[str] = "How far the output first goes the wrong way, as a ratio of its way; 0 when it does not."
+    definition: ClassVar[str] = (
+        "How far the output first goes the wrong way, as a ratio of its way; 0 when it does not."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
 
     @classmethod
@@ -34,5 +38,5 @@ class Undershoot(TimeMetric):
         bottom, at = (subject.curve * sign).smallest()
         below = (sign * initial - bottom) / (sign * way)
         if float(below[0].real) <= 1e-12:
-            return Found(value=0.0 * below.real)
+            return Found(value=np.zeros(len(below)))
         return Found(value=below, at=at)

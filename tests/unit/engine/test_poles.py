@@ -1,0 +1,86 @@
+"""Poles with delays against the Lambert W function; verdicts at and around the stability limit; hidden modes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+from engine.linear.path import path
+from engine.linear.poles import poles, static_gain
+from engine.linear.system import LaneSystem, LinearSystem
+from engine.linear.tangent import INFINITESIMAL
+from engine.verdicts import Verdict
+from tests.unit.engine.test_trajectory import integrator_with_delay
+
+
+def lanes(*systems: LinearSystem) -> LaneSystem:
+    return LaneSystem.of(systems)
+
+
+@pytest.mark.parametrize("gain", [0.2, 1.0, 1.5, 3.0])
+def test_poles_of_a_delay_loop_are_lambert_w(gain: float) -> None:
+    # s = -K e^-sτ  <=>  s τ = W_k(-K τ); R. Corless et al., "On the Lambert W function", 1996
+    tau = 0.7
+    found = poles(lanes(integrator_with_delay(gain, tau))).values[:6]
+    branches = np.array([lambertw(-gain * tau, k) / tau for k in (-3, -2, -1, 0, 1, 2)])
+    for pole in branches[np.argsort(-branches.real)][:4]:
+        assert np.abs(found - pole).min() <= 1e-11 * abs(pole)
+
+
+def test_stability_changes_at_the_exact_gain() -> None:
+    verdicts = {k: poles(lanes(integrator_with_delay(k, 1.0))).verdict for k in (1.57, np.pi / 2, 1.571)}
+    assert list(verdicts.values()) == [Verdict.OK, Verdict.MARGINAL, Verdict.UNSTABLE]
+
+
+def test_a_pole_moves_with_the_delay_as_its_difference_says() -> None:
+    motion = poles(lanes(integrator_with_delay(2.0, 1 + 1j * INFINITESIMAL))).motion[0, 0]
+    h = 1e-6
+    up, down = (poles(lanes(integrator_with_delay(2.0, 1 + s * h))).values[0] for s in (1, -1))
+    assert motion == pytest.approx((up - down) / (2 * h), rel=1e-8)
+
+
+def test_an_undamped_echo_is_unstable() -> None:
+    one = np.ones((1, 1))
+    echo = LinearSystem(
+        a=-one, b1=one, b2=0 * one, c1=one, c2=one, d11=0 * one, d12=0 * one, d21=0 * one, d22=1.02 * one,
+        delays=np.array([0.1]), x0=np.zeros(1), inputs=("u",), outputs=("y",),
+    )  # fmt: skip
+    assert poles(lanes(echo)).verdict is Verdict.UNSTABLE
+
+
+def companion(denominator: list[float], numerator: list[float]) -> LaneSystem:
+    n = len(denominator) - 1
+    a = np.diag(np.ones(n - 1), 1)
+    a[-1] = -np.array(denominator[1:][::-1]) / denominator[0]
+    b = np.zeros((n, 1))
+    b[-1] = 1 / denominator[0]
+    c = np.zeros((1, n))
+    c[0, : len(numerator)] = numerator[::-1]
+    return lanes(LinearSystem.delay_free(a, b, c, np.zeros((1, 1))))
+
+
+def test_a_double_integrator_integrates() -> None:
+    assert poles(companion([1, 0, 0], [1])).verdict is Verdict.INTEGRATING
+
+
+def test_a_lightly_damped_pair_is_not_marginal() -> None:
+    # damping ratio 1e-6
+    assert poles(companion([1, 2e-6, 1], [1])).verdict is Verdict.OK
+
+
+def test_an_uncancelled_integrator_is_hidden() -> None:
+    part = path(companion([1, 1, 1, 0], [1, 0]), [0], [0])
+    assert part.n == 2
+    assert poles(part).verdict is Verdict.OK
+    assert static_gain(part)[0, 0, 0] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_an_output_that_does_not_see_the_integrator_is_pruned_exactly() -> None:
+    # x1' = x2, x2' = -x2 + u: the velocity x2 does not know the position x1
+    a = np.array([[0.0, 1.0], [0.0, -1.0]])
+    system = lanes(
+        LinearSystem.delay_free(a, np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1)), outputs=("x", "v"))
+    )
+    assert path(system, [0], [1]).n == 1
+    assert poles(path(system, [0], [0])).verdict is Verdict.INTEGRATING

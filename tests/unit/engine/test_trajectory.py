@@ -1,0 +1,113 @@
+"""Exact responses with delays, against solutions by hand, and their derivatives against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.errors import UnresolvedError
+from engine.linear.system import LaneSystem, LinearSystem
+from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.linear.trajectory import Trajectory, respond
+from engine.signals import make
+
+STEP = make("step", {})
+
+
+def integrator_with_delay(gain: complex, delay: complex) -> LinearSystem:
+    """x' = gain (r - x)(t - delay), y = x."""
+    one = np.ones((1, 1))
+    return LinearSystem(
+        a=0 * one, b1=0 * one, b2=gain * one, c1=one, c2=-one, d11=0 * one, d12=0 * one, d21=one, d22=0 * one,
+        delays=np.array([delay]), x0=np.zeros(1), inputs=("r",), outputs=("y",),
+    )  # fmt: skip
+
+
+def response(*systems: LinearSystem, signal=STEP, horizon: float = 3.0) -> Trajectory:
+    return respond(LaneSystem.of(systems), [signal], horizon)
+
+
+def test_delay_loop_by_the_method_of_steps() -> None:
+    # feedback(2 e^-s / s, 1): y = 0, then 2 (t - 1), then 2 (t - 1) - 2 (t - 2)² (simulation literature, case 10)
+    t = np.linspace(0, 3, 1001)
+    exact = np.where(t < 1, 0.0, np.where(t < 2, 2 * (t - 1), 2 * (t - 1) - 2 * (t - 2) ** 2))
+    y = response(integrator_with_delay(2.0, 1.0)).output(0).sample(t)
+    assert np.abs(y - exact).max() <= 1e-13
+    assert not y[t < 1].any()
+
+
+def test_two_delays_of_no_common_measure() -> None:
+    # x' = -x(t - 1) - x(t - √2)/2 + 1 from rest: on [0, 1] x = t; on [1, √2] x' = 1 - (t - 1); then one more term
+    one = np.ones((1, 1))
+    system = LinearSystem(
+        a=0 * one, b1=one, b2=np.array([[-1.0, -0.5]]), c1=one, c2=np.ones((2, 1)), d11=0 * one, d12=np.zeros((1, 2)),
+        d21=np.zeros((2, 1)), d22=np.zeros((2, 2)), delays=np.array([1.0, np.sqrt(2)]), x0=np.zeros(1),
+        inputs=("u",), outputs=("y",),
+    )  # fmt: skip
+    t = np.linspace(0, 2, 401)
+    exact = t - np.where(t > 1, (t - 1) ** 2 / 2, 0) - np.where(t > np.sqrt(2), (t - np.sqrt(2)) ** 2 / 4, 0)
+    assert np.abs(response(system, horizon=2.0).output(0).sample(t) - exact).max() <= 1e-13
+
+
+@pytest.mark.parametrize("parameter", ["gain", "delay"])
+def test_derivatives_with_respect_to_gain_and_delay(parameter: str) -> None:
+    def at(step: complex) -> LinearSystem:
+        return integrator_with_delay(*((2 + step, 0.6) if parameter == "gain" else (2.0, 0.6 + step)))
+
+    h = 1e-5
+    value, instant = response(at(1j * INFINITESIMAL), horizon=8.0).output(0).largest()
+    up, down = (response(at(sign * h), horizon=8.0).output(0).largest()[0][0] for sign in (1, -1))
+    assert slopes(value)[0] == pytest.approx((up - down) / (2 * h), rel=1e-8)
+    assert instant == pytest.approx(1.7, abs=1e-9)
+
+
+def test_a_jump_through_the_delay_moves_with_it() -> None:
+    # y = u(t - τ) / (s + 1): y(t) = 1 - e^-(t - τ), so dy/dτ = -e^-(t - τ) after the delay
+    one = np.ones((1, 1))
+    system = LinearSystem(
+        a=-one, b1=0 * one, b2=one, c1=one, c2=0 * one, d11=0 * one, d12=0 * one, d21=one, d22=0 * one,
+        delays=np.array([0.5 + 1j * INFINITESIMAL]), x0=np.zeros(1), inputs=("u",), outputs=("y",),
+    )  # fmt: skip
+    trajectory = response(system)
+    k = int(np.searchsorted(trajectory.output(0).times, 2.0) - 1)
+    curve = trajectory.output(0)
+    theta = (2.0 - curve.times[k]) / (curve.times[k + 1] - curve.times[k])
+    assert slopes(curve.at(k, float(theta)))[0] == pytest.approx(-np.exp(-1.5), rel=1e-11)
+
+
+def test_stiff_modes_six_decades_apart() -> None:
+    # 1 / ((s + 1)(s / 1e6 + 1)); twenty squarings of the exponential cost six digits of the fast mode's size
+    a = np.array([[-1e6, 0.0], [1.0, -1.0]])
+    system = LinearSystem.delay_free(a, np.array([[1e6], [0.0]]), np.array([[0.0, 1.0]]), np.zeros((1, 1)))
+    t = np.array([1e-7, 1e-6, 1e-3, 1.0, 10.0])
+    fast, slow = 1e6, 1.0
+    exact = 1 - (fast * np.exp(-slow * t) - slow * np.exp(-fast * t)) / (fast - slow)
+    assert response(system, horizon=40.0).output(0).sample(t) == pytest.approx(exact, abs=1e-11)
+
+
+def test_chirp_through_a_lag_against_quadrature() -> None:
+    signal = make("chirp", {"amplitude": 1.0, "start_frequency": 1.0, "end_frequency": 30.0, "duration": 4.0})
+    system = LinearSystem.delay_free(-5 * np.ones((1, 1)), 5 * np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    got = response(system, signal=signal, horizon=4.0).output(0).sample(np.array([3.9]))[0]
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    times = 3.9 * (nodes + 1) / 2
+    assert got == pytest.approx(
+        float(3.9 / 2 * weights @ (5 * np.exp(-5 * (3.9 - times)) * signal.value(times))), abs=1e-12
+    )
+
+
+def test_a_delay_far_shorter_than_the_response_is_refused_in_words() -> None:
+    with pytest.raises(UnresolvedError, match="shortest delay is 1e-09 s"):
+        response(integrator_with_delay(1.0, 1e-9), horizon=36.0)
+
+
+def test_lanes_replay_the_segments_of_the_value() -> None:
+    system = integrator_with_delay(2.0, 0.6)
+    lanes = response(
+        replace(system, b2=system.b2 + 1j * INFINITESIMAL), replace(system, a=system.a + 1j * INFINITESIMAL)
+    )
+    alone = response(system)
+    assert np.array_equal(lanes.edges[:, 0].real, alone.edges[:, 0])
+    assert lanes.y[..., 0, 0].real == pytest.approx(alone.y[..., 0, 0], abs=1e-14)
