@@ -15,7 +15,7 @@ Inf. 19 (2002): a neutral loop is stable only if max over phases of œÅ(D22 e^{jœ
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
