@@ -154,13 +154,13 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
     with np.errstate(all="ignore"):
         for _ in range(50):
             f, slope = _characteristic(system, s)
-            f += 1e-300 * np.eye(f.shape[1])
             finite = np.isfinite(f).all(axis=(1, 2))
             s, guesses, f, slope = s[finite], guesses[finite], f[finite], slope[finite]
             try:
                 inverse = np.linalg.inv(f)
             except np.linalg.LinAlgError:  # a guess is a pole already: move it by rounding
                 s = s * (1 + 1e-13) + 1e-13 / tau * _EPS
+                step = np.full(len(s), np.inf + 0j)
                 continue
             step = 1 / np.einsum("kii,ki->k", inverse, slope)
             step = np.where(np.isfinite(step), step, 0.0)
@@ -168,9 +168,7 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
             if np.all(np.abs(step) <= 4e-15 * np.maximum(np.abs(s), 1e-12)):
                 break
     near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
-    still = (
-        np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau) if len(step) == len(s) else np.ones(len(s), dtype=bool)
-    )
+    still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau)
     kept: list[complex] = []
     for value in s[near & still]:
         if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
