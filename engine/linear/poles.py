@@ -15,7 +15,7 @@ Inf. 19 (2002): a neutral loop is stable only if max over phases of Ï(D22 e^{jÏ
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -99,7 +99,8 @@ def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     a = system.a[0].real
     balanced, transform = matrix_balance(a, permute=False)
     scale = np.diag(transform)
-    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]  # the stubs know two results; left and right make three
+    # the stubs know two results; left and right together make three
+    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     size = float(np.linalg.norm(balanced))
     uncertainty = 20 * _EPS * size / np.maximum(overlap, _EPS)
