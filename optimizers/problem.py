@@ -28,6 +28,8 @@ Scenario = Mapping[str, float]
 
 Vector = npt.NDArray[np.float64]
 
+_END = 1e-12
+
 
 class ProblemError(EngineError):
     """An optimisation that cannot be run; ``at`` counts from the root of the optimisation document."""
@@ -99,7 +101,8 @@ class Axis:
             values = self.lower * np.exp(x * math.log(self.upper / self.lower))
         else:
             values = self.lower + x * (self.upper - self.lower)
-        return np.clip(values, self.lower, self.upper)
+        # The ends are exact, though a descent reaches them only to rounding.
+        return np.where(x <= _END, self.lower, np.where(x >= 1 - _END, self.upper, values))
 
     def position(self, value: float) -> float:
         """Return the position in 0…1 of a parameter value, clipped to the bounds."""

@@ -171,10 +171,16 @@ class Screening:
         """Return what a march needs, and for which candidates all delays are equal."""
         scale = balance(stack.a[here])
         a = stack.a[here] * scale[:, None, :] / scale[:, :, None]
-        command = np.stack(self._commands, axis=1) if self._commands else np.zeros((len(stack.inputs), 0))
-        c = np.concatenate([stack.c1[here][:, self._outputs], stack.c2[here]], axis=1) * scale[:, None, :]
-        direct = np.concatenate([stack.d11[here][:, self._outputs], stack.d21[here]], axis=1)
-        through = np.concatenate([stack.d12[here][:, self._outputs], stack.d22[here]], axis=1)
+        # Without a time metric a response of nothing to nothing still tells whether the system is stable.
+        command = np.stack(self._commands or [np.zeros(len(stack.inputs))], axis=1)
+        wanted = self._outputs
+        silent = 0 if wanted else 1
+        c1, d11, d12 = (
+            np.pad(array[here][:, wanted], ((0, 0), (0, silent), (0, 0))) for array in (stack.c1, stack.d11, stack.d12)
+        )
+        c = np.concatenate([c1, stack.c2[here]], axis=1) * scale[:, None, :]
+        direct = np.concatenate([d11, stack.d21[here]], axis=1)
+        through = np.concatenate([d12, stack.d22[here]], axis=1)
         delays = stack.delays[here]
         equal = ~np.any(stack.x0[here] != 0, axis=1)
         if delays.shape[1]:

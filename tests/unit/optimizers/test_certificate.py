@@ -11,6 +11,7 @@ from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, certify, violation_of, worst_scenario
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 
+
 def needle(upper: float) -> Problem:
     """A slow lag beside a lightly damped mode of height 3: |y/u| has a needle at 1 rad/s."""
     return Problem(
@@ -20,7 +21,10 @@ def needle(upper: float) -> Problem:
                 blocks={
                     "u": Block(kind="input"),
                     "slow": Block(kind="transfer_function", values={"numerator": [1.0], "denominator": [1.0, 1.0]}),
-                    "mode": Block(kind="transfer_function", values={"numerator": ["=0.002*h", 0.0], "denominator": [1.0, 0.002, 1.0]}),
+                    "mode": Block(
+                        kind="transfer_function",
+                        values={"numerator": ["=0.002*h", 0.0], "denominator": [1.0, 0.002, 1.0]},
+                    ),
                     "sum": Block(kind="sum", values={"signs": "++"}),
                 },
                 connections=tuple(
@@ -65,7 +69,9 @@ def test_a_spike_between_samples_is_refused() -> None:
                 blocks={
                     "u": Block(kind="input"),
                     "slow": Block(kind="transfer_function", values={"numerator": [1.0], "denominator": [1.0, 1.0]}),
-                    "rate": Block(kind="transfer_function", values={"numerator": [1.0, 0.0], "denominator": ["=f", 1.0]}),
+                    "rate": Block(
+                        kind="transfer_function", values={"numerator": [1.0, 0.0], "denominator": ["=f", 1.0]}
+                    ),
                 },
                 connections=(Connection(source="u", target="slow"), Connection(source="slow", target="rate")),
                 outputs={"rate": "rate"},

@@ -31,7 +31,9 @@ def test_the_unit_cube_reaches_the_bounds_exactly() -> None:
     assert axis.value(1.0) == 0.7
     assert axis.position(float(axis.value(0.37))) == pytest.approx(0.37, rel=1e-14)
     # d value / d position by the difference over a short way
-    assert (axis.value(0.5 + 1e-6) - axis.value(0.5 - 1e-6)) / 2e-6 == pytest.approx(axis.slope(float(axis.value(0.5))), rel=1e-8)
+    assert (axis.value(0.5 + 1e-6) - axis.value(0.5 - 1e-6)) / 2e-6 == pytest.approx(
+        axis.slope(float(axis.value(0.5))), rel=1e-8
+    )
 
 
 def test_a_log_scale_needs_positive_bounds_only_when_asked_for() -> None:
@@ -86,7 +88,11 @@ def test_the_present_values_are_those_of_the_system() -> None:
     diagram = compile_system(
         System(
             parameters={"k": Parameter(value=9.0)},
-            blocks={"u": Block(kind="input"), "g": Block(kind="gain", values={"gain": "=k"}), "i": Block(kind="integrator")},
+            blocks={
+                "u": Block(kind="input"),
+                "g": Block(kind="gain", values={"gain": "=k"}),
+                "i": Block(kind="integrator"),
+            },
             connections=(Connection(source="u", target="g"), Connection(source="g", target="i")),
             outputs={"y": "g"},
         )
