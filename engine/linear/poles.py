@@ -161,8 +161,8 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
                 inverse = np.linalg.inv(f)
             except np.linalg.LinAlgError:  # a guess is a pole already: move it by rounding
                 s = s * (1 + 1e-13) + 1e-13 / tau * _EPS
-                step = np.full(len(s), np.inf + 0j)
-                continue
+                f, slope = _characteristic(system, s)
+                inverse = np.linalg.inv(f)
             step = 1 / np.einsum("kii,ki->k", inverse, slope)
             step = np.where(np.isfinite(step), step, 0.0)
             s = s - step
