@@ -41,13 +41,17 @@ def test_a_database_that_is_behind_is_not_current(fresh_database, statement):
 
 
 def test_two_processes_migrate_at_once(empty_database_url):
-    code = "import sys, storage; storage.open_database(sys.argv[1]).migrate()"
+    # Should they ever wait for each other, their tracebacks say where.
+    code = (
+        "import faulthandler, sys, storage; faulthandler.dump_traceback_later(90, exit=True); "
+        "storage.open_database(sys.argv[1]).migrate()"
+    )
     processes = [
         subprocess.Popen([sys.executable, "-c", code, empty_database_url], stderr=subprocess.PIPE, text=True)
         for _ in range(2)
     ]
     for process in processes:
-        _output, errors = process.communicate(timeout=60)
+        _output, errors = process.communicate(timeout=120)
         assert process.returncode == 0, errors
     database = open_database(empty_database_url)
     assert database.is_current()
