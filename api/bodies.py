@@ -62,6 +62,20 @@ def _check_depth(document: Any) -> None:
     raise _RefusedError(f"a document must be at most {_DEEPEST} levels deep")
 
 
+def _check_text(document: Any) -> None:
+    """Refuse what an escape sequence can say and no database keeps: NUL, and half of a surrogate pair."""
+    pending = [document]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, dict):
+            pending += node
+            pending += node.values()
+        elif isinstance(node, list):
+            pending += node
+        elif isinstance(node, str) and ("\0" in node or node != node.encode(errors="replace").decode()):
+            raise _RefusedError(f"text must be Unicode without NUL, got {node[:40]!a}")
+
+
 def parse(body: bytes) -> Any:
     """Return the JSON document in ``body``.
 
@@ -76,6 +90,8 @@ def parse(body: bytes) -> Any:
             text, parse_constant=_constant, parse_float=_float, parse_int=_integer, object_pairs_hook=_object
         )
         _check_depth(document)
+        if "\\u" in text:
+            _check_text(document)
     except json.JSONDecodeError:
         raise
     except RecursionError:

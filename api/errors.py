@@ -17,6 +17,7 @@ from engine.errors import EngineError, IllPosedError
 from storage.errors import (
     UNAVAILABLE,
     ChecksumError,
+    DocumentError,
     IdempotencyMismatchError,
     IdempotencyRunningError,
     InvalidCursorError,
@@ -115,6 +116,7 @@ _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     StateError: (409, "conflict"),
     MissingSegmentsError: (409, "missing-segments"),
     ChecksumError: (422, "checksum-mismatch"),
+    DocumentError: (422, "invalid-document"),
     InvalidCursorError: (422, "invalid-cursor"),
     IdempotencyMismatchError: (422, "idempotency-key-reused"),
     IdempotencyRunningError: (409, "idempotency-key-in-use"),

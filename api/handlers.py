@@ -23,7 +23,7 @@ _MOST_FAULTS = 50
 def problem_response(problem: Problem) -> Response:
     """Return the response that carries a problem."""
     return Response(
-        json.dumps(problem.document(), ensure_ascii=False, allow_nan=False),
+        json.dumps(problem.document(), ensure_ascii=False, allow_nan=False).encode("utf-8", errors="replace"),
         status_code=problem.status,
         headers=problem.headers,
         media_type=MEDIA_TYPE,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from api.convert.values import nested_si
 from api.errors import at, invalid
 from api.pointers import Place
-from api.schemas.signals import InputDocument, SampledSignal
+from api.schemas.signals import MOST_POINTS, InputDocument, SampledSignal
 from engine.diagram import Diagram
 from engine.signals import Signal, catalogue, make
 
@@ -32,6 +32,13 @@ def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) 
     given = document.model_dump(exclude_unset=True, exclude={"kind"})
     if isinstance(document, SampledSignal) and document.dataset is not None and document.channel is not None:
         time, values = read_channel(document.dataset, document.channel, place)
+        if values.size > MOST_POINTS:
+            raise invalid(
+                f"a sampled command must be at most {MOST_POINTS} points, got {values.size} (to compare a model with "
+                "a whole recording, ask for a validation)",
+                *place,
+                "channel",
+            )
         given = {"time": time, "values": values}
     else:
         units = {param.name: param.unit for param in catalogue()[document.kind].parameters}

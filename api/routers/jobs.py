@@ -107,7 +107,7 @@ LastEventId = Annotated[str | None, Header(alias="Last-Event-ID", description="r
 def _after(last_event_id: LastEventId = None) -> int:
     if last_event_id is None or last_event_id == "":
         return 0
-    if not last_event_id.isdigit() or len(last_event_id) > 15:
+    if not (last_event_id.isascii() and last_event_id.isdigit()) or len(last_event_id) > 15:
         raise invalid(f"the header Last-Event-ID must be a whole number, got {last_event_id!r}")
     return int(last_event_id)
 

@@ -12,13 +12,16 @@ from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Path, Quantity
 from engine.signals import catalogue
 
+MOST_POINTS = 100_000
+"""Of a sampled command: the exact response costs up to a millisecond for each."""
+
 
 class SampledSignal(Document):
     """A recorded or computed command: its points, or the channel of a dataset that holds them."""
 
     kind: Literal["sampled"]
-    time: list[Quantity] | None = Field(default=None, min_length=2, max_length=100_000, description="s, increasing")
-    values: list[Quantity] | None = Field(default=None, min_length=2, max_length=100_000)
+    time: list[Quantity] | None = Field(default=None, min_length=2, max_length=MOST_POINTS, description="s, increasing")
+    values: list[Quantity] | None = Field(default=None, min_length=2, max_length=MOST_POINTS)
     dataset: Identifier | None = None
     channel: str | None = Field(default=None, min_length=1, max_length=200)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -12,22 +12,42 @@ from api.errors import Problem, invalid
 from api.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Deadline:
-    """The moment after which a request gives up."""
+class _OverdueError(Exception):
+    """Raised inside a computation whose time is over."""
 
-    at: float
-    seconds: float
-    clock: Callable[[], float]
 
-    def check(self, done: int, total: int, what: str) -> None:
-        """Raise the 422 that says how far the computation came, once the time is over."""
-        if self.clock() > self.at:
-            raise Problem(
-                422,
-                "too-long",
-                f"a request must be computed within {self.seconds:g} s, got {done} of {total} {what} done; ask for fewer",
-            )
+class _Alarm:
+    """Raises :class:`_OverdueError` in the thread that made it, wherever that is computing when the time is over.
+
+    The numerics know no clock, so the interpreter is asked to raise: between two bytecodes, after the compiled call
+    that runs. The lock makes sure that nothing is raised once the computation has ended.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._thread = ctypes.c_ulong(threading.get_ident())
+        self._lock = threading.Lock()
+        self._ended = self._fired = False
+        self._timer = threading.Timer(seconds, self._fire)
+        self._timer.daemon = True
+
+    def start(self) -> None:
+        """Begin to count."""
+        self._timer.start()
+
+    def _fire(self) -> None:
+        with self._lock:
+            if not self._ended:
+                self._fired = True
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_OverdueError))
+
+    def stop(self) -> None:
+        """Stop counting; an alarm that has gone off, but was not heard yet, is raised here."""
+        self._timer.cancel()
+        with self._lock:
+            self._ended = True
+        if self._fired:
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+            raise _OverdueError
 
 
 @dataclass(frozen=True)
@@ -35,20 +55,35 @@ class Computing:
     """The slots in which requests compute, and the limits of one request."""
 
     settings: Settings
-    clock: Callable[[], float] = time.monotonic
     _slots: threading.BoundedSemaphore = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_slots", threading.BoundedSemaphore(self.settings.compute_slots))
 
     @contextmanager
-    def slot(self) -> Iterator[Deadline]:
-        """Wait for a free slot, hold it, and give the deadline of what is computed in it."""
+    def slot(self) -> Iterator[None]:
+        """Wait for a free slot and hold it while something is computed, for as long as a request may take.
+
+        Raises
+        ------
+        Problem
+            422 when the computation takes longer, 503 when no slot becomes free.
+        """
         seconds = self.settings.request_seconds
         if not self._slots.acquire(timeout=seconds):
             raise Problem(503, "busy", "every computing slot is taken; try again later", headers={"Retry-After": "5"})
+        alarm = _Alarm(seconds)
         try:
-            yield Deadline(at=self.clock() + seconds, seconds=seconds, clock=self.clock)
+            alarm.start()
+            try:
+                yield
+            finally:
+                alarm.stop()
+        except _OverdueError:
+            detail = (
+                f"a request must be computed within {seconds:g} s, got one that needs longer: ask for less at a time"
+            )
+            raise Problem(422, "too-long", detail) from None
         finally:
             self._slots.release()
 

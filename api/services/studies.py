@@ -102,9 +102,8 @@ def _each(
     """Compute one variant after the other; one whose algebraic loop has no solution is ``empty`` with that verdict."""
     listed: list[dict[str, Any]] = []
     remarks: list[Any] = list(subject.diagram.warnings)
-    with service.computing.slot() as deadline:
+    with service.computing.slot():
         for variant in variants:
-            deadline.check(len(listed), len(variants), "variants")
             try:
                 body, found = compute(variant.overrides)
             except IllPosedError as error:
@@ -213,8 +212,9 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
         for name in metrics
     }
     _check_parameters(request.parameters, diagram)
+    parameters = tuple(dict.fromkeys(request.parameters))
     with service.computing.slot(), at("system"):
-        found = influence(diagram, requests, tuple(dict.fromkeys(request.parameters)), change=request.change)
+        found = influence(diagram, requests, parameters, change=request.change)
     return _study(subject, {**influence_to_wire(found), "warnings": subject.warnings()}, request)
 
 

@@ -151,7 +151,7 @@ def _head(row: System) -> dict[str, Any]:
 
 def revisions(session: Session, caller: Caller, identifier: str, *, cursor: str | None, limit: int) -> dict[str, Any]:
     """Return one page of a system's revisions, newest first."""
-    if cursor is not None and not cursor.isdigit():
+    if cursor is not None and not (cursor.isascii() and cursor.isdigit()):
         raise invalid(f"cursor must be the next_cursor of the page before, got {cursor!r}")
     before = int(cursor) if cursor is not None else None
     rows = SystemRepository(session, caller.workspace).revisions(identifier, before=before, limit=limit + 1)

@@ -30,6 +30,9 @@ def test_a_plain_document_passes() -> None:
         (b"", "Expecting value"),
         (b'{"a": 1} x', "Extra data"),
         (b'{"a": "\xff"}', "UTF-8"),
+        (b'{"a": "x\\u0000y"}', "NUL"),
+        (b'{"a\\u0000": 1}', "NUL"),
+        (b'{"a": "\\ud800"}', "NUL"),
         (b"[" * 100_000, "64 levels"),
         (b"[" * 65 + b"]" * 65, "64 levels"),
         (b'{"a":' * 65 + b"1" + b"}" * 65, "64 levels"),
@@ -43,3 +46,7 @@ def test_what_is_no_document_is_refused(body, says) -> None:
 
 def test_sixty_four_levels_pass() -> None:
     assert parse(b"[" * 64 + b"]" * 64) is not None
+
+
+def test_escaped_text_passes() -> None:
+    assert parse(b'{"a": "\\u00e9 \\ud83d\\ude00 \\\\u0000"}') == {"a": "\u00e9 \U0001f600 \\u0000"}

@@ -40,8 +40,23 @@ def test_the_example_of_every_signal_is_a_signal(kind) -> None:
 
 @pytest.mark.parametrize(
     "value",
-    [True, None, "5", "", {"value": 1}, {"unit": "m"}, {"value": "1", "unit": "m"}, {"value": 1, "unit": ""}, [1], {}]
-    + [{"value": 1, "unit": "m", "x": 1}, {"value": True, "unit": "m"}, float("nan"), float("inf"), 10**400],
+    [
+        True,
+        None,
+        "5",
+        "",
+        {"value": 1},
+        {"unit": "m"},
+        {"value": "1", "unit": "m"},
+        {"value": 1, "unit": ""},
+        [1],
+        {},
+        {"value": 1, "unit": "m", "x": 1},
+        {"value": True, "unit": "m"},
+        float("nan"),
+        float("inf"),
+        10**400,
+    ],
 )
 def test_what_is_no_value_is_refused(value) -> None:
     with pytest.raises(ValidationError):
