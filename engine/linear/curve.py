@@ -80,7 +80,10 @@ class Curve:
         edges = self.times
         piece = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
         theta = np.clip((times - edges[piece]) / (edges[piece + 1] - edges[piece]), 0.0, 1.0)
-        return np.asarray(np.einsum("tj,tj->t", weights(theta), self.values[piece, :, 0].real))
+        nodes = self.values[:, :, 0].real
+        inside = np.einsum("tj,tj->t", weights(theta), nodes[piece])
+        # an edge is a node: its value is known without interpolation, a zero there is 0.0
+        return np.where(theta == 0.0, nodes[piece, 0], np.where(theta == 1.0, nodes[piece, -1], inside))
 
     def at(self, piece: int, theta: float, time: float | None = None) -> Array:
         """Return the value in ``piece`` at the fixed real instant ``time`` (default: where ``theta`` lies), all lanes."""
@@ -172,6 +175,15 @@ class Curve:
                     best = (value, instant)
         assert best is not None  # a curve has at least one piece
         return best
+
+    def turning_values(self, least: float) -> npt.NDArray[np.float64]:
+        """Return the real values, of magnitude ``least`` or more, at which the curve turns back."""
+        nodes = self.values[:, :, 0].real
+        slopes = nodes @ differentiation_matrix().T
+        loud = np.flatnonzero(np.abs(nodes).max(axis=1) >= least)
+        found = [float(self.at(int(k), theta)[0].real) for k in loud for theta in _roots(slopes[k])]
+        kinks = np.flatnonzero(slopes[:-1, -1] * slopes[1:, 0] <= 0)
+        return np.array([*found, *nodes[kinks + 1, 0]])
 
     def integral(self) -> Array:
         """Return the integral over the whole curve, shape (lanes,)."""

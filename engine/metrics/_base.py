@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 NEGLIGIBLE = 1e-9
 """A difference below this part of the signal is not a difference: rounding of the exact response is far below it."""
 
+_TOUCHES = 1e-7
+"""A turning point this near to the band, relative to the band, touches it."""
+
 Domain = Literal["time", "path", "loop", "system"]
 
 
@@ -248,18 +251,15 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
             candidates.append(last)
     zero = subject.curve.edges[0]
     entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
-    return Found(
-        value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half, float(entry[0].real))
-    )
+    return Found(value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half))
 
 
-def _grazes(subject: TimeSubject, half: Array, entry: float) -> bool:
-    """Return whether a later turning point just touches the band: a little more and the entry jumps there."""
+def _grazes(subject: TimeSubject, half: Array) -> bool:
+    """Return whether a turning point just touches the band: a little more or less, and the last entry jumps there."""
     assert subject.final is not None
-    rest = (subject.curve + (-subject.final)).since(entry + 1e-9 * max(entry, subject.curve.end * 1e-6))
     reach = float(half[0].real)
-    top, bottom = float(rest.largest()[0][0].real), float(rest.smallest()[0][0].real)
-    return min(abs(top / reach - 1), abs(bottom / reach + 1)) <= 1e-7
+    turns = (subject.curve + (-subject.final)).turning_values(0.9 * reach)
+    return bool(np.any(np.abs(np.abs(turns) / reach - 1) <= _TOUCHES))
 
 
 def largest_magnitude(subject: TimeSubject) -> Finding:
