@@ -56,7 +56,7 @@ def behaviour(
         document,
         from_="reference",
         to="position",
-        open_at="error",
+        open_at="controller",
         metrics=LOOP_METRICS,
         variants=variants,
     )
@@ -85,7 +85,7 @@ def influence(client: servotune.Client, law: str, base: Estimate) -> Influence:
     }
     return _joined(
         [
-            client.influence(document, output=output, metrics=metrics, open_at="error", **asked)
+            client.influence(document, output=output, metrics=metrics, open_at="controller", **asked)
             for output, metrics in INFLUENCED.items()
         ]
     )

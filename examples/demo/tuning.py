@@ -8,12 +8,9 @@ from typing import Any
 import servotune
 from examples.demo.analysing import metric
 from examples.demo.findings import Behaviour, DemoError, Estimate, Search
-from examples.demo.systems import STEP, VARIABLES, position_loop
+from examples.demo.systems import GRID, STEP, VARIABLES, position_loop
 
-METHODS: Mapping[str, dict[str, Any]] = {
-    "grid": {"kind": "grid", "points": 13, "refine": 1},
-    "gradient": {"kind": "gradient", "starts": 6, "seed": 1},
-}
+METHODS = ("grid", "gradient")
 
 AIMS: Mapping[str, dict[str, Any]] = {
     "response_time": {"metric": "response_time", "experiment": "step", "output": "position", "sense": "minimize"},
@@ -42,7 +39,7 @@ def goals(aim: str, bounds: Mapping[str, float]) -> list[dict[str, Any]]:
     return [
         AIMS[aim],
         {"metric": "overshoot", "experiment": "step", "output": "position", "upper": bounds["overshoot"]},
-        {"metric": "sensitivity_peak", "open_at": "error", "upper": bounds["sensitivity_peak"]},
+        {"metric": "sensitivity_peak", "open_at": "controller", "upper": bounds["sensitivity_peak"]},
         {"metric": "control_effort", "experiment": "step", "output": "control", "upper": bounds["control_effort"]},
     ]
 
@@ -62,13 +59,19 @@ def start_searches(
                 experiments=[{"name": "step", "input": {"port": "reference", "signal": STEP}}],
                 goals=goals(aim, bounds),
                 scenarios=[scenario.scenario for scenario in scenarios],
-                method=options,
+                method=_method(method, law),
             ),
         )
         for law in VARIABLES
         for aim in AIMS
-        for method, options in METHODS.items()
+        for method in METHODS
     ]
+
+
+def _method(kind: str, law: str) -> dict[str, Any]:
+    if kind == "grid":
+        return {"kind": "grid", "points": GRID[law], "refine": 2}
+    return {"kind": "gradient", "starts": 2, "seed": 1}
 
 
 def finished(law: str, aim: str, method: str, job: servotune.Job[servotune.replies.Optimization]) -> Search:

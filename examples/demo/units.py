@@ -59,7 +59,7 @@ PARAMETERS: Mapping[str, Shown] = {
     "transport.time": MILLISECONDS,
     "recording.time": MILLISECONDS,
     "controller.kp": Shown("1/m", _times(1.0), 1),
-    "controller.ki": Shown("1/(m·s)", _times(1.0), 3),
+    "controller.setpoint_weight_p": Shown("", _times(1.0), 4),
     "controller.kd": Shown("s/m", _times(1.0), 4),
     "controller.kd1": Shown("s/m", _times(1.0), 4),
     "controller.kd2": Shown("s²/m", lambda value: value, 7),
