@@ -418,9 +418,7 @@ def frequency_response(
     scan, values = curve.scan
     chosen = _chosen(scan, values, margins) if frequencies is None else np.asarray(frequencies, dtype=float)
     response = curve(chosen)
-    union = np.unique(np.concatenate([scan, chosen]))
-    with np.errstate(invalid="ignore"):
-        phase = np.unwrap(np.angle(curve(union)))[np.searchsorted(union, chosen)]
+    phase = _unwrapped(scan, values, chosen, response)
     wanted = metrics
     if wanted is None:
         wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
@@ -429,13 +427,26 @@ def frequency_response(
     return FrequencyStudy(
         frequency=chosen,
         response=response,
-        phase=np.asarray(phase),
+        phase=phase,
         metrics=found,
         margins=margins,
         poles=evaluation.poles.values,
         verdict=evaluation.poles.verdict,
         warnings=diagram.warnings,
     )
+
+
+def _unwrapped(
+    scan: Real, values: npt.NDArray[np.complex128], chosen: Real, response: npt.NDArray[np.complex128]
+) -> Real:
+    """Return the phase at the chosen frequencies, unwrapped along the scan, which is fine enough for it."""
+    everything = np.concatenate([scan, chosen])
+    order = np.argsort(everything, kind="stable")
+    with np.errstate(invalid="ignore"):
+        angles = np.unwrap(np.angle(np.concatenate([values, response])[order]))
+    phase = np.empty_like(angles)
+    phase[order] = angles
+    return np.asarray(phase[len(scan) :])
 
 
 def _listed(

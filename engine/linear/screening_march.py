@@ -211,6 +211,7 @@ class Responses:
         return type(self)(**common, **own)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # what diverges may overflow; it is never read
 def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, tolerance: float = 1e-8) -> Responses:
     """March every candidate until its deviation from the final value has decayed to ``tolerance`` of its largest.
 
@@ -234,11 +235,10 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
     # powers[k] is T to the power of 2**(span + k): from one coarse piece up to one octave of time.
     powers = [one.step]
     block = -steady
-    with np.errstate(over="ignore", invalid="ignore"):
-        for step in range(detail):
-            block = np.concatenate([block, powers[step] @ block], axis=2)
-            powers.append(powers[step] @ powers[step])
-        state = powers[detail] @ (-steady)
+    for step in range(detail):
+        block = np.concatenate([block, powers[step] @ block], axis=2)
+        powers.append(powers[step] @ powers[step])
+    state = powers[detail] @ (-steady)
     count = 2**detail
     parts = [(alive, _samples(one.read, block, outputs, experiments))]
     starts = [(np.arange(count)[:, None] + mesh.starts).ravel()]
@@ -250,8 +250,7 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
         size = np.abs(powers[-1].real).sum(axis=2).max(axis=1)
         watched = np.flatnonzero(open_[alive])
         who = alive[watched]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.log(np.where(np.isnan(size), np.inf, size)) / (2.0**stage * lanes.width.real[alive])
+        rate = np.log(np.where(np.isnan(size), np.inf, size)) / (2.0**stage * lanes.width.real[alive])
         growth[who] = rate[watched]
         # A response at rest proves nothing about modes that it does not excite; the norm of the map does.
         quiet = (np.abs(state.real) <= tolerance * largest).all(axis=(1, 2)) & (size < 0.5) & regular[alive]
@@ -271,10 +270,9 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
         parts.append((alive, _samples(coarse, block, outputs, experiments)))
         starts.append(2.0**stage + 2.0**span * np.arange(count))
         lengths.append(np.full(count, 2.0**span))
-        with np.errstate(over="ignore", invalid="ignore"):
-            coarse = _twice(coarse, powers[0])
-            state = powers[-1] @ state
-            powers = [*powers[1:], powers[-1] @ powers[-1]]
+        coarse = _twice(coarse, powers[0])
+        state = powers[-1] @ state
+        powers = [*powers[1:], powers[-1] @ powers[-1]]
     values = _joined(parts, final)
     flat = values.real.reshape(batch, experiments, outputs, -1)
     extent = np.maximum(flat.max(axis=3), -flat.min(axis=3))
