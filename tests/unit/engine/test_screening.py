@@ -160,6 +160,12 @@ def test_unstable_and_stable_candidates_do_not_disturb_each_other() -> None:
     assert mixed.growth[2] > mixed.growth[0]  # the further beyond the edge, the faster it diverges
 
 
+def test_violent_divergence_is_quiet() -> None:
+    screened = Screening(lag_loop(), time_requests("overshoot"))({"kp": np.array([1e9, 1.5])})
+    assert screened.growth[0] > 0 > screened.growth[1]
+    assert np.isnan(screened.values[0, 0])
+
+
 def test_the_edge_of_stability_is_found() -> None:
     # ∫ with delay τ: 1 + k e^(-sτ)/s loses stability at k τ = π/2.
     diagram = compile_system(
