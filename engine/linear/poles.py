@@ -133,18 +133,31 @@ def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     paired = np.abs(upper.imag) > 1e-7 * np.maximum(np.abs(upper), 1e-3 / tau)
     upper = np.where(paired, upper, upper.real)
     f, slope = _characteristic(system, upper)
+    # Units that are far apart (m³/s beside 1/s) would make rounding look larger than the poles themselves.
+    balance = _balance(system)
+    f = f * balance[None, None, :] / balance[None, :, None]
     scale = np.maximum(np.abs(f).max(axis=2), 1e-300)
     u, _, vh = np.linalg.svd(f / scale[:, :, None])
     left, right = u[:, :, -1] / scale, vh[:, -1].conj()
     overlap = np.abs(np.einsum("ki,ki,ki->k", left.conj(), slope, right))
     spread = np.linalg.norm(np.einsum("ki,kij->kj", np.abs(left), np.abs(f)), axis=1)
     uncertainty = 20 * _EPS * spread / np.maximum(overlap, 1e-300)
+    left, right = left / balance, right * balance
     return (
         np.concatenate([upper, upper[paired].conj()]),
         np.concatenate([left, left[paired].conj()]).T,
         np.concatenate([right, right[paired].conj()]).T,
         np.concatenate([uncertainty, uncertainty[paired]]),
     )
+
+
+def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
+    """Return the scales (n + m,), powers of 2, that balance states and delayed signals against each other."""
+    n, m = system.n, system.m
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[:n, n:] = system.a[0].real, system.b2[0].real
+    whole[n:, :n], whole[n:, n:] = system.c2[0].real, system.d22[0].real
+    return np.diag(matrix_balance(whole, permute=False)[1]).copy()
 
 
 def _polished(system: LaneSystem, guesses: Complex) -> Complex:

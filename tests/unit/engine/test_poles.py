@@ -49,6 +49,20 @@ def test_an_undamped_echo_is_unstable() -> None:
     assert poles(lanes(echo)).verdict is Verdict.UNSTABLE
 
 
+def test_the_chain_of_fast_poles_behind_a_delay_is_not_taken_for_an_integrator() -> None:
+    # a stiff loop: its far poles are badly conditioned, but far
+    a = np.array([[-1e3, 0.0, 0.0], [4e4, -60.0, -1.6e3], [0.0, 1.6e3, 0.0]])
+    one = np.zeros((1, 1))
+    system = LinearSystem(
+        a=a, b1=np.zeros((3, 1)), b2=np.array([[1e3], [0.0], [0.0]]), c1=np.array([[0.0, 0.0, 1.0]]),
+        c2=np.array([[0.0, 0.0, -1e-3]]), d11=one, d12=one, d21=one + 1, d22=one, delays=np.array([2.6e-3]),
+        x0=np.zeros(3), inputs=("u",), outputs=("y",),
+    )  # fmt: skip
+    found = poles(lanes(system))
+    assert found.verdict is Verdict.OK
+    assert not found.at_zero.any()
+
+
 def companion(denominator: list[float], numerator: list[float]) -> LaneSystem:
     n = len(denominator) - 1
     a = np.diag(np.ones(n - 1), 1)
