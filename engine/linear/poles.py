@@ -157,7 +157,7 @@ def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:] = system.a[0].real, system.b2[0].real
     whole[n:, :n], whole[n:, n:] = system.c2[0].real, system.d22[0].real
-    return np.diag(matrix_balance(whole, permute=False)[1]).copy()
+    return np.array(np.diag(matrix_balance(whole, permute=False)[1]), dtype=np.float64)
 
 
 def _polished(system: LaneSystem, guesses: Complex) -> Complex:
