@@ -25,6 +25,7 @@ _BLOCK = 128
 _ROUNDS = 4
 _PROOFS = 3
 _APART = 0.08
+_STANDSTILL = 1e-3
 _SHORT, _LONG = 25, 60
 """Evaluations of a first descent, and of one from the best point."""
 
@@ -58,12 +59,12 @@ class Gradient(Method):
     ) -> Result:
         """Return the best point found."""
         tracker = Tracker(Evaluator(problem), monitor, int(options["max_evaluations"]))
-        status, advice = (
-            Status.CONVERGED,
-            "descents from different points end here; no active goal can be relaxed for free.",
-        )
+        status = Status.CONVERGED
+        advice = "descents from different points, and the points around this one, are no better."
         try:
-            _search(tracker, int(options["starts"]), rng)
+            if not _search(tracker, int(options["starts"]), rng):
+                status = Status.STALLED
+                advice = "it was still getting better slowly: raise starts, or begin from this point."
         except Stopped as stop:
             status = Status.CANCELLED if stop.cancelled else Status.BUDGET
             advice = (
@@ -77,7 +78,8 @@ class Gradient(Method):
         return conclude(tracker, best, status, advice)
 
 
-def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
+def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
+    """Search; return whether the last round around the best point found nothing better worth mentioning."""
     problem = tracker.evaluator.problem
     margins = np.full(len(problem.goals), SAFETY)
     tracker.monitor.progress(0.0, "sampling")
@@ -88,8 +90,9 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
         tracker.monitor.progress(0.2 + 0.4 * number / len(chosen), f"descent {number + 1} of {len(chosen)}")
         descent.run(start, evaluations=_SHORT)
     assert tracker.best is not None
-    radius = 0.03
+    radius, gain = 0.03, 0.0
     for turn in range(_ROUNDS):
+        entered = tracker.rank
         tracker.monitor.progress(0.6 + 0.3 * turn / _ROUNDS, "searching around the best point")
         descent.run(tracker.best, evaluations=_LONG)
         known = tracker.rank
@@ -97,7 +100,15 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
         tracker.assess(cloud)
         if not tracker.rank < known:
             radius /= 4
+        gain = _gain(entered, tracker.rank)
     _prove(tracker, margins)
+    return gain < _STANDSTILL
+
+
+def _gain(before: tuple[float, float], after: tuple[float, float]) -> float:
+    """Return the relative progress from one rank (violation, objective) to the next."""
+    number = 0 if before[0] > 0 else 1
+    return (before[number] - after[number]) / max(abs(before[number]), 1e-300) if np.isfinite(before[number]) else 0.0
 
 
 def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
