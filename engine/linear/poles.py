@@ -170,12 +170,7 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
             f, slope = _characteristic(system, s)
             finite = np.isfinite(f).all(axis=(1, 2))
             s, guesses, f, slope = s[finite], guesses[finite], f[finite], slope[finite]
-            try:
-                inverse = np.linalg.inv(f)
-            except np.linalg.LinAlgError:  # a guess is a pole already: move it by rounding
-                s = s * (1 + 1e-13) + 1e-13 / tau * _EPS
-                f, slope = _characteristic(system, s)
-                inverse = np.linalg.inv(f)
+            inverse = _inverses(f)
             step = 1 / np.einsum("kii,ki->k", inverse, slope)
             step = np.where(np.isfinite(step), step, 0.0)
             s = s - step
@@ -188,6 +183,20 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
         if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
             kept.append(complex(value))
     return np.array(kept, dtype=complex)
+
+
+def _inverses(f: Complex) -> Complex:
+    """Return the inverses; infinite where a guess is a pole already, so that Newton stays there."""
+    try:
+        return np.asarray(np.linalg.inv(f), dtype=complex)
+    except np.linalg.LinAlgError:
+        found = np.full_like(f, np.inf)
+        for k, matrix in enumerate(f):
+            try:
+                found[k] = np.linalg.inv(matrix)
+            except np.linalg.LinAlgError:
+                continue
+        return found
 
 
 def _discretised(system: LaneSystem) -> Complex:
