@@ -83,7 +83,7 @@ class Curve:
         nodes = self.values[:, :, 0].real
         inside = np.einsum("tj,tj->t", weights(theta), nodes[piece])
         # an edge is a node: its value is known without interpolation, a zero there is 0.0
-        return np.where(theta == 0.0, nodes[piece, 0], np.where(theta == 1.0, nodes[piece, -1], inside))
+        return np.asarray(np.where(theta == 0.0, nodes[piece, 0], np.where(theta == 1.0, nodes[piece, -1], inside)))
 
     def at(self, piece: int, theta: float, time: float | None = None) -> Array:
         """Return the value in ``piece`` at the fixed real instant ``time`` (default: where ``theta`` lies), all lanes."""
