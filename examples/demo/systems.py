@@ -36,7 +36,7 @@ part overshoots, unless the proportional part sees a little less than the whole 
 VARIABLES: Mapping[str, list[Document]] = {
     "PID": [
         {"parameter": "controller.kp", "lower": 100, "upper": 700, "scale": "log"},
-        {"parameter": "controller.setpoint_weight_p", "lower": 0.8, "upper": 1},
+        {"parameter": "controller.setpoint_weight_p", "lower": 0.85, "upper": 1},
         {"parameter": "controller.kd", "lower": 0, "upper": 0.9},
     ],
     "PD2": [
@@ -48,10 +48,13 @@ VARIABLES: Mapping[str, list[Document]] = {
 """What an optimisation may choose, and within which bounds."""
 
 GRID: Mapping[str, dict[str, int]] = {
-    "PID": {"controller.kp": 11, "controller.setpoint_weight_p": 7, "controller.kd": 9},
-    "PD2": {"controller.kp": 11, "controller.kd1": 9, "controller.kd2": 7},
+    "PID": {"controller.kp": 9, "controller.setpoint_weight_p": 9, "controller.kd": 5},
+    "PD2": {"controller.kp": 9, "controller.kd1": 9, "controller.kd2": 5},
 }
 """How many values of each variable the grid tries."""
+
+MAP_ACROSS = {"PID": "controller.setpoint_weight_p", "PD2": "controller.kd1"}
+"""The variable that the report's map shows beside kp."""
 
 CONSTRUCTIVE = (
     "valve.flow_gain",

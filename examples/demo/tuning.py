@@ -70,8 +70,8 @@ def start_searches(
 
 def _method(kind: str, law: str) -> dict[str, Any]:
     if kind == "grid":
-        return {"kind": "grid", "points": GRID[law], "refine": 2}
-    return {"kind": "gradient", "starts": 2, "seed": 1}
+        return {"kind": "grid", "points": GRID[law], "refine": 1}
+    return {"kind": "gradient", "starts": 2, "seed": 1, "max_evaluations": 1000}
 
 
 def finished(law: str, aim: str, method: str, job: servotune.Job[servotune.replies.Optimization]) -> Search:

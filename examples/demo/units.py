@@ -29,7 +29,7 @@ def _times(factor: float) -> Callable[[float], float]:
     return lambda value: value * factor
 
 
-MILLISECONDS = Shown("ms", _times(1e3))
+MILLISECONDS = Shown("ms", _times(1e3), 1)
 PERCENT = Shown("%", _times(100.0))
 PER_CENT_ALREADY = Shown("%", _times(1.0))
 MILLIMETRES = Shown("mm", _times(1e3), 3)
@@ -41,7 +41,7 @@ METRICS: Mapping[str, Shown] = {
     "settling_time": MILLISECONDS,
     "overshoot": Shown("%", _times(100.0), 3),
     "max_velocity": Shown("mm/s", _times(1e3), 1),
-    "max_acceleration": Shown("m/s²", _times(1.0), 2),
+    "max_acceleration": Shown("m/s²", _times(1.0), 1),
     "control_effort": Shown("", _times(1.0), 3),
     "bandwidth": Shown("rad/s", _times(1.0), 1),
     "critical_frequency": Shown("rad/s", _times(1.0), 0),
@@ -55,9 +55,9 @@ _WORDS = {"control_effort": "peak valve command"}
 
 PARAMETERS: Mapping[str, Shown] = {
     "valve.flow_gain": Shown("cm³/s", _times(1e6), 2),
-    "valve.time_constant": MILLISECONDS,
-    "transport.time": MILLISECONDS,
-    "recording.time": MILLISECONDS,
+    "valve.time_constant": Shown("ms", _times(1e3), 2),
+    "transport.time": Shown("ms", _times(1e3), 2),
+    "recording.time": Shown("ms", _times(1e3), 2),
     "controller.kp": Shown("1/m", _times(1.0), 1),
     "controller.setpoint_weight_p": Shown("", _times(1.0), 4),
     "controller.kd": Shown("s/m", _times(1.0), 4),

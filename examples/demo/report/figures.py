@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from examples.demo.findings import PLACES, Behaviour, Check, Findings
 from examples.demo.report.style import BAD, BEFORE, GOOD, INK, LAWS, MEASURED, QUIET, drawing, legend_above, svg
+from examples.demo.systems import MAP_ACROSS
 from examples.demo.units import words
 
 _HALF_STYLE: Mapping[str, Any] = {"second": "-", "first": (0, (3.5, 1.6))}
@@ -198,8 +200,7 @@ def grid_map(findings: Findings, law: str, aim: str) -> Markup:
     grid, gradient = findings.search(law, aim, "grid").reply, findings.search(law, aim, "gradient").reply
     found = grid.get("map")
     assert found is not None, "a grid search returns its map"
-    names = list(found["axes"])
-    vertical, across = _map_axes(names)
+    vertical, across = "controller.kp", MAP_ACROSS[law]
     objective, violation = (_slice(found, key, grid["best"], (vertical, across)) for key in ("objective", "violation"))
     x, y = np.asarray(found["axes"][across]), np.asarray(found["axes"][vertical])
     factor, unit = (1e3, "ms") if aim == "response_time" else (1.0, "m/s²")
@@ -223,26 +224,15 @@ def grid_map(findings: Findings, law: str, aim: str) -> Markup:
             markeredgecolor=INK,
             markersize=13,
         )
-        scale = "log" if vertical.endswith(".kp") else "linear"
-        axes.set(title=f"{law}: {words(aim)}", xlabel=across, ylabel=vertical, yscale=scale, facecolor="#f1f2f4")
+        axes.set(title=f"{law}: {words(aim)}", xlabel=across, ylabel=vertical, yscale="log", facecolor="#f1f2f4")
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
-        if scale == "log":
-            axes.yaxis.set_major_locator(FixedLocator([100, 150, 200, 300, 400, 500, 600, 800, 1000]))
-            axes.yaxis.set_major_formatter(ScalarFormatter())
-            axes.yaxis.set_minor_locator(NullLocator())
+        _plain_log(axes.yaxis)
         axes.grid(visible=False)
         return svg(
             figure,
             f"map-{law}-{aim}".lower(),
             f"Map of {words(aim)} over the parameters of {law}, with the gradient's path",
         )
-
-
-def _map_axes(names: Sequence[str]) -> tuple[str, str]:
-    """Return the two axes to draw: the proportional and the (first) derivative gain."""
-    vertical = next(name for name in names if name.endswith(".kp"))
-    across = next(name for name in names if name.endswith((".kd", ".kd1")))
-    return vertical, across
 
 
 def _slice(found: Any, key: str, best: Mapping[str, float], keep: tuple[str, str]) -> np.ndarray[Any, Any]:
@@ -258,6 +248,13 @@ def _slice(found: Any, key: str, best: Mapping[str, float], keep: tuple[str, str
     kept = [name for name in names if name in keep]
     plane = values[cut]
     return plane if kept == list(keep) else plane.T
+
+
+def _plain_log(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0, 7.0)))
+    axis.set_major_formatter(ScalarFormatter())
+    axis.set_minor_locator(NullLocator())
 
 
 def convergence(findings: Findings) -> Markup:
@@ -283,6 +280,7 @@ def convergence(findings: Findings) -> Markup:
                     label=f"{search.law}, {search.method}",
                 )
             place.set(xscale="log", xlabel="evaluations", ylabel=label)
+            _plain_log(place.xaxis)
             legend_above(place)
         return svg(figure, "convergence", "Best objective after so many evaluations, for each search")
 

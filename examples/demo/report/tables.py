@@ -36,9 +36,10 @@ def headline(findings: Findings) -> list[dict[str, str]]:
     fits = [check.reply["outputs"]["measured"]["fit_percent"] for check in findings.checks]
     tuned = {aim: [s for s in findings.searches if (s.aim, s.method) == (aim, "gradient")] for _, aim in findings.aims}
     best = min(tuned["response_time"], key=lambda search: search.reached)
-    aim = best.reply["goals"][0]
     strongest = max(tuned["max_acceleration"], key=lambda search: search.reached)
-    push = strongest.reply["goals"][0]
+    count = range(len(findings.scenarios))
+    slow = max((metric(findings.start, "response_time", i) for i in count), key=lambda found: found["value"])
+    weak = min((metric(findings.start, "max_acceleration", i) for i in count), key=lambda found: found["value"])
     proven = sum(search.reply["certificate"]["valid"] for search in findings.searches)
     return [
         {
@@ -46,11 +47,11 @@ def headline(findings: Findings) -> list[dict[str, str]]:
             "label": "FIT on the half of the recording that the model has not seen",
         },
         {
-            "value": f"{measured('response_time', aim['before'])} → {measured('response_time', aim['after'])}",
+            "value": f"{measured('response_time', slow)} → {METRICS['response_time'](best.reached)}",
             "label": f"response time in the worst scenario, P law → {best.law}",
         },
         {
-            "value": f"{measured('max_acceleration', push['before'])} → {measured('max_acceleration', push['after'])}",
+            "value": f"{measured('max_acceleration', weak)} → {METRICS['max_acceleration'](strongest.reached)}",
             "label": f"acceleration within the same limits, P law → {strongest.law}",
         },
         {"value": f"{proven} of {len(findings.searches)}", "label": "optima confirmed by the exact engine"},
@@ -147,7 +148,7 @@ def influence(findings: Findings) -> dict[str, Any]:
                     "value": signed(entry["value"]) if entry["value"] is not None else words(entry["verdict"]),
                     "finite": signed(finite["value"]),
                     "shade": _shade(entry["value"]),
-                    "dark": abs(entry["value"] or 0.0) > 0.75,
+                    "dark": abs(entry["value"] or 0.0) > 0.6,
                     "row": study["strongest"]["by_parameter"].get(path) == name,
                     "column": study["strongest"]["by_metric"].get(name) == path,
                 }
