@@ -36,6 +36,8 @@ _MOST_OCTAVES = 10
 _RESOLVED_PHASE = 4.0
 _FINER = ((2, 6, _CHUNK), (2, 9, 16))
 """What is tried where a response is not resolved: pieces cut in so many, so many octaves fine, so many candidates at once."""
+_RINGING = 0.35
+"""Damping ratio below which an oscillation outlives the fine pieces."""
 _INTEGRALS = frozenset({"iae", "ise", "itae"})
 _MARGINAL = 1e-9
 
@@ -142,10 +144,10 @@ class Screening:
         if not here.size:
             return
         lanes = lanes.take(np.flatnonzero(equal))
-        octaves = _octaves(lanes)
-        for level in np.unique(octaves):
-            chosen = np.flatnonzero(octaves == level)
-            run = march(lanes.take(chosen), Mesh.graded(int(level)))
+        octaves, ringing = _octaves(lanes)
+        for level, rings in np.unique(np.stack([octaves, ringing], axis=1), axis=0):
+            chosen = np.flatnonzero((octaves == level) & (ringing == rings))
+            run = march(lanes.take(chosen), Mesh.graded(int(level)), detail=5 if rings else 3)
             growth[here[chosen]] = run.growth
             unsure = ~run.settled & ~(run.growth * run.width.real > _MARGINAL)
             doubtful[np.ix_(here[chosen[unsure]], np.array(list(self._experiment), dtype=int))] = True
@@ -260,11 +262,17 @@ def _resolved(run: Responses) -> Array:
     return np.asarray((run.resolution <= RESOLVED).all(axis=(1, 2)))
 
 
-def _octaves(lanes: Lanes) -> Array:
-    """Return how often the interval must be halved until its first piece resolves the fastest mode, (B,)."""
-    fastest = np.abs(np.linalg.eigvals(lanes.a.real)).max(axis=1, initial=0.0)
-    phase = np.maximum(fastest * lanes.width.real, 1e-300)
-    return np.asarray(np.clip(np.ceil(np.log2(phase / _RESOLVED_PHASE)), 2, _MOST_OCTAVES), dtype=int)
+def _octaves(lanes: Lanes) -> tuple[Array, Array]:
+    """Return how often the interval must be halved until its first piece resolves the fastest mode, and who rings, (B,).
+
+    A mode of low damping is still there when the pieces have grown beyond its period, so it needs more of them.
+    """
+    modes = np.linalg.eigvals(lanes.a.real)
+    size = np.abs(modes)
+    phase = np.maximum(size.max(axis=1, initial=0.0) * lanes.width.real, 1e-300)
+    octaves = np.clip(np.ceil(np.log2(phase / _RESOLVED_PHASE)), 2, _MOST_OCTAVES)
+    swings = (np.abs(modes.real) < _RINGING * size) & (size * lanes.width.real[:, None] > 1)
+    return octaves.astype(int), swings.any(axis=1).astype(int)
 
 
 def _path(stack: StackedSystem, here: Array, source: str, target: str, *, sign: float) -> Path:
