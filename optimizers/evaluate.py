@@ -206,17 +206,23 @@ class Evaluator:
         return values, growth, doubtful
 
     def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]]) -> Screened:
-        """Screen scenario by scenario: a delay that is 0 in one of them and not in another changes the structure."""
-        count = len(self.problem.scenarios)
+        """Screen scenarios together that have the same structure: a delay that is 0 in one and not in another changes it."""
+        total, count = len(next(iter(overrides.values()))), len(self.problem.scenarios)
+        rows = np.arange(total).reshape(count, -1)
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for index, scenario in enumerate(self.problem.scenarios):
+            groups.setdefault(tuple(name for name in self._keys if scenario.get(name) == 0.0), []).append(index)
+        order = np.concatenate([rows[group].ravel() for group in groups.values()])
         parts = [
-            self._screening({name: np.split(column, count)[index] for name, column in overrides.items()})
-            for index in range(count)
+            self._screening({name: column[rows[group].ravel()] for name, column in overrides.items()})
+            for group in groups.values()
         ]
+        back = np.argsort(order)
         return Screened(
-            values=np.concatenate([part.values for part in parts]),
-            doubtful=np.concatenate([part.doubtful for part in parts]),
-            growth=np.concatenate([part.growth for part in parts]),
-            valid=np.concatenate([part.valid for part in parts]),
+            values=np.concatenate([part.values for part in parts])[back],
+            doubtful=np.concatenate([part.doubtful for part in parts])[back],
+            growth=np.concatenate([part.growth for part in parts])[back],
+            valid=np.concatenate([part.valid for part in parts])[back],
         )
 
     def _number(self, goal: int, measured: Measured) -> float:
