@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
 from fastapi import Depends, FastAPI
+from starlette.concurrency import run_in_threadpool
 
 from api import handlers
 from api.auth import Authentication, bearer
@@ -15,6 +17,7 @@ from api.errors import MEDIA_TYPE
 from api.routers import HEALTH, ROUTERS
 from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
+from api.services.housekeeping import INTERVAL, tidy
 from api.services.installation import Installation
 from api.settings import Settings
 from storage.jobs.queue import JobQueue
@@ -32,6 +35,12 @@ _PROBLEMS = {
     413: "the body is too large",
     422: "the document is wrong: `errors` says where",
 }
+
+
+async def _keep_house(service: Installation) -> None:
+    while True:
+        await run_in_threadpool(tidy, service)
+        await asyncio.sleep(INTERVAL)
 
 
 class Application(FastAPI):
@@ -62,16 +71,19 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         database = open_database(chosen.database_url)
         queue = JobQueue(database)
-        app.state.installation = Installation(
+        service = Installation(
             settings=chosen,
             database=database,
             queue=queue,
             computing=Computing(chosen),
             expects_worker=expects_worker,
         )
+        app.state.installation = service
+        housekeeping = asyncio.create_task(_keep_house(service))
         try:
             yield
         finally:
+            housekeeping.cancel()
             queue.close()
             database.dispose()
 
