@@ -2,7 +2,7 @@
 
     x(t0 + θh) = e^{Aθh} x0 + ∫₀^θ e^{Ah(θ-σ)} h B v(σ) dσ,   θ in [0, 1]
 
-Two propagators with one interface. :class:`Exponential` is exact whatever h is and takes inputs that are constant or
+Three propagators with one interface. :class:`Exponential` is exact whatever h is and takes inputs that are constant or
 linear on the segment. :class:`Collocation` takes any input given at the nodes (delayed signals, chirps); it is exact to
 rounding once the states are resolved by the polynomial, which the march verifies.
 """
@@ -13,27 +13,29 @@ from typing import Protocol
 
 import numpy as np
 
-from engine.linear.chebyshev import DEGREE, NODES, integration_matrix
-from engine.linear.system import Array
+from engine.linear.chebyshev import DEGREE, NODES, integration_matrix, weights
+from engine.linear.system import Array, LaneSystem
 from engine.linear.tangent import solve
 
 
 class Propagator(Protocol):
     """What the march needs of a segment of given length."""
 
-    def states(self, x0: Array, inputs: Array) -> Array:
-        """Return the states at the nodes.
+    def solve(self, x0: Array, inputs: Array, delayed: Array) -> tuple[Array, Array]:
+        """Return states and delayed signals at the nodes.
 
         Parameters
         ----------
         x0 : ndarray, shape (lanes, n)
             State at the start.
-        inputs : ndarray, shape (lanes, N + 1, m)
-            v at the nodes.
+        inputs : ndarray, shape (lanes, N + 1, inputs)
+            u at the nodes.
+        delayed : ndarray, shape (lanes, N + 1, m)
+            w at the nodes, as far as it comes from before the segment.
 
         Returns
         -------
-        ndarray, shape (lanes, N + 1, n)
+        (ndarray of shape (lanes, N + 1, n), ndarray of shape (lanes, N + 1, m))
         """
         ...
 
@@ -75,11 +77,11 @@ class Exponential:
         stack = exponentials(joint[:, None] * NODES[None, :, None, None])
         self._maps = stack[:, :, :n, :]
 
-    def states(self, x0: Array, inputs: Array) -> Array:
-        """See :class:`Propagator`; only the end values of ``inputs`` are used."""
+    def solve(self, x0: Array, inputs: Array, delayed: Array) -> tuple[Array, Array]:
+        """See :class:`Propagator`; only the end values of ``inputs`` are used, and there are no delays."""
         start, end = inputs[:, 0] * self._units, inputs[:, -1] * self._units
         joint = np.concatenate([x0, start, end - start], axis=-1)
-        return np.asarray((self._maps @ joint[:, None, :, None])[..., 0])
+        return np.asarray((self._maps @ joint[:, None, :, None])[..., 0]), delayed
 
 
 class Collocation:
@@ -97,9 +99,65 @@ class Collocation:
         self._map = solve(matrix, right)
         self._n = n
 
-    def states(self, x0: Array, inputs: Array) -> Array:
+    def solve(self, x0: Array, inputs: Array, delayed: Array) -> tuple[Array, Array]:
         """See :class:`Propagator`."""
         lanes = x0.shape[0]
-        joint = np.concatenate([x0, inputs.reshape(lanes, -1)], axis=-1)
+        joint = np.concatenate([x0, np.concatenate([inputs, delayed], axis=-1).reshape(lanes, -1)], axis=-1)
         inner = (self._map @ joint[..., None]).reshape(lanes, DEGREE, self._n)
-        return np.concatenate([x0[:, None, :], inner], axis=1)
+        return np.concatenate([x0[:, None, :], inner], axis=1), delayed
+
+
+class DelayedCollocation:
+    """Spectral solution on a segment longer than a delay: part of what returns through the delay lies on the segment itself.
+
+        x = x0 + h S (A x + B1 u + B2 w),   w_i = past_i + L_i z_i,   z = C2 x + D21 u + D22 w
+
+    L_i interpolates the segment's own nodes at θ - τ_i / h and is zero where that is before the segment.
+    """
+
+    def __init__(self, system: LaneSystem, width: Array) -> None:
+        s = integration_matrix()
+        lanes, n, m, nodes = system.lanes, system.n, system.m, DEGREE + 1
+        h = np.asarray(width)[:, None, None]
+        back = np.stack([own_part(system.delays[:, i], width) for i in range(m)])  # (m, lanes, nodes, nodes)
+        # delayed signals in units (powers of two) in which h B2 is 1: on a short segment x would drown in their rounding
+        reach = np.abs(float(width[0].real) * system.b2[0]).max(axis=0, initial=0.0)
+        self._units = 2.0 ** np.round(np.log2(np.where(reach > 0, reach, 1.0)))
+        b2, c2, d21 = system.b2 / self._units, system.c2 * self._units[:, None], system.d21 * self._units[:, None]
+        d22 = system.d22 * (self._units[:, None] / self._units)
+        x_x = np.eye(DEGREE * n) - np.einsum("jl,pab->pjalb", s[1:, 1:], h * system.a).reshape(
+            lanes, DEGREE * n, DEGREE * n
+        )
+        x_w = -np.einsum("jl,pai->pjali", s[1:], h * b2).reshape(lanes, DEGREE * n, nodes * m)
+        w_x = -np.einsum("ipjl,pia->pjila", back[..., 1:], c2).reshape(lanes, nodes * m, DEGREE * n)
+        w_w = np.eye(nodes * m) - np.einsum("ipjl,pik->pjilk", back, d22).reshape(lanes, nodes * m, nodes * m)
+        matrix = np.concatenate([np.concatenate([x_x, x_w], axis=2), np.concatenate([w_x, w_w], axis=2)], axis=1)
+        # columns: x0, u at the nodes, what of w comes from before the segment
+        x_start = np.einsum("j,pab->pjab", s[1:, 0], h * system.a) + np.eye(n)
+        x_forced = np.einsum("jl,pau->pjalu", s[1:], h * system.b1)
+        w_start = np.einsum("ipj,pia->pjia", back[..., 0], c2)
+        w_forced = np.einsum("ipjl,piu->pjilu", back, d21)
+        size, forced = DEGREE * n + nodes * m, nodes * system.n_in
+        right = np.zeros((lanes, size, n + forced + nodes * m), dtype=matrix.dtype)
+        right[:, : DEGREE * n, :n] = x_start.reshape(lanes, DEGREE * n, n)
+        right[:, DEGREE * n :, :n] = w_start.reshape(lanes, nodes * m, n)
+        right[:, : DEGREE * n, n : n + forced] = x_forced.reshape(lanes, DEGREE * n, forced)
+        right[:, DEGREE * n :, n : n + forced] = w_forced.reshape(lanes, nodes * m, forced)
+        right[:, DEGREE * n :, n + forced :] = np.eye(nodes * m)
+        self._map = solve(matrix, right)
+        self._n, self._m = n, m
+
+    def solve(self, x0: Array, inputs: Array, delayed: Array) -> tuple[Array, Array]:
+        """See :class:`Propagator`; ``delayed`` is zero where a delayed signal is read from the segment itself."""
+        lanes = x0.shape[0]
+        joint = np.concatenate([x0, inputs.reshape(lanes, -1), (delayed * self._units).reshape(lanes, -1)], axis=-1)
+        found = (self._map @ joint[..., None])[..., 0]
+        inner = found[:, : DEGREE * self._n].reshape(lanes, DEGREE, self._n)
+        w = found[:, DEGREE * self._n :].reshape(lanes, -1, self._m) / self._units
+        return np.concatenate([x0[:, None, :], inner], axis=1), w
+
+
+def own_part(delay: Array, width: Array) -> Array:
+    """Return the interpolation from a segment's nodes to θ - delay / width, zero rows where that is before the segment."""
+    theta = NODES - (delay / width)[:, None]  # (lanes, nodes)
+    return np.asarray(np.where((theta[0].real > 0)[None, :, None], weights(theta), 0.0))

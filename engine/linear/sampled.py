@@ -19,12 +19,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from engine.linear import single_delay
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
 from engine.linear.poles import poles, static_gain
 from engine.linear.propagate import exponentials
-from engine.linear.short_delay import lifted, without_short_delays
+from engine.linear.short_delay import lifted
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import slopes
 from engine.linear.trajectory import respond
@@ -155,7 +154,7 @@ class Drive:
     def _kernel(self, system: LaneSystem, source: int, output: int) -> _Kernel | None:
         """Return the kernel from one input to one output, None when it grows beyond the limit."""
         h, samples = self._h, self._inputs.shape[1]
-        connection = without_short_delays(connected(system, [source], [output]), h)
+        connection = connected(system, [source], [output])
         part = _balanced(connection)
         if guess := self._settled.get((source, output)):
             kernel = _settled(part, h, guess)
@@ -230,7 +229,7 @@ def _step(part: LaneSystem, h: float, count: int) -> tuple[Array, Array]:
     if not part.m:
         return _step_without_delays(part, h, count)
     horizon = h * count
-    curve = single_delay.step_response(part, horizon) if part.m == 1 else respond(part, [_STEP], horizon).output(0)
+    curve = respond(part, [_STEP], horizon).output(0)
     return _values(curve, h * np.arange(count, dtype=np.float64)), _means(curve, h, count)
 
 

@@ -1,10 +1,11 @@
 """The exact time response of a linear system with delays, as polynomial pieces (the method of steps).
 
-    x' = A x + B1 u + B2 w,  w_i(t) = z_i(t - τ_i): on a segment no longer than the shortest delay, w is already known
+    x' = A x + B1 u + B2 w,  w_i(t) = z_i(t - τ_i): on a segment no longer than a delay, w is already known
 
 A first pass on the real parts places the segments: their ends fall on every instant where something jumps or kinks (the
 command, and its echoes through the delays), and a segment is halved until a polynomial of degree 16 holds outputs,
-delayed signals and (with delays) states to 1e-13. The lanes then replay the same segments; an end that moves with a delay
+delayed signals and (with delays) states to 1e-13. Where the echoes have become smooth a segment may be longer than a
+delay; it is then solved together with what returns to itself. The lanes then replay the same segments; an end that moves with a delay
 carries that delay's infinitesimal, so derivatives with respect to delays are exact too.
 
 References
@@ -24,7 +25,7 @@ import numpy.typing as npt
 from engine.errors import UnresolvedError
 from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, interior, weights
 from engine.linear.curve import Curve
-from engine.linear.propagate import Collocation, Exponential, Propagator
+from engine.linear.propagate import Collocation, DelayedCollocation, Exponential, Propagator
 
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
@@ -39,6 +40,7 @@ MAX_ECHOES = 20
 
 _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
 _ROUNDING = 4e-15
+_LOUD = 100.0  # from here on the squarings of an exponential leave more noise than a collocation
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def respond(
     Raises
     ------
     UnresolvedError
-        When more than :data:`MAX_SEGMENTS` segments would be needed (a delay far shorter than the response).
+        When more than :data:`MAX_SEGMENTS` segments would be needed (a very lightly damped or very stiff system).
     """
     if plan is None:
         placed = _place(system.value, signals, horizon)
@@ -114,6 +116,7 @@ class _Run:
         self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
         self._propagators: dict[tuple[tuple[float, ...], int], Propagator] = {}
         self._dtype = system.dtype
+        self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
         self.edges: Array = np.zeros((1, self.lanes))
         self.x, self.u, self.y, self.z = (
             np.zeros((0, DEGREE + 1, self.lanes, size)) for size in (system.n, system.n_in, system.n_out, system.m)
@@ -121,7 +124,8 @@ class _Run:
         self._allocate(max(pieces, 64))
         degrees = [signal.degree() for signal in signals]
         self._steps = all(d == 0 for d in degrees)
-        self.exact = not system.m and all(d is not None and d <= 1 for d in degrees)
+        self._linear = not system.m and all(d is not None and d <= 1 for d in degrees)
+        self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
         self.state: Array = np.array(system.x0, dtype=self._dtype)
 
     def _allocate(self, pieces: int) -> None:
@@ -134,22 +138,29 @@ class _Run:
         )
         self.edges = _grown(self.edges[: k + 1], (pieces + 1, self.lanes), self._dtype)
 
+    def exponential(self, width: float) -> bool:
+        """Return whether a segment of this width is propagated by the exponential: exact, but noisy where h A is large."""
+        return self._linear and width * self.size <= _LOUD
+
     def propagator(self, segment: _Segment) -> Propagator:
         found = self._propagators.get(segment.key)
         if found is None:
-            make = Exponential if self.exact else Collocation
-            found = make(self.s.a, self._b, self._basis @ segment.width)
+            width = self._basis @ segment.width
+            if self.exponential(float(width[0].real)):
+                found = Exponential(self.s.a, self.s.b1, width)
+            elif self.s.m and float(width[0].real) > self._shortest * (1 + 1e-9):
+                found = DelayedCollocation(self.s, width)
+            else:
+                found = Collocation(self.s.a, self._b, width)
             self._propagators[segment.key] = found
         return found
 
     def step(self, segment: _Segment) -> tuple[Array, Array, Array, Array, Array]:
-        """Return (x, u, y, z, end state) on the nodes of ``segment``, shapes (N + 1, lanes, ·), from the current state."""
+        """Return (x, u, y, z, end state) on the nodes of ``segment``, shapes (lanes, N + 1, ·), from the current state."""
         s = self.s
         start, width = self._basis @ segment.start, self._basis @ segment.width
         u = self._inputs(start, width)
-        w = self._delayed(start, width)
-        v = np.concatenate([u, w], axis=-1)
-        x = self.propagator(segment).states(self.state, v)
+        x, w = self.propagator(segment).solve(self.state, u, self._delayed(start, width))
         y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
         return x, u, y, z, x[:, -1]
@@ -210,7 +221,7 @@ class _Run:
                 continue
             past = nodes - s.delays[:, i, None]
             inward = (t0 + h * (NODES + 1e-9 * (0.5 - NODES))) - float(s.delays[0, i].real)
-            known = inward >= edges[0]
+            known = (inward >= edges[0]) & (NODES * h <= float(s.delays[0, i].real) * (1 + 1e-9))
             if not known.any():
                 continue
             piece = np.clip(np.searchsorted(edges, inward, side="right") - 1, 0, k - 1)
@@ -240,14 +251,14 @@ def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.compl
 def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Trajectory:
     """Return the real response on segments placed so that it is resolved."""
     run = _Run(system, signals, 64)
-    watch = _Resolution(run, states=not run.exact)
+    watch = _Resolution(run)
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
     plan: list[_Segment] = []
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
-    smallest = 0.25 / max(float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0, 1e-300) if run.exact else 0.0
-    for a, b in _gaps(signals, basis, horizon):
+    smallest = 0.25 / max(run.size, 1e-300)
+    for a, b in _gaps(signals, basis, horizon, _audible(system.d22[0].real)):
         gap = b - a
         whole = float(gap @ basis)
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
@@ -256,8 +267,9 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
             width = 0.5**level
             segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level))
             nodes = run.step(segment)
-            held, roomy = watch.judge(nodes)
-            if not held and width * whole > smallest:
+            exponential = run.exponential(width * whole)
+            held, roomy = watch.judge(nodes, states=not exponential)
+            if not held and (not exponential or width * whole > smallest):
                 level += 1
                 continue
             watch.accept()
@@ -281,8 +293,7 @@ def _unresolved(why: str, horizon: float) -> UnresolvedError:
 class _Resolution:
     """Judges whether the polynomial through the nodes holds every signal that matters."""
 
-    def __init__(self, run: _Run, *, states: bool) -> None:
-        self._states = states
+    def __init__(self, run: _Run) -> None:
         s = run.s
         self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
         self._largest = np.zeros(s.n_out + s.m)
@@ -296,13 +307,13 @@ class _Resolution:
         largest_state = np.maximum(self._largest_state, np.abs(x[0]).max(axis=0, initial=0.0))
         return signals, largest, largest_state
 
-    def judge(self, nodes: tuple[Array, Array, Array, Array, Array]) -> tuple[bool, bool]:
+    def judge(self, nodes: tuple[Array, Array, Array, Array, Array], *, states: bool) -> tuple[bool, bool]:
         """Return (held, so well held that a segment of twice the length would be held too)."""
         signals, largest, largest_state = self._measure(nodes)
         self._seen = largest, largest_state
         floor = _ROUNDING * (self._rows @ largest_state)
         scale = np.maximum(largest, floor / RESOLUTION)
-        if self._states:
+        if states:
             signals = np.concatenate([signals, nodes[0][0]], axis=-1)
             scale = np.concatenate([scale, np.maximum(largest_state, 1e-8 * largest_state.max(initial=0.0))])
         coefficients = np.abs(coefficient_matrix() @ signals)
@@ -316,35 +327,35 @@ class _Resolution:
         self._largest, self._largest_state = self._seen
 
 
-def _gaps(signals: Sequence[Signal], basis: npt.NDArray[np.float64], horizon: float) -> list[tuple[Array, Array]]:
-    """Return the intervals between breaking points, none longer than the shortest delay, as combinations of the basis."""
+def _gaps(
+    signals: Sequence[Signal], basis: npt.NDArray[np.float64], horizon: float, most: int
+) -> list[tuple[Array, Array]]:
+    """Return the intervals between breaking points, as combinations of the basis."""
     m = len(basis) - 1
-    shortest = float(basis[1:].min()) if m else np.inf
-    if horizon > MAX_SEGMENTS * shortest:
-        raise _unresolved(f"the shortest delay is {shortest:.3g} s", horizon)
     starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
     points = [np.array([t, *([0.0] * m)]) for t in starts]
     if m:
-        points = _echoes(points, basis, horizon)
+        points = _echoes(points, basis, horizon, most)
     end = np.zeros(1 + m)
     end[0] = horizon
-    unit = np.zeros(1 + m)
-    if m:
-        unit[1 + int(np.argmin(basis[1:]))] = 1.0
     gaps: list[tuple[Array, Array]] = []
-    for k, point in enumerate(points):
-        a, b = point, points[k + 1] if k + 1 < len(points) else end
-        start = a
-        while float((b - start) @ basis) > shortest * (1 + 1e-9):
-            gaps.append((start, start + unit))
-            start = start + unit
-        if float((b - start) @ basis) > 1e-12 * horizon:
-            gaps.append((start, b))
+    for k, a in enumerate(points):
+        b = points[k + 1] if k + 1 < len(points) else end
+        if float((b - a) @ basis) > 1e-12 * horizon:
+            gaps.append((a, b))
     return gaps
 
 
-def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float) -> list[Array]:
-    """Return the breaking points and their echoes through the delays, sorted, coinciding ones once."""
+def _audible(d22: npt.NDArray[np.float64]) -> int:
+    """Return how many echoes matter: until a kink is smooth, or a jump that passes undamped by any lag has died away."""
+    remains = float(np.abs(np.linalg.eigvals(np.abs(d22))).max(initial=0.0)) if d22.size else 0.0
+    if remains == 0.0:
+        return MAX_ECHOES
+    return MAX_SEGMENTS if remains >= 1 else MAX_ECHOES + int(np.log(1e-14) / np.log(remains))
+
+
+def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float, most: int) -> list[Array]:
+    """Return the breaking points and their ``most`` first echoes through the delays, sorted, coinciding ones once."""
     m = len(basis) - 1
     shifts = np.eye(1 + m)[1:]
     seen: dict[int, Array] = {}
@@ -353,7 +364,7 @@ def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float)
     key: Callable[[Array], int] = lambda p: round(float(p @ basis) / grain)  # noqa: E731
     for point in front:
         seen.setdefault(key(point), point)
-    for _ in range(MAX_ECHOES):
+    for _ in range(most):
         following: list[Array] = []
         for point in front:
             for shift in shifts:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import lambertw
 
-from engine.errors import UnresolvedError
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
@@ -78,13 +78,13 @@ def test_a_jump_through_the_delay_moves_with_it() -> None:
 
 
 def test_stiff_modes_six_decades_apart() -> None:
-    # 1 / ((s + 1)(s / 1e6 + 1)); twenty squarings of the exponential cost six digits of the fast mode's size
+    # 1 / ((s + 1)(s / 1e6 + 1))
     a = np.array([[-1e6, 0.0], [1.0, -1.0]])
     system = LinearSystem.delay_free(a, np.array([[1e6], [0.0]]), np.array([[0.0, 1.0]]), np.zeros((1, 1)))
     t = np.array([1e-7, 1e-6, 1e-3, 1.0, 10.0])
     fast, slow = 1e6, 1.0
     exact = 1 - (fast * np.exp(-slow * t) - slow * np.exp(-fast * t)) / (fast - slow)
-    assert response(system, horizon=40.0).output(0).sample(t) == pytest.approx(exact, abs=1e-11)
+    assert response(system, horizon=40.0).output(0).sample(t) == pytest.approx(exact, abs=1e-13)
 
 
 def test_chirp_through_a_lag_against_quadrature() -> None:
@@ -98,9 +98,27 @@ def test_chirp_through_a_lag_against_quadrature() -> None:
     )
 
 
-def test_a_delay_far_shorter_than_the_response_is_refused_in_words() -> None:
-    with pytest.raises(UnresolvedError, match="shortest delay is 1e-09 s"):
-        response(integrator_with_delay(1.0, 1e-9), horizon=36.0)
+@pytest.mark.parametrize("delay", [1e-12, 1e-9, 1e-4])
+def test_a_delay_far_shorter_than_the_response(delay: float) -> None:
+    # y = 1 - e^{pt} / (1 + pτ) + faster modes, p = W0(-τ) / τ (residue of e^{-sτ} / (s (s + e^{-sτ})) with e^{-pτ} = -p)
+    t = np.linspace(0.01, 20, 200)
+    pole = float(lambertw(-delay).real) / delay
+    exact = 1 - np.exp(pole * t) / (1 + pole * delay)
+    trajectory = response(integrator_with_delay(1.0, delay), horizon=36.0)
+    assert len(trajectory.plan) < 200
+    assert np.abs(trajectory.output(0).sample(t) - exact).max() <= 1e-10
+
+
+def test_an_echo_without_any_lag_jumps_for_ever() -> None:
+    # y = u + y(t - 1)/2: 1, 3/2, 7/4, ...
+    one = np.ones((1, 1))
+    empty = np.zeros((0, 1))
+    echo = LinearSystem(
+        a=np.zeros((0, 0)), b1=empty, b2=empty, c1=empty.T, c2=empty.T, d11=one, d12=0.5 * one, d21=one, d22=0.5 * one,
+        delays=np.array([1.0]), x0=np.zeros(0), inputs=("u",), outputs=("y",),
+    )  # fmt: skip
+    t = np.arange(30) + 0.5
+    assert response(echo, horizon=60.0).output(0).sample(t) == pytest.approx(2 - 0.5 ** np.arange(30), rel=1e-13)
 
 
 def test_lanes_replay_the_segments_of_the_value() -> None:
