@@ -155,12 +155,16 @@ class Evaluator:
         sign = -1.0 if self.problem.goals[goal].sense is Sense.MAXIMIZE else 1.0
         return sign * self.problem.goals[goal].weight / float(self.norms[goal])
 
-    def violations(self, values: Matrix) -> Matrix:
-        """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones."""
+    def violations(self, values: Matrix, margins: Vector | None = None) -> Matrix:
+        """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones.
+
+        With ``margins`` (G,), a goal counts as violated as soon as it is nearer to its bound than that.
+        """
         result = np.zeros(values.shape)
         for index, goal in enumerate(self.problem.goals):
             here = values[..., index]
-            excess = signed_excess(goal, here).max(axis=0, initial=0.0)
+            kept = 0.0 if margins is None else margins[index]
+            excess = (signed_excess(goal, here) + kept).max(axis=0, initial=0.0)
             result[..., index] = np.where(np.isnan(here), BROKEN, excess)
         return result
 

@@ -29,6 +29,10 @@ SAFETY = 1e-7
 """The descent stays so far inside the bounds, because fast and exact metrics agree to about that."""
 
 
+_NEAR = 1e-3
+"""A start that breaks its bounds by less is brought back by the descent itself; the way to the middle would lose it."""
+
+
 class Stopped(Exception):  # noqa: N818 - a request to stop is no error
     """The search has to stop: cancelled, or the budget is used up."""
 
@@ -39,6 +43,8 @@ class Stopped(Exception):  # noqa: N818 - a request to stop is no error
 
 class Tracker:
     """The best point so far, its history, and whether to go on.
+
+    ``margins`` (G,) is the relative distance that a point found by slopes must keep from the bounds to count as feasible.
 
     Parameters
     ----------
@@ -55,6 +61,7 @@ class Tracker:
         self.history: list[HistoryPoint] = []
         self.best: Vector | None = None
         self.rank = (np.inf, np.inf)
+        self.margins = np.zeros(len(evaluator.problem.goals))
         self.started = time.perf_counter()
 
     def assess(self, positions: Matrix) -> Assessment:
@@ -89,7 +96,7 @@ class Tracker:
         found = self.evaluator.local(position)
         if found is not None:
             objective = float(self.evaluator.objectives(found.values).max())
-            self.offer(position, objective, float(self.evaluator.violations(found.values).max()))
+            self.offer(position, objective, float(self.evaluator.violations(found.values, self.margins).max()))
         return found
 
     def offer(self, position: Vector, objective: float, violation: float) -> None:
@@ -151,7 +158,7 @@ class Descent:
             first = self._at(start)
             if first is None:
                 return
-            if self._excess(first.values).max(initial=-np.inf) > 0:
+            if self._excess(first.values).max(initial=-np.inf) > _NEAR:
                 # First into the feasible region, or as near to it as possible; then along its boundary.
                 start = self._solve(start, first, feasibility=True)
             self._solve(start, first, feasibility=False)

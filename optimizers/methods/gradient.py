@@ -152,6 +152,7 @@ def _prove(tracker: Tracker, margins: Vector) -> None:
         for proof in certificate.goals:
             if proof.violation > 0:
                 margins[proof.goal] += 1.5 * proof.violation + SAFETY
-        # Points found with less margin no longer count.
+        # Points found with less margin no longer count: not even the one that the descent starts from.
         start, tracker.rank = tracker.best, (np.inf, np.inf)
+        tracker.margins = np.maximum(margins - SAFETY, 0.0)
         Descent(tracker, margins).run(start, evaluations=_LONG)
