@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from engine.linear.frequency import FrequencyResponse
     from engine.linear.system import Array
 
+_NO_MARGIN = 1e-12
+
 Crossing = tuple["Array", "Array"]
 """(frequency in rad/s, margin), each of shape (lanes,)."""
 
@@ -44,7 +46,8 @@ def delay_margins(response: FrequencyResponse) -> list[Crossing]:
     """Return the additional delay at which each gain crossing reaches -1."""
     found: list[Crossing] = []
     for frequency, margin in phase_margins(response):
-        turn = margin if float(margin[0].real) >= 0 else margin + 2 * np.pi
+        # on the stability limit the phase margin is 0 but for rounding: not almost a whole turn
+        turn = margin if float(margin[0].real) >= -_NO_MARGIN else margin + 2 * np.pi
         found.append((frequency, turn / frequency))
     return found
 

@@ -8,6 +8,7 @@ import pytest
 from engine.linear.frequency import FrequencyResponse, imaginary_part, squared_magnitude, squared_sensitivity
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.metrics._loop import delay_margins
 from tests.unit.engine.test_poles import companion, lanes
 from tests.unit.engine.test_trajectory import integrator_with_delay
 
@@ -64,3 +65,11 @@ def test_sensitivity_of_an_integrator_with_delay() -> None:
     assert np.sqrt(value[0]) == pytest.approx(dense, rel=1e-9)
     coarse = np.geomspace(1e-3, 1e3, 300_000)
     assert np.sqrt(value[0]) >= (1 / np.abs(1 + np.exp(-1j * coarse) / (1j * coarse))).max() * (1 - 1e-12)
+
+
+def test_on_the_stability_limit_no_delay_is_borne() -> None:
+    # 60 / ((s + 1)(s + 2)(s + 3)): closed poles -6, ±j√11 (control literature, case 11)
+    response = FrequencyResponse(companion([1, 6, 11, 6], [60]))
+    ((frequency, margin),) = delay_margins(response)
+    assert frequency[0] == pytest.approx(np.sqrt(11), rel=1e-12)
+    assert margin[0] == pytest.approx(0.0, abs=1e-12)
