@@ -51,6 +51,8 @@ def serve(argv: Sequence[str]) -> int:
             port=given.port,
             log_level=settings.log_level,
             access_log=settings.log_level == "debug",
+            # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
+            timeout_keep_alive=75,
             # Open event streams would hold a shutdown up for ever.
             timeout_graceful_shutdown=3,
         )

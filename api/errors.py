@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any
 
+from numpy.linalg import LinAlgError
+
 from api.pointers import Place, pointer
 from engine.errors import EngineError, IllPosedError
 from storage.errors import (
@@ -122,7 +124,7 @@ _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     IdempotencyRunningError: (409, "idempotency-key-in-use"),
 }
 #: Everything that :func:`problem_of` has an answer for.
-KNOWN: tuple[type[Exception], ...] = (Problem, EngineError, *_STORAGE, *UNAVAILABLE)
+KNOWN: tuple[type[Exception], ...] = (Problem, EngineError, LinAlgError, *_STORAGE, *UNAVAILABLE)
 
 
 def problem_of(error: Exception) -> Problem | None:
@@ -134,6 +136,9 @@ def problem_of(error: Exception) -> Problem | None:
         return Problem(422, ILL_POSED, error.message, faults=[fault], extra={"ports": list(error.ports)})
     if isinstance(error, EngineError):
         return invalid(error.message, *error.at)
+    if isinstance(error, LinAlgError):
+        detail = f"the system must have a response that float64 can resolve at these values, got: {error}"
+        return Problem(422, "unresolved", detail, faults=[Fault(place=(), detail=detail)])
     if isinstance(error, UNAVAILABLE):
         return Problem(503, "unavailable", "the database does not answer; try again", headers={"Retry-After": "5"})
     for kind, (status, name) in _STORAGE.items():

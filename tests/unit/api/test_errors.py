@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
 from api.errors import Problem, at, invalid, problem_of
@@ -27,6 +28,8 @@ from storage import errors as storage
         (storage.InvalidCursorError("x"), 422),
         (storage.IdempotencyMismatchError("x"), 422),
         (storage.IdempotencyRunningError("x"), 409),
+        (storage.DocumentError("x"), 422),
+        (LinAlgError("Singular matrix"), 422),
         (OperationalError("SELECT 1", {}, Exception("gone")), 503),
     ],
 )
