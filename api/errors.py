@@ -139,6 +139,10 @@ def problem_of(error: Exception) -> Problem | None:
     if isinstance(error, LinAlgError):
         detail = f"the system must have a response that float64 can resolve at these values, got: {error}"
         return Problem(422, "unresolved", detail, faults=[Fault(place=(), detail=detail)])
+    return _storage_problem(error)
+
+
+def _storage_problem(error: Exception) -> Problem | None:
     if isinstance(error, UNAVAILABLE):
         return Problem(503, "unavailable", "the database does not answer; try again", headers={"Retry-After": "5"})
     for kind, (status, name) in _STORAGE.items():
