@@ -71,7 +71,7 @@ def start_searches(
 def _method(kind: str, law: str) -> dict[str, Any]:
     if kind == "grid":
         return {"kind": "grid", "points": GRID[law], "refine": 1}
-    return {"kind": "gradient", "starts": 2, "seed": 1, "max_evaluations": 1000}
+    return {"kind": "gradient", "starts": 2, "seed": 1, "max_evaluations": 1500}
 
 
 def finished(law: str, aim: str, method: str, job: servotune.Job[servotune.replies.Optimization]) -> Search:
