@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.metrics._base import Found, TimeMetric, span, without_final_value
+from engine.metrics._base import NEGLIGIBLE, Found, TimeMetric, span, without_final_value
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
@@ -38,6 +38,6 @@ class Overshoot(TimeMetric):
         _, way, sign = span(subject)
         top, at = (subject.curve * sign).largest()
         beyond = (top - sign * subject.final) / (sign * way)
-        if float(beyond[0].real) <= 1e-12:
+        if float(beyond[0].real) <= NEGLIGIBLE:
             return Found(value=np.zeros(len(beyond)))
         return Found(value=beyond, at=at)

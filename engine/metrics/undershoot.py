@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.metrics._base import Found, TimeMetric, span, without_final_value
+from engine.metrics._base import NEGLIGIBLE, Found, TimeMetric, span, without_final_value
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
@@ -37,6 +37,6 @@ class Undershoot(TimeMetric):
         initial, way, sign = span(subject)
         bottom, at = (subject.curve * sign).smallest()
         below = (sign * initial - bottom) / (sign * way)
-        if float(below[0].real) <= 1e-12:
+        if float(below[0].real) <= NEGLIGIBLE:
             return Found(value=np.zeros(len(below)))
         return Found(value=below, at=at)
