@@ -237,7 +237,7 @@ class Curve:
                 out_values.append(signs[k] * values[k])
                 continue
             width = edges[k + 1] - edges[k]
-            cuts = [0.0, *_roots(values[k, :, 0].real), 1.0]
+            cuts = [0.0, *(root for root in _roots(values[k, :, 0].real) if 0.0 < root < 1.0), 1.0]
             # the moving cut contributes nothing to first order because the curve is zero there
             for a, b in itertools.pairwise(cuts):
                 part = weights(a + NODES * (b - a)) @ values[k]
