@@ -40,6 +40,7 @@ MAX_ECHOES = 20
 
 _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
 _ROUNDING = 4e-15
+_NOISE = 2e-11  # what rounding may leave of a mode that has died away in a long segment
 _LOUD = 100.0  # from here on the squarings of an exponential leave more noise than a collocation
 
 
@@ -318,7 +319,10 @@ class _Resolution:
             scale = np.concatenate([scale, np.maximum(largest_state, 1e-8 * largest_state.max(initial=0.0))])
         coefficients = np.abs(coefficient_matrix() @ signals)
         scale = np.maximum(scale, 1e-300)
-        held = bool(np.all(coefficients[-2:].sum(axis=0) <= 2 * RESOLUTION * scale))
+        tail = coefficients[-2:].sum(axis=0)
+        # coefficients that do not fall any more are rounding, which a shorter segment would not make less
+        level = coefficients[6:10].max(axis=0) <= 8 * coefficients[-3:].max(axis=0)
+        held = bool(np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= _NOISE * scale))))
         roomy = bool(np.all(coefficients[8:10].max(axis=0) <= _GROWTH * scale))
         return held, roomy
 
