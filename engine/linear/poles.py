@@ -165,19 +165,22 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
     tau = float(system.delays[0].real.max())
     s = guesses.copy()
     step = np.full(len(s), np.inf + 0j)
+    moving = np.arange(len(s))
     with np.errstate(all="ignore"):
         for _ in range(50):
-            f, slope = _characteristic(system, s)
+            f, slope = _characteristic(system, s[moving])
             finite = np.isfinite(f).all(axis=(1, 2))
-            s, guesses, f, slope = s[finite], guesses[finite], f[finite], slope[finite]
-            inverse = _inverses(f)
-            step = 1 / np.einsum("kii,ki->k", inverse, slope)
-            step = np.where(np.isfinite(step), step, 0.0)
-            s = s - step
-            if np.all(np.abs(step) <= 4e-15 * np.maximum(np.abs(s), 1e-12)):
+            step[moving[~finite]] = np.inf  # left the plane: no pole
+            moving, f, slope = moving[finite], f[finite], slope[finite]
+            newton = 1 / np.einsum("kii,ki->k", _inverses(f), slope)
+            newton = np.where(np.isfinite(newton), newton, 0.0)
+            s[moving] -= newton
+            step[moving] = newton
+            moving = moving[np.abs(newton) > 4e-15 * np.maximum(np.abs(s[moving]), 1e-12)]
+            if not len(moving):
                 break
-    near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
-    still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau)
+        near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
+        still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau)
     kept: list[complex] = []
     for value in s[near & still]:
         if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
