@@ -103,7 +103,10 @@ def run(client: servotune.Client, recording_file: Path, step: Narrator) -> Findi
     step("f", "optimisation")
     bounds = tuning.limits(start)
     jobs = tuning.start_searches(client, scenarios, bounds)
-    searches = tuple(_told(step, tuning.finished(*job)) for job in jobs)
+    told = [_told(step, tuning.finished(*job)) for job in jobs]
+    searches = tuple(
+        sorted(told, key=lambda search: (list(VARIABLES).index(search.law), list(tuning.AIMS).index(search.aim)))
+    )
     _tell_agreement(step, searches)
 
     step("g", "proof")

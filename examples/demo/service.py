@@ -46,7 +46,8 @@ def own_service(folder: Path) -> Iterator[servotune.Client]:
             command, env=os.environ | settings, stdout=output, stderr=subprocess.STDOUT
         )
         try:
-            yield _client_when_ready(process, f"http://127.0.0.1:{port}", key, log)
+            with _client_when_ready(process, f"http://127.0.0.1:{port}", key, log) as client:
+                yield client
         finally:
             _stop(process)
 

@@ -208,7 +208,6 @@ def grid_map(findings: Findings, law: str, aim: str) -> Markup:
         met = np.where(violation <= 1e-6, np.abs(objective) * factor, np.nan)
         colours = axes.pcolormesh(x, y, met, shading="nearest", cmap="YlGnBu_r" if aim == "response_time" else "YlGnBu")
         figure.colorbar(colours, ax=axes, label=f"{words(aim)} ({unit})", pad=0.02).outline.set_visible(False)
-        axes.contour(x, y, violation, levels=[1e-6], colors=[BAD], linewidths=1.1)
         path = [point["variables"] for point in gradient["history"] if point.get("variables")]
         axes.plot(
             [p[across] for p in path], [p[vertical] for p in path], color=INK, linewidth=1, marker="o", markersize=2.6

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-import servotune
+from examples.demo import __main__ as demo
 from examples.demo import report
-from examples.demo.__main__ import Narrator, run
 from examples.demo.findings import Findings
 from examples.demo.measuring import DATA
-from examples.demo.service import own_service
 
 LATER = 3
 """Samples (1 ms each) by which the changed recording's measured channel comes later."""
@@ -21,34 +20,41 @@ LATER = 3
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What a run found, and its report."""
+    """What a run said, found and wrote."""
 
+    code: int
+    said: str
     findings: Findings
     page: str
 
 
+def demonstrate(recording: Path, folder: Path) -> Demonstration:
+    """Run the command as a person does, and keep the findings that its report was written from."""
+    written: list[Findings] = []
+    original_write = report.write
+
+    def write(findings: Findings, path: Path) -> None:
+        written.append(findings)
+        original_write(findings, path)
+
+    path, said = folder / "report.html", io.StringIO()
+    arguments = ["--recording", str(recording), "--report", str(path), "--workdir", str(folder / "work")]
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
+        patch.setattr(report, "write", write)
+        code = demo.main(arguments)
+    assert written, said.getvalue()
+    return Demonstration(code, said.getvalue(), written[0], path.read_text(encoding="utf-8"))
+
+
 @pytest.fixture(scope="session")
-def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[servotune.Client]:
-    with own_service(tmp_path_factory.mktemp("service")) as client:
-        yield client
-
-
-def demonstrate(client: servotune.Client, recording: Path, folder: Path) -> Demonstration:
-    findings = run(client, recording, Narrator())
-    path = folder / "report.html"
-    report.write(findings, path)
-    return Demonstration(findings, path.read_text(encoding="utf-8"))
+def original(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
+    return demonstrate(DATA / "0A.txt", tmp_path_factory.mktemp("original"))
 
 
 @pytest.fixture(scope="session")
-def original(client: servotune.Client, tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
-    return demonstrate(client, DATA / "0A.txt", tmp_path_factory.mktemp("original"))
-
-
-@pytest.fixture(scope="session")
-def changed(client: servotune.Client, tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     folder = tmp_path_factory.mktemp("changed")
-    return demonstrate(client, delayed(DATA / "0A.txt", folder / "0A.txt"), folder)
+    return demonstrate(delayed(DATA / "0A.txt", folder / "0A.txt"), folder)
 
 
 def delayed(source: Path, target: Path) -> Path:
