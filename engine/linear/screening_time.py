@@ -292,6 +292,7 @@ def _descent(trace: Trace, rows: Array, *, piece: Array, top: Array, level: Arra
     _, _, second = _evaluate(real, top)
     value = _evaluate(real, top)[0]
     u = top + np.sqrt(np.maximum(2 * value * side, 0.0) / np.maximum(-side * second, 1e-300))
+    u = np.clip(u, top, 1.0)
     for _ in range(8):
         value, slope, _ = _evaluate(real, u)
         u = np.clip(u - value / np.where(slope == 0, np.inf, slope), top, 1.0)
