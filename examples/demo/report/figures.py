@@ -209,20 +209,14 @@ def grid_map(findings: Findings, law: str, aim: str) -> Markup:
         colours = axes.pcolormesh(x, y, met, shading="nearest", cmap="YlGnBu_r" if aim == "response_time" else "YlGnBu")
         figure.colorbar(colours, ax=axes, label=f"{words(aim)} ({unit})", pad=0.02).outline.set_visible(False)
         path = [point["variables"] for point in gradient["history"] if point.get("variables")]
-        axes.plot(
-            [p[across] for p in path], [p[vertical] for p in path], color=INK, linewidth=1, marker="o", markersize=2.6
-        )
-        axes.plot(
-            [grid["best"][across]], [grid["best"][vertical]], "s", color="none", markeredgecolor=INK, markersize=9
-        )
-        axes.plot(
-            [gradient["best"][across]],
-            [gradient["best"][vertical]],
-            "*",
-            color="#ffd24a",
-            markeredgecolor=INK,
-            markersize=13,
-        )
+        way = [p[across] for p in path], [p[vertical] for p in path]
+        tried, reached = (([best[across]], [best[vertical]]) for best in (grid["best"], gradient["best"]))
+        # Each mark twice, white below dark: it must be seen on every colour of the map.
+        axes.plot(*way, color="white", linewidth=3, marker="o", markersize=6)
+        axes.plot(*way, color=INK, linewidth=1.2, marker="o", markersize=3)
+        axes.plot(*tried, "s", color="none", markeredgecolor="white", markeredgewidth=3, markersize=10)
+        axes.plot(*tried, "s", color="none", markeredgecolor=INK, markeredgewidth=1.2, markersize=10)
+        axes.plot(*reached, "*", color="#ffd24a", markeredgecolor=INK, markersize=14)
         axes.set(title=f"{law}: {words(aim)}", xlabel=across, ylabel=vertical, yscale="log", facecolor="#f1f2f4")
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
         _plain_log(axes.yaxis)
