@@ -1,59 +1,44 @@
-"""What users ask of a system: curves, frequency responses, and metrics with their derivatives; the exact path.
+"""What users ask of a system: curves with their metrics, and frequency responses; the exact path.
 
-Everything shown to a user comes from here; the batch kernels only search.
+Everything shown to a user comes from here and from :mod:`engine.measuring`; the batched screening only searches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.document import Remark
-from engine.errors import DiagramError, IllPosedError, UnresolvedError
+from engine.errors import DiagramError
 from engine.evaluation import LARGEST, Evaluation
 from engine.linear.path import path
 from engine.linear.poles import Poles
 from engine.linear.trajectory import respond
-from engine.metrics import Absent, Finding, Found, catalogue
+from engine.measuring import (
+    Gradient,
+    MetricRequest,
+    command_of,
+    find,
+    measure,
+    measured_of,
+    metric_named,
+    named_unit,
+    unit_of,
+)
+from engine.metrics import catalogue
 from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
 from engine.metrics._loop import delay_margins, gain_margins, phase_margins
 from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
-    from engine.metrics import Metric
     from engine.signals import Signal
 
 Real = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MetricRequest:
-    """One metric of one experiment.
-
-    ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
-    need none. ``duration`` limits integrals, s (None: infinity).
-    """
-
-    metric: str
-    signals: Mapping[str, Signal] = field(default_factory=dict)
-    output: str | None = None
-    source: str | None = None
-    target: str | None = None
-    open_at: str | None = None
-    duration: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Gradient:
-    """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps."""
-
-    values: Real
-    one_sided: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,156 +73,6 @@ class FrequencyStudy:
     poles: npt.NDArray[np.complex128]
     verdict: Verdict
     warnings: tuple[Remark, ...]
-
-
-def measure(
-    diagram: Diagram,
-    requests: Sequence[MetricRequest],
-    *,
-    overrides: Mapping[str, float] | None = None,
-    gradient: Sequence[str] = (),
-) -> list[tuple[Measured, Gradient | None]]:
-    """Return each metric, and its derivatives with respect to the parameters of ``gradient``.
-
-    Parameters
-    ----------
-    diagram : Diagram
-    requests : sequence of MetricRequest
-    overrides : mapping, optional
-        Parameter values, SI.
-    gradient : sequence of str, optional
-        Parameter paths. The derivative is exact (no step size); None where the metric has no value.
-
-    Raises
-    ------
-    DiagramError
-        When a request names an unknown metric, input, output, endpoint or parameter.
-    """
-    if not gradient:
-        found = _findings(Evaluation(diagram, overrides), requests)
-        return [(_measured(diagram, request, finding), None) for request, finding in zip(requests, found, strict=True)]
-    groups = _lanes(diagram, overrides, gradient)
-    columns = [_findings(group, requests) for group in groups]
-    order = [name for group in groups for name in group.gradient]
-    place = [order.index(name) for name in gradient]
-    result: list[tuple[Measured, Gradient | None]] = []
-    for row, request in enumerate(requests):
-        first = columns[0][row]
-        slopes = None
-        if isinstance(first, Found):
-            parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
-            slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided)
-        result.append((_measured(diagram, request, first), slopes))
-    return result
-
-
-def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
-    """Return the derivatives of one metric for the parameters of one evaluation; NaN where the metric then vanishes."""
-    if isinstance(finding, Found):
-        return evaluation.derivatives(finding.value)
-    return np.full(len(evaluation.gradient), np.nan)
-
-
-def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str]) -> list[Evaluation]:
-    """Return evaluations that together carry the gradient; parameters at 0 may bring states of their own."""
-    base = Evaluation(diagram, overrides)
-    zero = [name for name in gradient if base.value_of(name) == 0]
-    plain = [name for name in gradient if name not in zero]
-    groups = ([plain] if plain else []) + [[name] for name in zero]
-    return [Evaluation(diagram, overrides, group) for group in groups]
-
-
-def _findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:
-    together: dict[tuple[int, ...], list[str]] = {}
-    for request in requests:
-        if request.output is not None:
-            outputs = together.setdefault(_command(request), [])
-            if request.output not in outputs:
-                outputs.append(request.output)
-    return [_find(evaluation, request, together) for request in requests]
-
-
-def _command(request: MetricRequest) -> tuple[int, ...]:
-    return tuple(id(signal) for signal in request.signals.values())
-
-
-def metric_named(name: str) -> type[Metric]:
-    """Return the metric class of a kind.
-
-    Raises
-    ------
-    DiagramError
-        When the catalogue has none.
-    """
-    found = catalogue().get(name)
-    if found is None:
-        msg = f"metric must be one of the catalogue's ({', '.join(catalogue())}), got '{name}'"
-        raise DiagramError(msg, at=("metrics",))
-    return found
-
-
-def _find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
-    metric = metric_named(request.metric)
-    lacking = _lacking(metric, request)
-    if lacking:
-        return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
-    try:
-        if issubclass(metric, TimeMetric):
-            outputs = together.get(_command(request), [str(request.output)])
-            subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-            finding = metric.measure(subject)
-        elif issubclass(metric, PathMetric):
-            finding = metric.measure(evaluation.path(str(request.source), str(request.target)))
-        elif issubclass(metric, LoopMetric):
-            finding = metric.measure(evaluation.loop(str(request.open_at)))
-        else:
-            assert issubclass(metric, SystemMetric)
-            finding = metric.measure(evaluation.system_subject)
-    except IllPosedError as error:
-        finding = Absent(verdict=Verdict.ILL_POSED, advice=error.message)
-    except UnresolvedError as error:
-        finding = Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
-    return finding
-
-
-def _lacking(metric: type[Metric], request: MetricRequest) -> str:
-    """Return what a request must still name for this metric, or an empty string."""
-    if issubclass(metric, TimeMetric) and (request.output is None or not request.signals):
-        return "it needs an input signal and the name of an output"
-    if issubclass(metric, PathMetric) and (request.source is None or request.target is None):
-        return "it needs 'from' (an input) and 'to' (an output)"
-    if issubclass(metric, LoopMetric) and request.open_at is None:
-        return "it needs 'open_at': where the loop is cut open"
-    return ""
-
-
-def unit_of(diagram: Diagram, request: MetricRequest) -> str:
-    """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
-    unit = metric_named(request.metric).unit
-    if unit == "output/input":
-        return _named_unit(diagram, request.target)
-    if "output" not in unit:
-        return unit
-    own = _named_unit(diagram, request.output)
-    if own == "1":
-        return unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
-    base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own
-    return unit.replace("output", base)
-
-
-def _named_unit(diagram: Diagram, output: str | None) -> str:
-    return (diagram.output_units.get(output) if output else None) or "1"
-
-
-def _measured(diagram: Diagram, request: MetricRequest, finding: Finding) -> Measured:
-    unit = unit_of(diagram, request)
-    if isinstance(finding, Absent):
-        return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice)
-    value = float(np.ravel(finding.value)[0].real)
-    if not np.isfinite(value):
-        return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
-    advice = "a turning point just touches the band: a small change makes this value jump" if finding.one_sided else ""
-    return Measured(value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at)
 
 
 def simulate(
@@ -276,10 +111,10 @@ def simulate(
     curves = _curves(evaluation, signals, names, time)
     found: dict[str, dict[str, Measured]] = {}
     for name in names:
-        wanted = _fitting(_named_unit(diagram, name)) if metrics is None else metrics
+        wanted = _fitting(named_unit(diagram, name)) if metrics is None else metrics
         requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration) for m in wanted]
-        together = {_command(r): names for r in requests}
-        found[name] = {r.metric: _measured(diagram, r, _find(evaluation, r, together)) for r in requests}
+        together = {command_of(r): names for r in requests}
+        found[name] = {r.metric: measured_of(diagram, r, find(evaluation, r, together)) for r in requests}
         if metrics is None:
             found[name] = {m: v for m, v in found[name].items() if v.verdict is not Verdict.NOT_APPLICABLE}
     remarks = (*diagram.warnings, *_hidden(response.hidden))
@@ -423,7 +258,7 @@ def frequency_response(
     if wanted is None:
         wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
     requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at) for m in wanted]
-    found = {r.metric: _measured(diagram, r, _find(evaluation, r, {})) for r in requests}
+    found = {r.metric: measured_of(diagram, r, find(evaluation, r, {})) for r in requests}
     return FrequencyStudy(
         frequency=chosen,
         response=response,

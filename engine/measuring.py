@@ -1,0 +1,205 @@
+"""Metrics of a diagram on the exact path, with their derivatives: one request, one number or the word why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import DiagramError, IllPosedError, UnresolvedError
+from engine.evaluation import Evaluation
+from engine.metrics import Absent, Finding, Found, catalogue
+from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
+from engine.verdicts import Measured, Verdict
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.metrics import Metric
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MetricRequest:
+    """One metric of one experiment.
+
+    ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
+    need none. ``duration`` limits integrals, s (None: infinity).
+    """
+
+    metric: str
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    output: str | None = None
+    source: str | None = None
+    target: str | None = None
+    open_at: str | None = None
+    duration: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gradient:
+    """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps."""
+
+    values: Real
+    one_sided: bool
+
+
+def measure(
+    diagram: Diagram,
+    requests: Sequence[MetricRequest],
+    *,
+    overrides: Mapping[str, float] | None = None,
+    gradient: Sequence[str] = (),
+) -> list[tuple[Measured, Gradient | None]]:
+    """Return each metric, and its derivatives with respect to the parameters of ``gradient``.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    requests : sequence of MetricRequest
+    overrides : mapping, optional
+        Parameter values, SI.
+    gradient : sequence of str, optional
+        Parameter paths. The derivative is exact (no step size); None where the metric has no value.
+
+    Raises
+    ------
+    DiagramError
+        When a request names an unknown metric, input, output, endpoint or parameter.
+    """
+    if not gradient:
+        found = findings(Evaluation(diagram, overrides), requests)
+        return [
+            (measured_of(diagram, request, finding), None) for request, finding in zip(requests, found, strict=True)
+        ]
+    groups = _lanes(diagram, overrides, gradient)
+    columns = [findings(group, requests) for group in groups]
+    order = [name for group in groups for name in group.gradient]
+    place = [order.index(name) for name in gradient]
+    result: list[tuple[Measured, Gradient | None]] = []
+    for row, request in enumerate(requests):
+        first = columns[0][row]
+        slopes = None
+        if isinstance(first, Found):
+            parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
+            slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided)
+        result.append((measured_of(diagram, request, first), slopes))
+    return result
+
+
+def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
+    """Return the derivatives of one metric for the parameters of one evaluation; NaN where the metric then vanishes."""
+    if isinstance(finding, Found):
+        return evaluation.derivatives(finding.value)
+    return np.full(len(evaluation.gradient), np.nan)
+
+
+def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str]) -> list[Evaluation]:
+    """Return evaluations that together carry the gradient; parameters at 0 may bring states of their own."""
+    base = Evaluation(diagram, overrides)
+    zero = [name for name in gradient if base.value_of(name) == 0]
+    plain = [name for name in gradient if name not in zero]
+    groups = ([plain] if plain else []) + [[name] for name in zero]
+    return [Evaluation(diagram, overrides, group) for group in groups]
+
+
+def findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:
+    """Return all metrics of one evaluation, each response computed once."""
+    together: dict[tuple[int, ...], list[str]] = {}
+    for request in requests:
+        if request.output is not None:
+            outputs = together.setdefault(command_of(request), [])
+            if request.output not in outputs:
+                outputs.append(request.output)
+    return [find(evaluation, request, together) for request in requests]
+
+
+def command_of(request: MetricRequest) -> tuple[int, ...]:
+    """Return what tells one command from another, so that its response is computed once."""
+    return tuple(id(signal) for signal in request.signals.values())
+
+
+def metric_named(name: str) -> type[Metric]:
+    """Return the metric class of a kind.
+
+    Raises
+    ------
+    DiagramError
+        When the catalogue has none.
+    """
+    found = catalogue().get(name)
+    if found is None:
+        msg = f"metric must be one of the catalogue's ({', '.join(catalogue())}), got '{name}'"
+        raise DiagramError(msg, at=("metrics",))
+    return found
+
+
+def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
+    """Return one metric; ``together`` names, for each command, the outputs whose responses are computed with it."""
+    metric = metric_named(request.metric)
+    lacking = _lacking(metric, request)
+    if lacking:
+        return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
+    try:
+        if issubclass(metric, TimeMetric):
+            outputs = together.get(command_of(request), [str(request.output)])
+            subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
+            finding = metric.measure(subject)
+        elif issubclass(metric, PathMetric):
+            finding = metric.measure(evaluation.path(str(request.source), str(request.target)))
+        elif issubclass(metric, LoopMetric):
+            finding = metric.measure(evaluation.loop(str(request.open_at)))
+        else:
+            assert issubclass(metric, SystemMetric)
+            finding = metric.measure(evaluation.system_subject)
+    except IllPosedError as error:
+        finding = Absent(verdict=Verdict.ILL_POSED, advice=error.message)
+    except UnresolvedError as error:
+        finding = Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
+    return finding
+
+
+def _lacking(metric: type[Metric], request: MetricRequest) -> str:
+    """Return what a request must still name for this metric, or an empty string."""
+    if issubclass(metric, TimeMetric) and (request.output is None or not request.signals):
+        return "it needs an input signal and the name of an output"
+    if issubclass(metric, PathMetric) and (request.source is None or request.target is None):
+        return "it needs 'from' (an input) and 'to' (an output)"
+    if issubclass(metric, LoopMetric) and request.open_at is None:
+        return "it needs 'open_at': where the loop is cut open"
+    return ""
+
+
+def unit_of(diagram: Diagram, request: MetricRequest) -> str:
+    """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
+    unit = metric_named(request.metric).unit
+    if unit == "output/input":
+        return named_unit(diagram, request.target)
+    if "output" not in unit:
+        return unit
+    own = named_unit(diagram, request.output)
+    if own == "1":
+        return unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
+    base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own
+    return unit.replace("output", base)
+
+
+def named_unit(diagram: Diagram, output: str | None) -> str:
+    """Return the unit of an output, "1" where none is known."""
+    return (diagram.output_units.get(output) if output else None) or "1"
+
+
+def measured_of(diagram: Diagram, request: MetricRequest, finding: Finding) -> Measured:
+    """Return a finding as the user sees it: a number with its unit, or a verdict with advice."""
+    unit = unit_of(diagram, request)
+    if isinstance(finding, Absent):
+        return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice)
+    value = float(np.ravel(finding.value)[0].real)
+    if not np.isfinite(value):
+        return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
+    advice = "a turning point just touches the band: a small change makes this value jump" if finding.one_sided else ""
+    return Measured(value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at)
