@@ -122,25 +122,22 @@ async def events(
 ) -> AsyncIterator[ServerSentEvent]:
     """Stream the job's events until it has ended; `Last-Event-ID` resumes without a gap."""
 
-    def look(last: int) -> list[tuple[int, str, dict[str, object]]]:
+    def look(last: int) -> tuple[bool, list[tuple[int, str, dict[str, object]]]]:
         with service.database.session() as session:
+            # First the status: once it is final, every event is there to be read; the other way round the last one,
+            # written between the two questions, would be lost.
+            ended = jobs.is_final(str(jobs.get(session, caller, identifier)["status"]))
             rows = jobs.events(session, caller, identifier, after=last)
-            return [(row.id, row.type, row.payload) for row in rows]
+            return ended, [(row.id, row.type, row.payload) for row in rows]
 
     while not await request.is_disconnected():
-        found = await run_in_threadpool(look, after)
+        ended, found = await run_in_threadpool(look, after)
         for number, kind, payload in found:
             after = number
             yield ServerSentEvent(id=str(number), event=kind, data=payload)
             if kind == "status" and jobs.is_final(str(payload["status"])):
                 return
         if not found:
-            if await run_in_threadpool(_has_ended, service, caller, identifier):
+            if ended:  # a stream resumed after the last event must end too
                 return
             await asyncio.sleep(_POLL)
-
-
-def _has_ended(service: InstallationDep, caller: Reader, identifier: str) -> bool:
-    """Return whether nothing more will come: a stream resumed after the last event must end too."""
-    with service.database.session() as session:
-        return jobs.is_final(str(jobs.get(session, caller, identifier)["status"]))
