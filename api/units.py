@@ -32,7 +32,7 @@ class UnitError(ValueError):
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
     # Imported here because building the registry costs a good part of a second, which most processes never need.
-    import pint  # noqa: PLC0415
+    import pint  # noqa: PLC0415 -- see _registry
 
     # Rational numbers, so that 65 cm**2 is exactly the float64 nearest to 0.0065 m**2.
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, non_int_type=Fraction)

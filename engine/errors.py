@@ -66,4 +66,4 @@ class IllPosedError(EngineError):
 
 
 class UnresolvedError(EngineError):
-    """A response cannot be resolved within the limits (a delay far shorter than the response, say)."""
+    """A response cannot be resolved within the limits (a very lightly damped or very stiff system, say)."""

@@ -100,7 +100,7 @@ def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     balanced, transform = matrix_balance(a, permute=False)
     scale = np.diag(transform)
     # the stubs know two results; left and right together make three
-    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]
+    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]  # its stubs miss the third value that left=True brings
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     size = float(np.linalg.norm(balanced))
     uncertainty = 20 * _EPS * size / np.maximum(overlap, _EPS)

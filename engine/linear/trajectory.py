@@ -15,7 +15,7 @@ A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxf
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -365,7 +365,10 @@ def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float,
     seen: dict[int, Array] = {}
     grain = 1e-10 * float(basis[1:].min())
     front = list(points)
-    key: Callable[[Array], int] = lambda p: round(float(p @ basis) / grain)  # noqa: E731
+
+    def key(point: Array) -> int:
+        return round(float(point @ basis) / grain)
+
     for point in front:
         seen.setdefault(key(point), point)
     for _ in range(most):

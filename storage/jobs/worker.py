@@ -163,7 +163,7 @@ def recover(dead: Sequence[str]) -> None:
     private call only (or a commercial service), which is used here and nowhere else, and held by a test.
     """
     if dead:
-        DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001
+        DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001 - no public call; held by a test
 
 
 def _claim_name(database: Database, token: str, slots: int) -> str:
