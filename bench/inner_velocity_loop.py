@@ -1,0 +1,61 @@
+"""The batch job of the benchmark: a position loop with an inner velocity loop, 5 parameters, 10 results of each candidate.
+
+PD2 controller with filter, second-order valve, integrating plant of third order, sensor lag: 8 states, two loops. The tenth
+result is stability, which a screening says of every candidate.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from api.convert.systems import diagram_from_wire
+from api.schemas.systems import SystemDocument
+from engine.diagram import Diagram
+from engine.signals import make
+from engine.study import MetricRequest
+
+Real = npt.NDArray[np.float64]
+
+DOCUMENT = Path(__file__).parent / "systems" / "inner_velocity_loop.json"
+PARAMETERS = ("kp", "td1", "td2", "tf", "kv")
+DURATION = 1.0
+SAMPLES = 1000
+FREQUENCIES = np.logspace(-1, 4, 200)
+CUT = "sensor"
+
+
+def diagram() -> Diagram:
+    """Return the loop, read from its document."""
+    return diagram_from_wire(SystemDocument.model_validate_json(DOCUMENT.read_text()))
+
+
+def requests() -> list[MetricRequest]:
+    """Return the nine metrics: of a unit step, of the loop cut at the sensor, and of the closed path."""
+    step = {"reference": make("step", {})}
+    timed = [("rise_time", "position"), ("settling_time", "position"), ("overshoot", "position")]
+    timed += [("max_acceleration", "acceleration"), ("steady_state_error", "position")]
+    return [
+        *(MetricRequest(metric=metric, signals=step, output=output) for metric, output in timed),
+        *(MetricRequest(metric=metric, open_at=CUT) for metric in ("gain_margin", "phase_margin", "sensitivity_peak")),
+        MetricRequest(metric="bandwidth", source="reference", target="position"),
+    ]
+
+
+def sample(count: int, seed: int) -> dict[str, Real]:
+    """Return candidates near the document's values, each parameter times exp(-0.4) to exp(0.4): almost all are stable."""
+    return _around(0.4, count, seed)
+
+
+def wide(count: int, seed: int) -> dict[str, Real]:
+    """Return candidates far around the document's values, each parameter times exp(-1.5) to exp(1.5): 21 % are unstable."""
+    return _around(1.5, count, seed)
+
+
+def _around(spread: float, count: int, seed: int) -> dict[str, Real]:
+    declared = diagram().parameters
+    nominal = np.array([declared[name].value for name in PARAMETERS])
+    candidates = nominal * np.exp(np.random.default_rng(seed).uniform(-spread, spread, (count, len(PARAMETERS))))
+    return dict(zip(PARAMETERS, candidates.T.copy(), strict=True))
