@@ -7,7 +7,8 @@ any parameter values, `Diagram.realize_stack` for many at once, in both cases cl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,9 @@ from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
-from engine.scopes import Port, Traced, listed, trace
+from engine.scopes import Port, listed, trace
+from engine.scopes import Traced as TracedSignal
+from engine.traced import Graph, Traced
 
 __all__ = ["Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
 
@@ -49,6 +52,19 @@ def compile_system(system: System) -> Diagram:
     diagram = Diagram(system, flat)
     diagram.realize()
     return diagram
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TracedDiagram:
+    """Blocks whose coefficients are formulas: numbers, or `Traced` where they depend on a parameter.
+
+    ``bounds`` are the values that have physical bounds.
+    """
+
+    graph: Graph
+    realizations: tuple[Realization, ...]
+    bounds: tuple[tuple[Param, Traced], ...]
+    interconnection: Interconnection
 
 
 class Diagram:
@@ -204,6 +220,33 @@ class Diagram:
             raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
 
+    def trace(self, varied: Sequence[str]) -> TracedDiagram:
+        """Return every coefficient of every block as a formula of the parameters ``varied``.
+
+        Raises
+        ------
+        DiagramError, ExpressionError
+            If a path does not exist or a block cannot be realised at the document's values.
+        """
+        graph = Graph()
+        slots: dict[int, Scalar] = {self._slot(path): graph.parameter(self._value(path)) for path in varied}
+        change = self._bindings.change(frozenset(slots))
+        values = self._bindings.override_many(slots, change)
+        realizations = list(self._realizations)
+        for number in change.blocks:
+            realizations[number] = self._realize_block(number, values)
+        bounds = [(self._bindings.slots[index].param, values[index]) for index in change.checked]
+        return TracedDiagram(
+            graph=graph,
+            realizations=tuple(realizations),
+            bounds=tuple((param, value) for param, value in bounds if param is not None and isinstance(value, Traced)),
+            interconnection=self._interconnection,
+        )
+
+    def wiring(self, open_at: str | None = None) -> Wiring:
+        """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
+        return self._wiring(open_at)
+
     def _value(self, path: str) -> float:
         return float(self._bindings.base[self._slot(path)].real)
 
@@ -276,7 +319,7 @@ class Diagram:
             reads=tuple(silent if read == _SILENT else read for read in reads),
         )
 
-    def _signal(self, traced: Traced) -> int:
+    def _signal(self, traced: TracedSignal) -> int:
         """Return the number of a signal: block outputs first, then inputs."""
         if traced.entry is None:
             return _SILENT

@@ -26,6 +26,7 @@ import numpy as np
 
 from engine.errors import ExpressionError
 from engine.parameters import Scalar
+from engine.traced import Op, Traced
 
 MAX_LENGTH: Final = 1000
 MAX_DEPTH: Final = 50
@@ -51,6 +52,8 @@ def _positive(value: Scalar, name: str) -> Scalar:
 
 
 def _sqrt(value: Scalar) -> Scalar:
+    if isinstance(value, Traced):
+        return value.apply(Op.SQRT)
     if isinstance(value, np.ndarray):
         return np.sqrt(np.where((value.real > 0) | (value == 0), value, np.nan))
     if value == 0:
@@ -62,6 +65,8 @@ def _sqrt(value: Scalar) -> Scalar:
 
 
 def _log(value: Scalar) -> Scalar:
+    if isinstance(value, Traced):
+        return value.apply(Op.LOG)
     value = _positive(value, "log")
     if isinstance(value, np.ndarray):
         return np.asarray(np.log(value))
@@ -69,9 +74,11 @@ def _log(value: Scalar) -> Scalar:
 
 
 def _elementary(
-    numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]
+    op: Op, numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]
 ) -> Callable[[Scalar], Scalar]:
     def apply(value: Scalar) -> Scalar:
+        if isinstance(value, Traced):
+            return value.apply(op)
         if isinstance(value, np.ndarray):
             return np.asarray(numpy(value))
         return analytic(value) if isinstance(value, complex) else real(value)
@@ -89,6 +96,8 @@ def _divide(dividend: Scalar, divisor: Scalar) -> Scalar:
 
 
 def _power(base: Scalar, exponent: Scalar) -> Scalar:
+    if isinstance(base, Traced) or isinstance(exponent, Traced):
+        return base**exponent
     if isinstance(base, np.ndarray) or isinstance(exponent, np.ndarray):
         base, exponent = np.asarray(base), np.asarray(exponent)
         whole = (exponent == np.rint(exponent.real)) & ((exponent.real >= 0) | (base.real != 0))
@@ -105,10 +114,10 @@ def _power(base: Scalar, exponent: Scalar) -> Scalar:
 
 FUNCTIONS: Final[Mapping[str, Callable[[Scalar], Scalar]]] = {
     "sqrt": _sqrt,
-    "exp": _elementary(np.exp, math.exp, cmath.exp),
+    "exp": _elementary(Op.EXP, np.exp, math.exp, cmath.exp),
     "log": _log,
-    "sin": _elementary(np.sin, math.sin, cmath.sin),
-    "cos": _elementary(np.cos, math.cos, cmath.cos),
+    "sin": _elementary(Op.SIN, np.sin, math.sin, cmath.sin),
+    "cos": _elementary(Op.COS, np.cos, math.cos, cmath.cos),
 }
 RESERVED: Final = frozenset({*FUNCTIONS, "pi"})
 """Names with a meaning of their own, which no parameter may have."""
@@ -155,7 +164,7 @@ class Expression:
             raise ExpressionError(f"expression '{self.text}' must be finite, but overflows") from None
         except ValueError as error:  # ours, or math's for the sine of infinity
             raise ExpressionError(f"expression '{self.text}' has no value: {error}") from None
-        if not isinstance(result, np.ndarray) and not cmath.isfinite(result):
+        if not isinstance(result, np.ndarray | Traced) and not cmath.isfinite(result):
             raise ExpressionError(f"expression '{self.text}' must be finite, got {result.real:g}")
         return result
 

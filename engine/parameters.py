@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
 
 import numpy as np
 import numpy.typing as npt
 
+if TYPE_CHECKING:
+    from engine.traced import Traced
+
 Scale = Literal["linear", "log"]
-Shape = Literal["scalar", "list", "roots", "matrix", "text"]
-Scalar = float | complex | npt.NDArray[Any]
-"""One value, one value with an infinitesimal in its imaginary part, or a batch of values (B,)."""
+Shape = Literal["scalar", "list", "roots", "matrix", "text", "integer", "names", "signal"]
+Scalar: TypeAlias = Union[float, complex, npt.NDArray[Any], "Traced"]  # noqa: UP007 - a string has no |
+"""One value, one with an infinitesimal in its imaginary part, a batch of values (B,), or one that traces its making."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,8 +23,11 @@ class Param:
     """Declaration of one parameter of an element or signal.
 
     ``unit`` is a coherent SI unit ("" = a generic gain of any unit, "1" = a ratio). ``shape`` is "scalar", "list",
-    "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows) or "text" (one of ``choices`` where
-    these are given). ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless ``required`` is False: then it may be absent.
+    "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows), "text" (one of ``choices`` where these are
+    given), "integer" (a whole number that decides the structure, as an order does), "names" (a list of port names) or
+    "signal" (a command that another one is made of).
+    ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless
+    ``required`` is False: then it may be absent.
     Only scalars have a parameter path and can be varied; entries of a list follow system parameters through expressions.
     """
 

@@ -68,7 +68,7 @@ class Wiring:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Term:
+class Term:
     """One feed-through: signal ``row`` contains entry (``i``, ``j``) of the block's D times signal ``source``."""
 
     row: int
@@ -79,12 +79,12 @@ class _Term:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Loop:
+class Loop:
     """The rows of one algebraic loop, with the feed-through inside it and into it."""
 
     rows: tuple[int, ...]
-    inner: tuple[_Term, ...]
-    outer: tuple[_Term, ...]
+    inner: tuple[Term, ...]
+    outer: tuple[Term, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,7 +140,7 @@ class Interconnection:
         self.inputs = sum(len(block.ports.inputs) for block in blocks)
         self.outputs = len(self._labels)
         self._owner = [block for block in blocks for _ in block.ports.outputs]
-        self._steps: dict[Any, tuple[_Term | _Loop, ...]] = {}
+        self._steps: dict[Any, tuple[Term | Loop, ...]] = {}
 
     def assemble(
         self, realizations: Sequence[Realization], wiring: Wiring, *, admitted: npt.NDArray[np.bool_] | None = None
@@ -172,8 +172,8 @@ class Interconnection:
         valid = np.ones((), dtype=bool) if admitted is None else admitted.copy()
         layout = _Layout(realizations, externals=len(wiring.inputs), batch=valid.shape)
         signals = self._sources(realizations, layout)
-        for step in self._order(realizations, wiring):
-            if isinstance(step, _Term):
+        for step in self.order(realizations, wiring):
+            if isinstance(step, Term):
                 factor = realizations[step.block].d[..., step.i, step.j, None]
                 signals[..., step.row, :] += factor * signals[..., step.source, :]
             else:
@@ -232,7 +232,7 @@ class Interconnection:
             "x0": start,
         }
 
-    def _order(self, realizations: Sequence[Realization], wiring: Wiring) -> tuple[_Term | _Loop, ...]:
+    def order(self, realizations: Sequence[Realization], wiring: Wiring) -> tuple[Term | Loop, ...]:
         """Return the feed-through in the order in which it can be followed; remembered for each pattern of zeros in D."""
         patterns = [_pattern(r.d) for r in realizations]
         key = (wiring.sources, tuple(pattern.tobytes() for pattern in patterns))
@@ -243,29 +243,29 @@ class Interconnection:
             steps = self._steps[key] = self._plan(patterns, wiring.sources)
         return steps
 
-    def _plan(self, patterns: Sequence[Array], sources: Sequence[int]) -> tuple[_Term | _Loop, ...]:
+    def _plan(self, patterns: Sequence[Array], sources: Sequence[int]) -> tuple[Term | Loop, ...]:
         outputs = self.outputs
-        terms: list[list[_Term]] = [[] for _ in range(outputs)]
+        terms: list[list[Term]] = [[] for _ in range(outputs)]
         for number, (block, pattern) in enumerate(zip(self._blocks, patterns, strict=True)):
             for i, j in zip(*np.nonzero(pattern), strict=True):
                 source = sources[block.first_input + int(j)]
                 row = block.first_output + int(i)
-                terms[row].append(_Term(row=row, block=number, i=int(i), j=int(j), source=source))
+                terms[row].append(Term(row=row, block=number, i=int(i), j=int(j), source=source))
         component = _components([[t.source for t in row if t.source < outputs] for row in terms])
-        steps: list[_Term | _Loop] = []
+        steps: list[Term | Loop] = []
         for rows in component:
             own = [term for row in rows for term in terms[row]]
             inner = tuple(term for term in own if term.source in rows)
             if inner:
                 outer = tuple(term for term in own if term.source not in rows)
-                steps.append(_Loop(rows=tuple(rows), inner=inner, outer=outer))
+                steps.append(Loop(rows=tuple(rows), inner=inner, outer=outer))
             else:
                 steps.extend(own)
         return tuple(steps)
 
     def _solve(
         self,
-        loop: _Loop,
+        loop: Loop,
         realizations: Sequence[Realization],
         signals: Array,
         valid: npt.NDArray[np.bool_],
@@ -299,7 +299,7 @@ class Interconnection:
         rows = list(loop.rows)
         signals[..., rows, :] = np.linalg.solve(equations, signals[..., rows, :] / scale[:, None]) * scale[:, None]
 
-    def _ill_posed(self, loop: _Loop) -> IllPosedError:
+    def _ill_posed(self, loop: Loop) -> IllPosedError:
         circle = _shortest_circle({row: [t.row for t in loop.inner if t.source == row] for row in loop.rows})
         ports = tuple(self._labels[row] for row in circle)
         return IllPosedError(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
+from engine.traced import Op, Traced
 
 Array = npt.NDArray[Any]
 Values = Mapping[str, Any]
@@ -93,7 +94,9 @@ class Element(ABC):
 def matrix(rows: Sequence[Sequence[Scalar]], *, columns: int = 0) -> Array:
     """Return an array (..., rows, columns) whose entries are numbers or batches (B,); ``columns`` serves an empty one."""
     shape = (len(rows), len(rows[0]) if rows else columns)
-    entries = [entry for row in rows for entry in row]
+    entries: list[Any] = [entry for row in rows for entry in row]
+    if any(isinstance(entry, Traced) for entry in entries):
+        return np.array(entries, dtype=object).reshape(shape)
     batches = [entry.shape for entry in entries if isinstance(entry, np.ndarray)]
     if not batches:
         kind = complex if any(isinstance(entry, complex) for entry in entries) else float
@@ -107,6 +110,8 @@ def matrix(rows: Sequence[Sequence[Scalar]], *, columns: int = 0) -> Array:
 
 def absent(value: Scalar) -> bool:
     """Whether ``value`` is exactly 0 (in the whole batch) and carries no infinitesimal, so that its state can go."""
+    if isinstance(value, Traced):
+        return False  # a value that is going to vary
     return not np.any(value) if isinstance(value, np.ndarray) else value == 0
 
 
@@ -116,6 +121,8 @@ def vanishing(value: Scalar) -> Scalar:
     A batch has one structure: where a single member needs no state, its state is made to decay unseen. Where all real
     parts are 0, the state is there for an infinitesimal, and all members keep it as it is.
     """
+    if isinstance(value, Traced):
+        return value.apply(Op.IS_ZERO)
     if isinstance(value, np.ndarray) and np.any(value.real):
         return np.where(value == 0, 1.0, 0.0)
     return 0.0

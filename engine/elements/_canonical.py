@@ -16,6 +16,7 @@ from scipy.linalg import lapack
 from engine.elements._base import Array, Realization, absent, matrix
 from engine.errors import DiagramError
 from engine.parameters import Scalar
+from engine.traced import nominal
 
 _OVERSIZED: Final = 1e300
 
@@ -81,7 +82,7 @@ def _padded(coefficients: Sequence[Scalar], length: int) -> list[Scalar]:
 
 def _typical(values: Array) -> Array:
     """Return the magnitudes of the real parts; of a batch, the median over its members."""
-    magnitude = np.nan_to_num(np.abs(values.real), posinf=_OVERSIZED)
+    magnitude = np.nan_to_num(np.abs(nominal(values).real), posinf=_OVERSIZED)
     return np.asarray(np.median(magnitude, axis=0) if values.ndim > 2 else magnitude)
 
 

@@ -1,0 +1,209 @@
+"""Numbers that remember how they were made: arithmetic on them writes an expression graph, once for all parameter values.
+
+An element's `realize` and a document's expressions are plain arithmetic. Given traced numbers in place of floats they leave
+behind the formula of every coefficient, which the compiled kernels then evaluate for thousands of parameter sets without
+running any Python. Equal formulas are one node; what depends on no parameter stays an ordinary float and is folded at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+
+class Op(IntEnum):
+    """Operations of the graph; the numbers are those that the kernels interpret."""
+
+    ADD = 0
+    SUB = 1
+    MUL = 2
+    DIV = 3
+    NEG = 4
+    SQRT = 5
+    EXP = 6
+    LOG = 7
+    SIN = 8
+    COS = 9
+    IS_ZERO = 10
+    CONSTANT = 100
+    PARAMETER = 101
+
+
+_NUMERIC: Final[Mapping[Op, Callable[..., float]]] = {
+    Op.ADD: lambda a, b: a + b,
+    Op.SUB: lambda a, b: a - b,
+    Op.MUL: lambda a, b: a * b,
+    Op.DIV: lambda a, b: a / b if b else math.nan,
+    Op.NEG: lambda a: -a,
+    Op.SQRT: lambda a: math.sqrt(a) if a >= 0 else math.nan,
+    Op.EXP: lambda a: float(np.exp(a)),
+    Op.LOG: lambda a: math.log(a) if a > 0 else math.nan,
+    Op.SIN: lambda a: math.sin(a) if math.isfinite(a) else math.nan,
+    Op.COS: lambda a: math.cos(a) if math.isfinite(a) else math.nan,
+    Op.IS_ZERO: lambda a: float(a == 0),
+}
+_COMMUTES: Final = frozenset({Op.ADD, Op.MUL})
+
+
+class Graph:
+    """Nodes in the order in which they were made, so that operands always come first.
+
+    Attributes
+    ----------
+    nodes : list of (operation, first operand, second operand)
+        Operands are node numbers, -1 where there is none; those of a parameter is its number among the parameters.
+    values : list of float
+        What each node is at the values that the graph was traced at.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[tuple[Op, int, int]] = []
+        self.values: list[float] = []
+        self._known: dict[tuple[Any, ...], int] = {}
+        self._parameters = 0
+
+    def parameter(self, value: float) -> Traced:
+        """Return the next parameter, traced at ``value``."""
+        self._parameters += 1
+        return self._node((Op.PARAMETER, self._parameters - 1, -1), value)
+
+    def constant(self, value: float) -> int:
+        """Return the node number of a constant."""
+        key = (Op.CONSTANT, float(value).hex())
+        if key not in self._known:
+            self._known[key] = len(self.nodes)
+            self.nodes.append((Op.CONSTANT, -1, -1))
+            self.values.append(float(value))
+        return self._known[key]
+
+    def apply(self, op: Op, *operands: Traced | float) -> Traced:
+        """Return the result of an operation."""
+        numbers = [o.node if isinstance(o, Traced) else self.constant(float(o)) for o in operands]
+        value = _NUMERIC[op](*(self.values[number] for number in numbers))
+        if op in _COMMUTES:
+            numbers.sort()
+        first, second = (*numbers, -1)[:2]
+        return self._node((op, first, second), value)
+
+    def _node(self, key: tuple[Op, int, int], value: float) -> Traced:
+        number = self._known.get(key)
+        if number is None:
+            number = self._known[key] = len(self.nodes)
+            self.nodes.append(key)
+            self.values.append(float(value))
+        return Traced(self, number)
+
+
+class Traced:
+    """A number that depends on a parameter. ``real`` is its value where the graph was traced; decisions look at that."""
+
+    __slots__ = ("graph", "node")
+
+    imag = 0.0
+
+    def __init__(self, graph: Graph, node: int) -> None:
+        self.graph = graph
+        self.node = node
+
+    @property
+    def real(self) -> float:
+        """The value at the parameters that the graph was traced at."""
+        return self.graph.values[self.node]
+
+    def __repr__(self) -> str:
+        return f"Traced({self.real:g})"
+
+    def __add__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        return self if _is(other, 0.0) else self.graph.apply(Op.ADD, self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        if isinstance(other, Traced) and other.node == self.node:
+            return 0.0
+        return self if _is(other, 0.0) else self.graph.apply(Op.SUB, self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        return -self if _is(other, 0.0) else self.graph.apply(Op.SUB, other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        if _is(other, 0.0):
+            return 0.0
+        if _is(other, 1.0):
+            return self
+        return -self if _is(other, -1.0) else self.graph.apply(Op.MUL, self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        if isinstance(other, Traced):
+            return 1.0 if other.node == self.node else self.graph.apply(Op.DIV, self, other)
+        return self * (1.0 / other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        return 0.0 if _is(other, 0.0) else self.graph.apply(Op.DIV, other, self)
+
+    def __neg__(self) -> Any:
+        op, first, _ = self.graph.nodes[self.node]
+        return Traced(self.graph, first) if op is Op.NEG else self.graph.apply(Op.NEG, self)
+
+    def __pos__(self) -> Traced:
+        return self
+
+    def __pow__(self, exponent: Any) -> Any:
+        if not isinstance(exponent, Traced):
+            power = float(exponent.real)
+            if power == round(power) and abs(power) <= _LARGEST_WHOLE_POWER:
+                product: Any = 1.0
+                for _ in range(abs(round(power))):
+                    product = self * product
+                return product if power >= 0 else 1.0 / product
+            if power == 0.5:
+                return self.apply(Op.SQRT)
+        return (exponent * self.apply(Op.LOG)).apply(Op.EXP)
+
+    def __rpow__(self, base: Any) -> Any:
+        number = float(base.real)
+        if number == 0:
+            return 0.0
+        return (self * math.log(number)).apply(Op.EXP) if number > 0 else math.nan
+
+    def apply(self, op: Op) -> Traced:
+        """Return a function of one argument."""
+        return self.graph.apply(op, self)
+
+
+_LARGEST_WHOLE_POWER: Final = 16
+
+
+def _is(value: Any, number: float) -> bool:
+    return not isinstance(value, Traced) and bool(value == number)
+
+
+def nominal(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an array of traced numbers and floats as the floats that it was traced at; other arrays as they are."""
+    if values.dtype != object:
+        return values
+    return np.array([float(entry.real) for entry in values.ravel()]).reshape(values.shape)
+
+
+def nodes_of(graph: Graph, entries: Sequence[Traced | float]) -> list[int]:
+    """Return the node numbers of traced numbers and floats."""
+    return [entry.node if isinstance(entry, Traced) else graph.constant(float(entry)) for entry in entries]
