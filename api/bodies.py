@@ -14,7 +14,7 @@ from typing import Any
 from fastapi import HTTPException, Request, Response
 from fastapi.routing import APIRoute
 
-_DEEPEST = 64
+_DEEPEST = 128
 _LONGEST_INTEGER = 300
 
 

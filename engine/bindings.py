@@ -32,8 +32,15 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Whole:
+    """An integer that decides the structure, as an order does: it has no slot and stays what it is."""
+
+    value: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BlockValues:
-    """The values of one block: slot numbers in place of numbers, nested as in the document; texts and None as they are."""
+    """The values of one block, nested as in the document: slot numbers in place of numbers; texts and None as they are."""
 
     template: Mapping[str, Any]
     slots: frozenset[int]
@@ -48,7 +55,7 @@ def _filled(entry: Any, values: Sequence[Scalar] | Mapping[int, Scalar]) -> Any:
         return values[entry]
     if isinstance(entry, tuple):
         return [_filled(item, values) for item in entry]
-    return entry
+    return entry.value if isinstance(entry, Whole) else entry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

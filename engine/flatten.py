@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import Final
 
 from engine.document import Block, Remark, System
 from engine.elements import Element, Ports, catalogue
-from engine.errors import DiagramError, EngineError, Path
+from engine.errors import DiagramError, EngineError
+from engine.names import check_name
 from engine.numbers import Numbers, Reader
 from engine.realize import FlatBlock
 from engine.scopes import Entry, Scope
 
 MAX_BLOCKS: Final = 500
 MAX_PORTS: Final = 5000
-MAX_DEPTH: Final = 10
-MAX_NAME: Final = 64
-
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
+MAX_DEPTH: Final = 32
 
 
 @dataclass(kw_only=True, eq=False)
@@ -61,7 +58,7 @@ def _open(flat: Flat, scope: Scope, system: System) -> None:
     flat.scopes.append(scope)
     for section in ("parameters", "blocks", "outputs"):
         for name in getattr(system, section):
-            _check_name(name, (*scope.at, section, name))
+            check_name(name, at=(*scope.at, section, name))
     reader = flat.numbers.read_parameters(scope.path, system.parameters, (*scope.at, "parameters"))
     for name, block in system.blocks.items():
         at = (*scope.at, "blocks", name)
@@ -75,15 +72,6 @@ def _open(flat: Flat, scope: Scope, system: System) -> None:
     scope.connect(system.connections)
     for name, endpoint in system.outputs.items():
         scope.outputs[name] = scope.find_output(endpoint, at=(*scope.at, "outputs", name))
-
-
-def _check_name(name: str, at: Path) -> None:
-    if len(name) > MAX_NAME or _NAME.fullmatch(name) is None:
-        raise DiagramError(
-            f"name must be a lower-case letter followed by at most {MAX_NAME - 1} lower-case letters, digits or _, "
-            f"got '{name[: MAX_NAME + 1]}'",
-            at=at,
-        )
 
 
 def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) -> Entry:

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from engine.bindings import Bindings, BlockValues, Slot
+from engine.bindings import Bindings, BlockValues, Slot, Whole
 from engine.document import Parameter
 from engine.elements import Element
 from engine.errors import DiagramError, ExpressionError, Path
 from engine.expressions import RESERVED, parse
+from engine.names import check_name
 from engine.parameters import Param
 
 MAX_LIST: Final = 201
@@ -163,13 +164,14 @@ class Reader:
             if param.required:
                 raise DiagramError(f"{place.label} must be given: {param.doc}", at=place.at)
             return None
-        match param.shape:
-            case "text":
-                return _text(value, place)
+        if param.shape in ("text", "integer", "names"):
+            return _structure(value, place)
+        return self._slots(value, place)
+
+    def _slots(self, value: Any, place: _Place) -> int | tuple[Any, ...]:
+        match place.param.shape:
             case "scalar":
-                return self._slot(value, place, param)
-            case "list":
-                return self._list(value, place)
+                return self._slot(value, place, place.param)
             case "roots":
                 return tuple(
                     self._pair(item, place.entry(i))
@@ -186,6 +188,8 @@ class Reader:
                             f"{place.label} must have rows of equal length, got {got}", at=(*place.at, i)
                         )
                 return rows
+            case _:
+                return self._list(value, place)
 
     def _slot(self, value: Any, place: _Place, bounds: Param | None = None) -> int:
         slot = Slot(label=place.label, at=place.at, value=math.nan, param=bounds)
@@ -210,11 +214,39 @@ def _sequence(value: Any, place: _Place) -> list[Any] | tuple[Any, ...]:
     return value
 
 
+def _structure(value: Any, place: _Place) -> Any:
+    """Return what decides the structure and is no number to be varied."""
+    match place.param.shape:
+        case "integer":
+            return _whole(value, place)
+        case "names":
+            return tuple(_name(item, place.entry(i)) for i, item in enumerate(_sequence(value, place)))
+        case _:
+            return _text(value, place)
+
+
 def _text(value: Any, place: _Place) -> str:
     choices = place.param.choices
     if not isinstance(value, str) or (choices and value not in choices):
         rule = f"one of {', '.join(choices)}" if choices else "a text"
         raise DiagramError(f"{place.label} must be {rule}, got {str(value)[:_QUOTED]!r}", at=place.at)
+    return value
+
+
+def _whole(value: Any, place: _Place) -> Whole:
+    # 2.0 is the same JSON number as 2.
+    whole = not isinstance(value, bool) and isinstance(value, int | float) and value == value // 1
+    if not whole or not place.param.admits(float(value)):
+        raise DiagramError(
+            f"{place.label} must be a whole number {place.param.rule()}, got {str(value)[:_QUOTED]}", at=place.at
+        )
+    return Whole(value=int(value))
+
+
+def _name(value: Any, place: _Place) -> str:
+    if not isinstance(value, str):
+        raise DiagramError(f"{place.label} must be a name, got {str(value)[:_QUOTED]!r}", at=place.at)
+    check_name(value, at=place.at)
     return value
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic import Field, create_model
 
-from api.schemas.values import Document, Quantity, Root, Rows, Scalar, Scalars
+from api.schemas.values import Document, Name, Quantity, Root, Rows, Scalar, Scalars
 from engine.parameters import Param
 
 
@@ -41,7 +41,10 @@ def document_of(
 
 def _field(param: Param, *, expressions: bool) -> tuple[Any, Any]:
     scalar = Scalar if expressions else Quantity
-    shapes: dict[str, Any] = {"scalar": scalar, "list": Scalars, "roots": list[Root], "matrix": Rows, "text": str}
+    shapes: dict[str, Any] = {
+        "scalar": scalar, "list": Scalars, "roots": list[Root], "matrix": Rows, "text": str, "integer": int,
+        "names": list[Name],
+    }  # fmt: skip
     kind = Literal[param.choices] if param.choices else shapes[param.shape]
     extra: dict[str, Any] = {"x-symbol": param.symbol, "x-unit": param.unit, "x-scale": param.scale}
     if math.isfinite(param.lower):

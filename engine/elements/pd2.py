@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Realization, Values
+from engine.elements._biquad import biquad
 from engine.parameters import Param
 
 
@@ -40,11 +41,8 @@ class Pd2(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return the states x1 = filtered input and x2 = x1'/w, both of the size of the input."""
-        kp, kd1, kd2 = values["kp"], values["kd1"], values["kd2"]
-        w, d = values["filter_frequency"], values["filter_damping"]
-        direct = kd2 * w * w
-        return Realization(
-            a=matrix([[0.0, w], [-w, -2.0 * d * w]]), b=matrix([[0.0], [w]]),
-            c=matrix([[kp - direct, kd1 * w - 2.0 * d * direct]]), d=matrix([[direct]]),
-        )  # fmt: skip
+        """Return the quotient with its numerator over the roll-off's frequency."""
+        w = values["filter_frequency"]
+        return biquad(
+            values["kp"], values["kd1"] * w, values["kd2"] * w * w, frequency=w, damping_ratio=values["filter_damping"]
+        )

@@ -5,6 +5,8 @@ x' = A x + B u,   y = C x + D u
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from engine.elements._base import Element, Ports, Realization, Values, matrix
 from engine.errors import DiagramError
 from engine.parameters import Param
@@ -13,7 +15,7 @@ MAX_PORTS = 64
 
 
 class StateSpace(Element):
-    """State space with named ports ``in``/``out``, or ``in1``, ``in2``, ... where there are several."""
+    """State space whose ports have names of one's own, or ``in``/``out``, or ``in1``, ``in2``, ... where several."""
 
     kind = "state_space"
     title = "State space"
@@ -24,12 +26,22 @@ class StateSpace(Element):
         Param(name="B", symbol="B", shape="matrix", doc="rows of the n x inputs matrix"),
         Param(name="C", symbol="C", shape="matrix", doc="rows of the outputs x n matrix"),
         Param(name="D", symbol="D", shape="matrix", doc="rows of the outputs x inputs feed-through matrix"),
+        Param(
+            name="inputs",
+            symbol="u",
+            shape="names",
+            required=False,
+            doc="names of the inputs, one for each column of D",
+        ),
+        Param(
+            name="outputs", symbol="y", shape="names", required=False, doc="names of the outputs, one for each row of D"
+        ),
     )
     example = {"A": [[0.0, 1.0], [-4.0, -0.4]], "B": [[0.0], [1.0]], "C": [[1.0, 0.0]], "D": [[0.0]]}
 
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
-        """Refuse matrices whose sizes do not fit."""
+        """Refuse matrices whose sizes do not fit, and names that are not one for each port."""
         states, outputs = len(values["A"]), len(values["D"])
         inputs = len(values["D"][0]) if outputs else 0
         if not 1 <= inputs <= MAX_PORTS or not 1 <= outputs <= MAX_PORTS:
@@ -45,13 +57,21 @@ class StateSpace(Element):
                     f"{name} must be {rows} x {columns} to fit A and D, got {len(got)} x {width}", at=(name,)
                 )
 
+        for name, count in (("inputs", inputs), ("outputs", outputs)):
+            names = values[name]
+            if names is not None and (len(names) != count or len(set(names)) != count):
+                raise DiagramError(
+                    f"{name} must be {count} different names to fit D, got {', '.join(names[:MAX_PORTS]) or 'none'}",
+                    at=(name,),
+                )
+
     @classmethod
     def ports(cls, values: Values) -> Ports:
-        """Return the ports that the size of D tells."""
+        """Return the ports that are named, or that the size of D tells."""
         outputs, inputs = len(values["D"]), len(values["D"][0])
         return Ports(
-            inputs=("in",) if inputs == 1 else tuple(f"in{i + 1}" for i in range(inputs)),
-            outputs=("out",) if outputs == 1 else tuple(f"out{i + 1}" for i in range(outputs)),
+            inputs=_names(values.get("inputs"), "in", inputs),
+            outputs=_names(values.get("outputs"), "out", outputs),
             output_units=(None,) * outputs,
         )
 
@@ -62,3 +82,9 @@ class StateSpace(Element):
         if not values["A"]:
             return Realization.static(d)
         return Realization(a=matrix(values["A"]), b=matrix(values["B"]), c=matrix(values["C"]), d=d)
+
+
+def _names(given: Sequence[str] | None, word: str, count: int) -> tuple[str, ...]:
+    if given is not None:
+        return tuple(given)
+    return (word,) if count == 1 else tuple(f"{word}{i + 1}" for i in range(count))

@@ -107,7 +107,7 @@ def varied(element: type[Element], name: str) -> tuple[dict[str, Any], float]:
     alternatives = {
         "integral_time": ("ki",), "derivative_time": ("kd",), "time_constant": ("natural_frequency", "damping_ratio"),
     }  # fmt: skip
-    for other in alternatives.get(name, ()):
+    for other in values.keys() & set(alternatives.get(name, ())):
         values[other] = next(p.default for p in element.parameters if p.name == other)
     value = values[name] or 0.7
     return values | {name: value}, value

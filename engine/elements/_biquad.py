@@ -1,0 +1,18 @@
+"""Quotient of two quadratics over one frequency, the form of every second-order correction.
+
+y/u = (n0 + n1 (s/w) + n2 (s/w)²) / (1 + 2 d (s/w) + (s/w)²)
+"""
+
+from __future__ import annotations
+
+from engine.elements._base import Realization, matrix
+from engine.parameters import Scalar
+
+
+def biquad(n0: Scalar, n1: Scalar, n2: Scalar, *, frequency: Scalar, damping_ratio: Scalar) -> Realization:
+    """Return the states x1 = filtered input and x2 = x1'/w, both of the size of the input."""
+    w, d = frequency, damping_ratio
+    return Realization(
+        a=matrix([[0.0, w], [-w, -2.0 * d * w]]), b=matrix([[0.0], [w]]),
+        c=matrix([[n0 - n2, n1 - 2.0 * d * n2]]), d=matrix([[n2]]),
+    )  # fmt: skip
