@@ -6,6 +6,7 @@ z/Q = A / (s [C m s² + (C b_m + m a_m) s + A² + a_m b_m]),   z/F = -(C s + a_m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from engine.elements._base import Ports, Realization, matrix
@@ -23,6 +24,22 @@ def area(default: float) -> Param:
     return Param(
         name="area", symbol="A", unit="m**2", default=default, lower=0.0, lower_open=True, scale="log",
         doc="effective area of the piston",
+    )  # fmt: skip
+
+
+def bulk_modulus() -> Param:
+    """Declare the stiffness of the oil."""
+    return Param(
+        name="bulk_modulus", symbol="β", unit="Pa", default=1.4e9, lower=0.0, lower_open=True, scale="log",
+        doc="effective bulk modulus of the oil with its air and the walls",
+    )  # fmt: skip
+
+
+def external_leakage() -> Param:
+    """Declare what each room loses to the tank; with equal rooms half of it adds to the leakage between them."""
+    return Param(
+        name="external_leakage", symbol="C_e", unit="m**3/(s*Pa)", default=0.0, lower=0.0, scale="log",
+        doc="loss flow from each room to the tank for a pressure of 1 Pa in it",
     )  # fmt: skip
 
 
@@ -51,10 +68,45 @@ def realize(
 
     ``capacitance`` C (m³/Pa) is the flow that is stored for a pressure that rises by 1 Pa/s.
     """
-    damping, push, inertia = -viscous_friction / mass, area / mass, 1.0 / mass
+    return realize_rooms(
+        area=area, mass=mass, viscous_friction=viscous_friction,
+        push=[area], fill=[1.0 / capacitance], loss=[[-leakage / capacitance]], pressures=[[1.0]],
+    )  # fmt: skip
+
+
+def realize_rooms(
+    *,
+    area: Scalar,
+    mass: Scalar,
+    viscous_friction: Scalar,
+    push: Sequence[Scalar],
+    fill: Sequence[Scalar],
+    loss: Sequence[Sequence[Scalar]],
+    pressures: Sequence[Sequence[Scalar]],
+) -> Realization:
+    """Return the motor with the states position (m), velocity (m/s) and n pressures (Pa).
+
+    Parameters
+    ----------
+    push : sequence of n scalars
+        Force for each pressure, in m².
+    fill : sequence of n scalars
+        What a flow, less the flow that the piston takes (``area`` times velocity), adds to each pressure's derivative.
+    loss : sequence of n rows of n scalars
+        What the pressures add to it by leakage, in 1/s.
+    pressures : sequence of rows of n scalars
+        The pressures that are outputs, as sums of the states.
+    """
+    inertia = 1.0 / mass
+    rest = [0.0 for _ in fill]
+    moving = [0.0, -viscous_friction * inertia, *[share * inertia for share in push]]
     return Realization(
-        a=matrix([[0.0, 1.0, 0.0], [0.0, damping, push], [0.0, -area / capacitance, -leakage / capacitance]]),
-        b=matrix([[0.0, 0.0], [0.0, -inertia], [1.0 / capacitance, 0.0]]),
-        c=matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, damping, push], [0.0, 0.0, 1.0]]),
-        d=matrix([[0.0, 0.0], [0.0, 0.0], [0.0, -inertia], [0.0, 0.0]]),
-    )
+        a=matrix([
+            [0.0, 1.0, *rest],
+            moving,
+            *[[0.0, -area * rate, *row] for rate, row in zip(fill, loss, strict=True)],
+        ]),
+        b=matrix([[0.0, 0.0], [0.0, -inertia], *[[rate, 0.0] for rate in fill]]),
+        c=matrix([[1.0, 0.0, *rest], [0.0, 1.0, *rest], moving, *[[0.0, 0.0, *row] for row in pressures]]),
+        d=matrix([[0.0, 0.0], [0.0, 0.0], [0.0, -inertia], *[[0.0, 0.0] for _ in pressures]]),
+    )  # fmt: skip

@@ -1,13 +1,12 @@
-"""Proportional or servo valve, linear: command to flow with first- or second-order spool dynamics.
+"""Proportional valve, linear: command to flow with first- or second-order spool dynamics.
 
-Q/u = flow_gain / (1 + 2 d s/w + s²/w²)   or   flow_gain / (1 + T s)
+Q = K_q x - K_c p_L,   x/u = 1 / (1 + 2 d s/w + s²/w²)   or   1 / (1 + T s)
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from engine.elements._base import Element, Ports, Realization, Values, exclusive, matrix
+from engine.elements import _valve
+from engine.elements._base import Element, Ports, Realization, Values, absent, exclusive, matrix, vanishing
 from engine.errors import DiagramError
 from engine.parameters import Param
 
@@ -15,13 +14,13 @@ from engine.parameters import Param
 class ProportionalValve(Element):
     """Valve around its centre, where the flow is proportional to the spool.
 
-    A time constant of 0 is an ideal valve. There the derivative in the time constant does not exist (the response would
+    With a flow-pressure coefficient there is a second input, to which the motor's pressure difference is connected. A time constant of 0 is an ideal valve. There the derivative in the time constant does not exist (the response would
     have to be differentiated), so an infinitesimal on it is dropped.
     """
 
     kind = "proportional_valve"
     title = "Proportional valve"
-    equation = "Q/u = flow_gain / (1 + 2 d s/w + s²/w²)  or  flow_gain / (1 + T s)"
+    equation = "Q = K_q x - K_c p_L;  x/u = 1 / (1 + 2 d s/w + s²/w²)  or  1 / (1 + T s)"
     source = "H. E. Merritt, Hydraulic Control Systems, Wiley 1967, chapters 5 and 7."
     parameters = (
         Param(name="flow_gain", symbol="K_q", doc="flow for a command of 1, in m³/s per unit of the command"),
@@ -37,6 +36,7 @@ class ProportionalValve(Element):
             name="time_constant", symbol="T", unit="s", required=False, lower=0.0, scale="log",
             doc="lag of the spool (first order)",
         ),
+        _valve.FLOW_PRESSURE,
     )  # fmt: skip
     example = {"flow_gain": 1e-4, "natural_frequency": 300.0, "damping_ratio": 0.8}
 
@@ -52,23 +52,30 @@ class ProportionalValve(Element):
 
     @classmethod
     def ports(cls, values: Values) -> Ports:
-        """Return command and flow."""
-        return Ports(inputs=("command",), outputs=("flow",), output_units=("m**3/s",))
+        """Return command and flow, with the load pressure where the flow depends on it."""
+        return Ports(inputs=_valve.inputs("command", values), outputs=("flow",), output_units=("m**3/s",))
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
         """Return the spool position as state, in units of the command."""
         gain, lag = values["flow_gain"], values["time_constant"]
         if lag is None:
-            w, d = values["natural_frequency"], values["damping_ratio"]
-            return Realization(
-                a=matrix([[0.0, w], [-w, -2.0 * d * w]]), b=matrix([[0.0], [w]]),
-                c=matrix([[gain, 0.0]]), d=np.zeros((1, 1)),
-            )  # fmt: skip
-        if not np.any(np.real(lag)):
-            return Realization.static(matrix([[gain]]))
-        ideal = np.where(lag.real == 0, 1.0, 0.0) if isinstance(lag, np.ndarray) else 0.0
+            return _valve.second_order(
+                natural_frequency=values["natural_frequency"],
+                damping_ratio=values["damping_ratio"],
+                drive=1.0,
+                outputs=[gain],
+                direct=[_valve.flow(0.0, values)],
+            )
+        if absent(lag.real):
+            return Realization.static(matrix([_valve.flow(gain, values)]))
+        # In a batch, a member without a lag takes its flow from the command and lets the state decay unseen.
+        ideal = vanishing(lag.real)
         rate = 1.0 / (lag + ideal)
+        direct = _valve.flow(gain * ideal, values)
         return Realization(
-            a=matrix([[-rate]]), b=matrix([[rate]]), c=matrix([[gain * (1.0 - ideal)]]), d=matrix([[gain * ideal]])
+            a=matrix([[-rate]]),
+            b=matrix([[rate, *[0.0 for _ in direct[1:]]]]),
+            c=matrix([[gain * (1.0 - ideal)]]),
+            d=matrix([direct]),
         )
