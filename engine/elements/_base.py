@@ -128,6 +128,18 @@ def vanishing(value: Scalar) -> Scalar:
     return 0.0
 
 
+def plain_zero(value: Scalar) -> Scalar:
+    """Return ``value`` without its infinitesimal where it is 0: of a lag, say, at which a state appears out of nothing.
+
+    The response has no derivative there, so there is none to carry.
+    """
+    if isinstance(value, Traced):
+        return value
+    if isinstance(value, np.ndarray):
+        return np.where(value.real == 0, 0.0, value)
+    return value if value.real else 0.0
+
+
 def exclusive(given: frozenset[str], first: str, second: str) -> None:
     """Raise DiagramError where both of two alternative parameters are given."""
     if first in given and second in given:

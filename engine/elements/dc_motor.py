@@ -7,7 +7,7 @@ u = R i + L i' + K_e ω,   J ω' = K_t i - b ω - M_L,   θ' = ω
 from __future__ import annotations
 
 from engine.elements import _electric_motor
-from engine.elements._base import Element, Ports, Realization, Values, absent, vanishing
+from engine.elements._base import Element, Ports, Realization, Values, absent, plain_zero, vanishing
 from engine.parameters import Param
 
 
@@ -50,14 +50,18 @@ class DcMotor(Element):
     @classmethod
     def realize(cls, values: Values) -> Realization:
         """Return angle, speed and current as states; without inductance only the first two."""
-        resistance, inductance, induced = values["resistance"], values["inductance"], values["back_emf_constant"]
+        resistance, inductance, induced = (
+            values["resistance"],
+            plain_zero(values["inductance"]),
+            values["back_emf_constant"],
+        )
         shaft = {name: values[name] for name in ("torque_constant", "inertia", "viscous_friction")}
-        if absent(inductance.real):
+        if absent(inductance):
             return _electric_motor.realize(
                 rate=None, drive=0.0, current=[-induced / resistance], direct=1.0 / resistance, **shaft
             )
         # In a batch, a member without inductance takes its current from the voltage and lets the state decay unseen.
-        ideal = vanishing(inductance.real)
+        ideal = vanishing(inductance)
         charge = inductance + ideal
         return _electric_motor.realize(
             rate=[-induced / charge, -resistance / charge],

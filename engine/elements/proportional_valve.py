@@ -6,7 +6,7 @@ Q = K_q x - K_c p_L,   x/u = 1 / (1 + 2 d s/w + s²/w²)   or   1 / (1 + T s)
 from __future__ import annotations
 
 from engine.elements import _valve
-from engine.elements._base import Element, Ports, Realization, Values, absent, exclusive, matrix, vanishing
+from engine.elements._base import Element, Ports, Realization, Values, absent, exclusive, matrix, plain_zero, vanishing
 from engine.errors import DiagramError
 from engine.parameters import Param
 
@@ -67,10 +67,11 @@ class ProportionalValve(Element):
                 outputs=[gain],
                 direct=[_valve.flow(0.0, values)],
             )
-        if absent(lag.real):
+        lag = plain_zero(lag)
+        if absent(lag):
             return Realization.static(matrix([_valve.flow(gain, values)]))
         # In a batch, a member without a lag takes its flow from the command and lets the state decay unseen.
-        ideal = vanishing(lag.real)
+        ideal = vanishing(lag)
         rate = 1.0 / (lag + ideal)
         direct = _valve.flow(gain * ideal, values)
         return Realization(

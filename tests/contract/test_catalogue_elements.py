@@ -102,15 +102,16 @@ SCALARS = [
 
 
 def varied(element: type[Element], name: str) -> tuple[dict[str, Any], float]:
-    """Return the example with ``name`` present and not 0, alternatives to it left out, and its value."""
+    """Return the example with ``name`` present and not 0, what it needs beside it, alternatives left out, and its value."""
     values = example(element)
     alternatives = {
         "integral_time": ("ki",), "derivative_time": ("kd",), "time_constant": ("natural_frequency", "damping_ratio"),
     }  # fmt: skip
     for other in values.keys() & set(alternatives.get(name, ())):
         values[other] = next(p.default for p in element.parameters if p.name == other)
+    needs = {("ball_screw", "damping"): {"stiffness": 1e8}}
     value = values[name] or 0.7
-    return values | {name: value}, value
+    return values | needs.get((element.kind, name), {}) | {name: value}, value
 
 
 @pytest.mark.parametrize(("element", "name"), SCALARS)
