@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import matrix_balance
 
 from engine.linear.poles import Poles, poles
 from engine.linear.system import ARRAYS, LaneSystem
@@ -82,11 +83,25 @@ def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt
 
 def _minimal(system: LaneSystem) -> LaneSystem:
     """Leave out the numerically uncontrollable and unobservable directions."""
-    balanced = system.balanced()
+    balanced = _evenly_scaled(system)
     driven = np.concatenate([balanced.b1[0].real, balanced.b2[0].real, balanced.x0[0].real[:, None]], axis=1)
     balanced = _project(balanced, _reachable(balanced.a[0].real, driven))
     watched = np.concatenate([balanced.c1[0].real, balanced.c2[0].real]).T
     return _project(balanced, _reachable(balanced.a[0].real.T, watched))
+
+
+def _evenly_scaled(system: LaneSystem) -> LaneSystem:
+    """Return the system with states scaled so that each is driven as strongly as it drives others.
+
+    Balancing A alone leaves a state without a scale that only listens, as the position of an opened loop does. Inputs
+    and outputs close the circle: every state lies between them.
+    """
+    parts = {name: np.abs(getattr(system, name)[0].real) for name in ("a", "b1", "b2", "c1", "c2", "x0")}
+    driven = np.concatenate([parts["b1"], parts["b2"], parts["x0"][:, None]], axis=1).max(axis=1)
+    watched = np.concatenate([parts["c1"], parts["c2"]]).max(axis=0)
+    circle = np.block([[parts["a"], driven[:, None]], [watched, np.zeros(1)]])
+    _, transform = matrix_balance(circle, permute=False)
+    return system.scaled(np.diag(transform)[:-1])
 
 
 def _reachable(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -133,7 +133,10 @@ class LaneSystem:
         In SI a pressure is 1e5 where a position is 1e-3; unscaled, exponentials would lose those eight digits.
         """
         _, transform = matrix_balance(self.a[0].real, permute=False)
-        scale = np.diag(transform)
+        return self.scaled(np.diag(transform))
+
+    def scaled(self, scale: Array) -> LaneSystem:
+        """Return the system in the states x/scale, ``scale`` of shape (n,)."""
         return replace(
             self,
             a=self.a * (scale[None, :] / scale[:, None]), b1=self.b1 / scale[:, None], b2=self.b2 / scale[:, None],
