@@ -45,8 +45,9 @@ format: setup  ## let ruff put the code into form
 proof: setup  ## the random-system properties at full size (long; the same code that `make test` runs small)
 	@$(BIN)/pytest -q tests/property tests/reference --hypothesis-profile=proof
 
-bench: setup  ## this engine beside python-control: time, ratio and accuracy
-	@$(BIN)/python -m bench.step_loop
+# One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
+bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
+	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench
 
 openapi: setup  ## write openapi/openapi.json from the code
 	@mkdir -p openapi && $(BIN)/servotune openapi > openapi/.new && mv openapi/.new openapi/openapi.json

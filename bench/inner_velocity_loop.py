@@ -25,6 +25,19 @@ DURATION = 1.0
 SAMPLES = 1000
 FREQUENCIES = np.logspace(-1, 4, 200)
 CUT = "sensor"
+EXACT = {
+    "rise_time": 0.13307075530735678635,
+    "settling_time": 0.27478663695953765281,
+    "overshoot": 0.0047012940462144259809,
+    "max_acceleration": 1529.1234919548290839,
+    "steady_state_error": 0.0,
+    "gain_margin": 8.0172894389445014449,
+    "phase_margin": 1.4590455425279290479,
+    "sensitivity_peak": 1.2754447367274674465,
+    "bandwidth": 16.730277816895946714,
+    "stable": 1.0,
+}
+"""At the document's values, computed with mpmath at 50 digits: partial fractions of the closed loop, and the loop itself."""
 
 
 def diagram() -> Diagram:

@@ -1,0 +1,55 @@
+"""`make bench`: this engine beside its peers, in one run and one table."""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import warnings
+from collections.abc import Iterator
+from importlib.metadata import version
+
+from rich.console import Console
+
+from bench import batch, latency, loop
+from bench.table import Job, render
+
+SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000}
+SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000}
+
+
+def jobs(*, runs: int, sets: int, candidates: int, most: int) -> Iterator[Job]:
+    """Measure all jobs, one after the other.
+
+    Parameters
+    ----------
+    runs : int
+        Repetitions of which the median counts.
+    sets, candidates, most : int
+        Sizes of the batches: sets of gains, candidates, and candidates on one and two threads.
+    """
+    yield from loop.jobs(runs=runs, sets=sets)
+    yield from batch.jobs(runs=runs, candidates=candidates, most=most)
+    yield from latency.jobs(runs=runs)
+
+
+def main() -> None:
+    """Measure, and print the table."""
+    parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
+    parser.add_argument("--small", action="store_true", help="the same jobs in seconds; the times say nothing")
+    sizes = SMALL if parser.parse_args().small else SIZES
+    warnings.simplefilter("ignore")  # the peers' own
+    title = (
+        f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}, {platform.machine()}. "
+        "Ratio: time over that of the job's first row. Errors are relative."
+    )
+    console = Console()
+    with console.status("measuring ...") as status:
+        measured = []
+        for job in jobs(**sizes):
+            measured.append(job)
+            status.update(f"measured: {job.title}")
+    Console(width=max(console.width, 150)).print(render(measured, title=title))
+
+
+if __name__ == "__main__":
+    main()

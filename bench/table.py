@@ -1,0 +1,57 @@
+"""The one table that the benchmark prints: jobs, who did them, time, ratio to this engine, error against exact values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.table import Table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One contender at one job; ``milliseconds`` and ``error`` (relative, worst of its metrics) are None where there is none."""
+
+    who: str
+    milliseconds: float | None = None
+    error: float | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A job and its rows; the times of the others are divided by that of the first. ``clock`` says what was counted."""
+
+    title: str
+    rows: Sequence[Row]
+    clock: str = "CPU"
+
+
+def render(jobs: Iterable[Job], *, title: str) -> Table:
+    """Return the table of all jobs."""
+    table = Table(title=title, title_justify="left", show_lines=False)
+    table.add_column("job / contender", overflow="fold")
+    for heading in ("ms", "clock", "ratio", "worst error"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("remark", overflow="fold")
+    for job in jobs:
+        table.add_section()
+        table.add_row(f"[bold]{job.title}[/bold]")
+        base = job.rows[0].milliseconds
+        for row in job.rows:
+            table.add_row(
+                f"  {row.who}",
+                "-" if row.milliseconds is None else _short(row.milliseconds),
+                "" if row.milliseconds is None else job.clock,
+                "-" if row.milliseconds is None or base is None else f"{_short(row.milliseconds / base)}x",
+                "-" if row.error is None else f"{row.error:.0e}",
+                row.remark,
+            )
+    return table
+
+
+def _short(value: float) -> str:
+    """Return three digits, without exponent."""
+    if value >= 100:
+        return f"{value:,.0f}"
+    return f"{value:.3g}"

@@ -1,0 +1,75 @@
+"""Many candidates of the inner velocity loop on one or more threads, in a process of its own: time and memory.
+
+`python -m bench.throughput --count 1000000 --threads 2` prints one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from bench import inner_velocity_loop as inner
+from engine.linear.screening import Screening
+
+CHUNK = 8192
+
+
+@dataclass(frozen=True, kw_only=True)
+class Throughput:
+    """What one run took: seconds on the wall and of CPU, and the most memory the process ever had, MB."""
+
+    count: int
+    threads: int
+    wall: float
+    cpu: float
+    peak: float
+
+
+def screen(count: int, threads: int) -> Throughput:
+    """Screen ``count`` candidates, all results kept; structure and kernels are warm."""
+    candidates = inner.sample(count, seed=7)
+    requests = inner.requests()
+    screening = Screening(inner.diagram(), requests)
+    values = np.empty((count, len(requests)))
+    growth = np.empty(count)
+
+    def work(start: int) -> None:
+        span = slice(start, start + CHUNK)
+        found = screening({name: column[span] for name, column in candidates.items()})
+        values[span], growth[span] = found.values, found.growth
+
+    work(0)
+    wall, cpu = time.perf_counter(), time.process_time()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, range(0, count, CHUNK)))
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return Throughput(count=count, threads=threads, wall=wall, cpu=cpu, peak=peak)
+
+
+def in_new_process(count: int, threads: int) -> Throughput:
+    """Return what :func:`screen` takes in a process of its own."""
+    command = [sys.executable, "-m", "bench.throughput", "--count", str(count), "--threads", str(threads)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603  our own module
+    return Throughput(**json.loads(done.stdout))
+
+
+def main() -> None:
+    """Screen and print what it took."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1_000_000)
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args()
+    print(json.dumps(asdict(screen(options.count, options.threads))))
+
+
+if __name__ == "__main__":
+    main()
