@@ -189,7 +189,7 @@ class Reader:
                         )
                 return rows
             case _:
-                return self._list(value, place)
+                return self._list(value, place, place.param)
 
     def _slot(self, value: Any, place: _Place, bounds: Param | None = None) -> int:
         slot = Slot(label=place.label, at=place.at, value=math.nan, param=bounds)
@@ -197,8 +197,8 @@ class Reader:
         self.numbers.bindings.slots.append(slot)
         return len(self.numbers.bindings.slots) - 1
 
-    def _list(self, value: Any, place: _Place) -> tuple[int, ...]:
-        return tuple(self._slot(item, place.entry(i)) for i, item in enumerate(_sequence(value, place)))
+    def _list(self, value: Any, place: _Place, bounds: Param | None = None) -> tuple[int, ...]:
+        return tuple(self._slot(item, place.entry(i), bounds) for i, item in enumerate(_sequence(value, place)))
 
     def _pair(self, value: Any, place: _Place) -> tuple[int, ...]:
         if len(value) != 2:

@@ -25,7 +25,7 @@ class Param:
     ``unit`` is a coherent SI unit ("" = a generic gain of any unit, "1" = a ratio). ``shape`` is "scalar", "list",
     "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows), "text" (one of ``choices`` where these are
     given), "integer" (a whole number that decides the structure, as an order does), "names" (a list of port names) or
-    "signal" (a command that another one is made of).
+    "signal" (a command that another one is made of). The bounds of a list are those of its entries.
     ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless
     ``required`` is False: then it may be absent.
     Only scalars have a parameter path and can be varied; entries of a list follow system parameters through expressions.
