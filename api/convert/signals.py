@@ -41,8 +41,13 @@ def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) 
             )
         given = {"time": time, "values": values}
     else:
-        units = {param.name: param.unit for param in catalogue()[document.kind].parameters}
-        given = {name: nested_si(value, units[name], name=name, place=(*place, name)) for name, value in given.items()}
+        params = {param.name: param for param in catalogue()[document.kind].parameters}
+        given = {
+            name: signal_from_wire(getattr(document, name), place=(*place, name), read_channel=read_channel)
+            if params[name].shape == "signal"
+            else nested_si(value, params[name].unit, name=name, place=(*place, name))
+            for name, value in given.items()
+        }
     with at(*place):
         return make(document.kind, given)
 

@@ -1,4 +1,4 @@
-"""The command signals, made from the catalogue; a sampled one may also name a channel of a dataset."""
+"""The command signals, made from the catalogue; a sampled one may also name a channel of a dataset, some hold others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Path, Quantity
-from engine.signals import catalogue
+from engine.signals import Signal, catalogue
 
 MOST_POINTS = 100_000
 """Of a sampled command: the exact response costs up to a millisecond for each."""
@@ -37,12 +37,18 @@ class SampledSignal(Document):
 if TYPE_CHECKING:
     SignalDocument: TypeAlias = Document  # the union is made from the catalogue when this module is imported
 else:
-    _MODELS: list[Any] = [
-        document_of(kind, signal.title, signal.parameters, expressions=False)
-        for kind, signal in catalogue().items()
-        if kind != "sampled"
-    ]
+
+    def _model(kind: str, signal: type[Signal]) -> type[Document]:
+        inner = [param for param in signal.parameters if param.shape == "signal"]
+        plain = [param for param in signal.parameters if param.shape != "signal"]
+        # What a command is made of may be any command: the name is looked up here once the union exists.
+        extra = {param.name: ("SignalDocument", Field(description=param.doc)) for param in inner}
+        return document_of(kind, signal.title, plain, expressions=False, extra={"__module__": __name__, **extra})
+
+    _MODELS: list[Any] = [_model(kind, signal) for kind, signal in catalogue().items() if kind != "sampled"]
     SignalDocument = Annotated[functools.reduce(operator.or_, [*_MODELS, SampledSignal]), Field(discriminator="kind")]
+    for _made in _MODELS:
+        _made.model_rebuild()
 
 
 class InputDocument(Document):

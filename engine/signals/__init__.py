@@ -44,4 +44,18 @@ def make(kind: str, parameters: Mapping[str, Any] | None = None) -> Signal:
     signal = catalogue().get(kind)
     if signal is None:
         raise SignalError(f"kind must be one of {', '.join(catalogue())}, got '{kind}'", at=("kind",))
-    return signal.of(checked(signal.parameters, kind, parameters or {}))
+    given = dict(parameters or {})
+    for name in (param.name for param in signal.parameters if param.shape == "signal"):
+        if isinstance(given.get(name), Mapping):
+            given[name] = _inner(name, given[name])
+    return signal.of(checked(signal.parameters, kind, given))
+
+
+def _inner(name: str, document: Mapping[str, Any]) -> Signal:
+    """Return the command that a signal is made of."""
+    if not isinstance(document.get("kind"), str):
+        raise SignalError(f"{name} must have a kind, one of {', '.join(catalogue())}, got none", at=(name, "kind"))
+    try:
+        return make(document["kind"], {key: value for key, value in document.items() if key != "kind"})
+    except SignalError as error:
+        raise error.within(name) from None

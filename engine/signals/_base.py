@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -75,8 +75,22 @@ def checked(params: tuple[Param, ...], kind: str, given: Mapping[str, Any]) -> d
         value = param.default if value is None else value
         if value is None:
             raise SignalError(f"{name} must be given: {param.doc}", at=(name,))
-        values[name] = _list(param, value) if param.shape == "list" else _number(param, value)
+        values[name] = _CHECKS[param.shape](param, value)
     return values
+
+
+def _signal(param: Param, value: Any) -> Signal:
+    if not isinstance(value, Signal):
+        msg = f"{param.name} must be a signal, such as {{'kind': 'step'}}, got {str(value)[:80]!r}"
+        raise SignalError(msg, at=(param.name,))
+    return value
+
+
+def _text(param: Param, value: Any) -> str:
+    if value not in param.choices:
+        msg = f"{param.name} must be one of {', '.join(param.choices)}, got {str(value)[:80]!r}"
+        raise SignalError(msg, at=(param.name,))
+    return str(value)
 
 
 def _number(param: Param, value: Any) -> float:
@@ -106,3 +120,11 @@ def _list(param: Param, value: Any) -> FloatArray:
         raise SignalError(f"{param.name}[{index}] must be {param.rule()}, got {array[index]:g}", at=(param.name, index))
     array.setflags(write=False)
     return array
+
+
+_CHECKS: Mapping[str, Callable[[Param, Any], Any]] = {
+    "scalar": _number,
+    "list": _list,
+    "text": _text,
+    "signal": _signal,
+}
