@@ -130,12 +130,14 @@ class Interconnection:
 
     Attributes
     ----------
+    blocks : tuple of FlatBlock
+        In the order of their states and delay channels.
     inputs, outputs : int
         Number of input and output ports of all blocks together.
     """
 
     def __init__(self, blocks: Sequence[FlatBlock]) -> None:
-        self._blocks = tuple(blocks)
+        self.blocks = tuple(blocks)
         self._labels = [f"{block.path}.{port}" for block in blocks for port in block.ports.outputs]
         self.inputs = sum(len(block.ports.inputs) for block in blocks)
         self.outputs = len(self._labels)
@@ -197,7 +199,7 @@ class Interconnection:
         signals = layout.zeros(self.outputs + layout.externals + 1, layout.columns)
         externals = np.arange(layout.externals)
         signals[..., self.outputs + externals, layout.states + externals] = 1.0
-        for block, realization, x, w in zip(self._blocks, realizations, layout.x, layout.w, strict=True):
+        for block, realization, x, w in zip(self.blocks, realizations, layout.x, layout.w, strict=True):
             rows = slice(block.first_output, block.first_output + len(block.ports.outputs))
             if x.stop > x.start:
                 signals[..., rows, x] = realization.c
@@ -213,7 +215,7 @@ class Interconnection:
         flow = layout.zeros(layout.states, layout.columns)
         entering = layout.zeros(layout.delays, layout.columns)
         lengths, start = layout.zeros(layout.delays), layout.zeros(layout.states)
-        for block, realization, x, w in zip(self._blocks, realizations, layout.x, layout.w, strict=True):
+        for block, realization, x, w in zip(self.blocks, realizations, layout.x, layout.w, strict=True):
             sources = wiring.sources[block.first_input : block.first_input + len(block.ports.inputs)]
             if x.stop > x.start:
                 flow[..., x, x] = realization.a
@@ -246,7 +248,7 @@ class Interconnection:
     def _plan(self, patterns: Sequence[Array], sources: Sequence[int]) -> tuple[Term | Loop, ...]:
         outputs = self.outputs
         terms: list[list[Term]] = [[] for _ in range(outputs)]
-        for number, (block, pattern) in enumerate(zip(self._blocks, patterns, strict=True)):
+        for number, (block, pattern) in enumerate(zip(self.blocks, patterns, strict=True)):
             for i, j in zip(*np.nonzero(pattern), strict=True):
                 source = sources[block.first_input + int(j)]
                 row = block.first_output + int(i)
