@@ -10,23 +10,9 @@ import pytest
 
 from engine.elements import Realization, catalogue
 from engine.errors import DiagramError
+from tests.unit.engine.realizations import realized, response
 
 S = (0.3j, 2.0 + 1.0j, 40.0j)
-
-
-def realized(kind: str, **given: Any) -> Realization:
-    element = catalogue()[kind]
-    values = {param.name: param.default for param in element.parameters} | given
-    element.check(frozenset(given), values)
-    return element.realize(values)
-
-
-def response(r: Realization, s: complex) -> np.ndarray:
-    """C (s - A)^-1 B + D, with every delay channel in place."""
-    h = r.c @ np.linalg.solve(s * np.eye(len(r.a)) - r.a, r.b) + r.d
-    if r.d12 is not None and r.d21 is not None:
-        h = h + r.d12 @ np.diag(np.exp(-s * r.delays)) @ r.d21
-    return h
 
 
 PID = {"kp": 3.0, "ki": 2.0, "kd": 0.5, "filter_frequency": 50.0}
