@@ -6,6 +6,7 @@
     ├── DiagramError      a block, port, connection, parameter or size
     ├── ExpressionError   a parameter expression
     ├── SignalError       a command signal
+    ├── SpectrumError     a spectrum that cannot be had of this signal
     ├── IllPosedError     an algebraic loop without a solution
     └── UnresolvedError   a response beyond the limits of resolution
 """
@@ -55,6 +56,10 @@ class ExpressionError(EngineError):
 
 class SignalError(EngineError):
     """A command signal's parameters are wrong; ``at`` counts from the signal."""
+
+
+class SpectrumError(EngineError):
+    """A spectrum cannot be had of this signal with these settings; ``at`` names the setting."""
 
 
 class IllPosedError(EngineError):

@@ -12,7 +12,7 @@ from typing import Any
 from engine.errors import SignalError
 from engine.signals._base import Signal, checked
 
-__all__ = ["Signal", "catalogue", "make"]
+__all__ = ["Signal", "catalogue", "changed", "make"]
 
 
 @cache
@@ -59,3 +59,25 @@ def _inner(name: str, document: Mapping[str, Any]) -> Signal:
         return make(document["kind"], {key: value for key, value in document.items() if key != "kind"})
     except SignalError as error:
         raise error.within(name) from None
+
+
+def changed(signal: Signal, path: str, value: Any) -> Signal:
+    """Return a signal with another value of one parameter; ``command.max_velocity`` is one of the inner command's.
+
+    Raises
+    ------
+    SignalError
+        If there is no such parameter, or the value is wrong; ``at`` counts from the signal.
+    """
+    name, _, rest = path.partition(".")
+    values = {param.name: getattr(signal, param.name) for param in signal.parameters}
+    if rest:
+        inner = values.get(name)
+        if not isinstance(inner, Signal):
+            held = ", ".join(key for key, held in values.items() if isinstance(held, Signal)) or "(none)"
+            raise SignalError(f"{name} must be a command inside {signal.kind} ({held}), got '{path}'", at=(name,))
+        try:
+            value = changed(inner, rest, value)
+        except SignalError as error:
+            raise error.within(name) from None
+    return make(signal.kind, {**values, name: value})

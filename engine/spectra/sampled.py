@@ -1,0 +1,190 @@
+"""Spectra estimated from samples: of recordings, and of whatever is known at equal intervals only.
+
+    amplitude_k = 2 |Σ_n w_n x_n e^{-j2πkn/N}| / Σ_n w_n             so that a sine of amplitude A on line k reads A
+    density_k   = 2 |Σ_n w_n x_n e^{-j2πkn/N}|² / (rate Σ_n w_n²)    so that ∫ density dω/2π is the mean square
+
+(the factor 2 only between the ends of the axis). Several overlapping segments are averaged as powers.
+
+References
+----------
+P. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73 (averaged, overlapping segments).
+F. Harris, Proc. IEEE 66 (1978) 51-83 (windows, coherent gain, equivalent noise bandwidth).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import SpectrumError
+
+Real = npt.NDArray[np.float64]
+
+WindowKind = Literal["flat_top", "hann", "none"]
+Removal = Literal["nothing", "mean", "trend"]
+Quantity = Literal["amplitude", "density"]
+
+_NAMES = {"flat_top": "flattop", "hann": "hann", "none": "boxcar"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A window and what it does to a spectrum.
+
+    ``coherent_gain`` is the mean of its weights; ``noise_bandwidth`` the width, in lines, of the ideal filter that lets
+    as much noise pass as one line does.
+    """
+
+    kind: WindowKind
+    coherent_gain: float
+    noise_bandwidth: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spectrum:
+    """An estimated spectrum.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (lines,)
+        rad/s.
+    value : ndarray, shape (lines,)
+        Amplitude, in the unit of the signal; or density, in its square per Hz.
+    phase : ndarray or None
+        Of each line at the first sample (cosine), rad; None where segments are averaged, and of a density.
+    resolution : float
+        Distance of lines, rad/s.
+    highest : float
+        End of the axis: half the sample rate, rad/s.
+    averages : int
+        Segments.
+    window : Window
+    """
+
+    frequency: Real
+    value: Real
+    phase: Real | None
+    resolution: float
+    highest: float
+    averages: int
+    window: Window
+
+
+def window_of(kind: WindowKind, length: int) -> tuple[Window, Real]:
+    """Return a window and its weights, shape (length,), periodic as a discrete transform wants them.
+
+    Examples
+    --------
+    >>> window, _ = window_of("hann", 1024)
+    >>> window.coherent_gain, window.noise_bandwidth
+    (0.5, 1.5)
+    """
+    # the package costs a tenth of a second, which a service that analyses nothing need not pay
+    from scipy.signal import get_window  # noqa: PLC0415
+
+    weights = np.asarray(get_window(_NAMES[kind], length), dtype=np.float64)
+    gain = float(weights.mean())
+    bandwidth = float(length * (weights**2).sum() / weights.sum() ** 2)
+    return Window(kind=kind, coherent_gain=gain, noise_bandwidth=bandwidth), weights
+
+
+def spectrum(
+    values: Real,
+    rate: float,
+    *,
+    quantity: Quantity = "amplitude",
+    window: WindowKind = "flat_top",
+    segment: int | None = None,
+    overlap: float = 0.5,
+    removal: Removal = "nothing",
+) -> Spectrum:
+    """Return the one-sided spectrum of samples.
+
+    Parameters
+    ----------
+    values : ndarray, shape (samples,)
+    rate : float
+        Samples per second.
+    quantity : {"amplitude", "density"}
+        What a line shows: the amplitude of a sine there, or the mean square per Hz.
+    window : {"flat_top", "hann", "none"}
+        Flat-top reads amplitudes right between lines too (to 0.1 %), Hann separates lines that are close; none is exact
+        for a whole number of periods.
+    segment : int, optional
+        Samples of one segment; all by default.
+    overlap : float
+        Of neighbouring segments, as a part of one, 0 <= overlap < 1.
+    removal : {"nothing", "mean", "trend"}
+        What is taken away from each segment first.
+
+    Raises
+    ------
+    SpectrumError
+        If there are too few samples, or settings are out of their bounds.
+    """
+    from scipy.signal import welch  # noqa: PLC0415 - as above
+
+    length = len(values) if segment is None else segment
+    if not 8 <= length <= len(values):
+        raise SpectrumError(f"segment must be 8 to {len(values)} samples, got {length}", at=("segment",))
+    if not 0 <= overlap < 1:
+        raise SpectrumError(f"overlap must be >= 0 and < 1, got {overlap:g}", at=("overlap",))
+    facts, weights = window_of(window, length)
+    shared = min(round(overlap * length), length - 1)
+    scaling: Literal["spectrum", "density"] = "spectrum" if quantity == "amplitude" else "density"
+    cycles, power = welch(
+        values,
+        fs=rate,
+        window=_NAMES[window],
+        nperseg=length,
+        noverlap=shared,
+        detrend=lambda part: _removed(part, removal),
+        scaling=scaling,
+    )
+    averages = 1 + (len(values) - length) // (length - shared)
+    phase = None
+    if quantity == "amplitude":
+        # a mean square becomes an amplitude; at 0 and at half the rate the line has no partner at -ω
+        twice = np.full(len(power), 2.0)
+        twice[0] = 1.0
+        if length % 2 == 0:
+            twice[-1] = 1.0
+        power = np.sqrt(twice * power)
+        if averages == 1:
+            phase = np.angle(np.fft.rfft(weights * _removed(values[:length], removal)))
+    return Spectrum(
+        frequency=2 * np.pi * np.asarray(cycles), value=np.asarray(power, dtype=np.float64), phase=phase,
+        resolution=2 * np.pi * rate / length, highest=np.pi * rate, averages=averages, window=facts,
+    )  # fmt: skip
+
+
+def _removed(values: Real, removal: Removal) -> Real:
+    from scipy.signal import detrend  # noqa: PLC0415 - as above
+
+    if removal == "nothing":
+        return values
+    return np.asarray(detrend(values, type="constant" if removal == "mean" else "linear"), dtype=np.float64)
+
+
+def band_mean_square(density: Spectrum, low: float, high: float) -> float:
+    """Return the mean square in a band of an estimated density, in the squared unit of the signal.
+
+    A line stands for a cell as wide as the resolution around its frequency; at both ends of the axis for half a cell.
+
+    Parameters
+    ----------
+    density : Spectrum
+        Of quantity ``density``.
+    low, high : float
+        rad/s.
+    """
+    half = density.resolution / 2
+    bottom = np.maximum(density.frequency - half, 0.0)
+    top = np.minimum(density.frequency + half, density.highest)
+    # the power of a line at an end of the axis lies in half a cell
+    height = density.value * density.resolution / (top - bottom)
+    inside = np.clip(np.minimum(top, high) - np.maximum(bottom, low), 0.0, None)
+    return float((height * inside).sum() / (2 * np.pi))
