@@ -8,7 +8,7 @@ Differential:  Q = A z' + a_m (p1 - p2) + C_e p1 + (V1/β) p1',   α Q = A2 z' +
 from __future__ import annotations
 
 from engine.elements import _linear_motor
-from engine.elements._base import Element, Ports, Realization, Values, absent, vanishing
+from engine.elements._base import Element, Ports, Realization, Values, absent, plain_zero, vanishing
 from engine.parameters import Param, Scalar
 
 
@@ -85,7 +85,7 @@ class LinearHydraulicMotor(Element):
         compressed = values["volume"] / values["bulk_modulus"]
         rooms = compressed * share, compressed * (1.0 - share)
         # Oil that both rooms hold under pressure gets away to the tank, or through the piston where the areas differ.
-        escape = external + leakage * (area - rod) ** 2
+        escape = plain_zero(external) + plain_zero(leakage) * plain_zero(area - rod) ** 2
         if absent(escape):
             return _one_pressure(values, ratio, rooms)
         return _two_pressures(values, ratio, rooms, trapped=vanishing(escape))
@@ -96,17 +96,23 @@ def _is_symmetric(values: Values) -> bool:
 
 
 def _one_pressure(values: Values, ratio: Scalar, rooms: tuple[Scalar, Scalar]) -> Realization:
-    """Return the load pressure as the only state of the oil: what both rooms hold besides stays 0, moved by nothing."""
+    """Return the load pressure as the only state of the oil: what both rooms hold besides stays 0, moved by nothing.
+
+    An infinitesimal leakage moves it, but acts on it only once more by itself: so motion and load pressure have their exact
+    derivatives here. Those of the pressure of each room leave it out.
+    """
     first, second = rooms
     together = second + ratio * ratio * first
-    stiffness = together / (first * second)
+    series = together * first * second
+    across = values["leakage"] * (second + ratio * first) ** 2
+    outwards = values["external_leakage"] * (second * second + ratio * ratio * first * first)
     return _linear_motor.realize_rooms(
         area=values["area"],
         mass=values["mass"],
         viscous_friction=values["viscous_friction"],
         push=[values["area"]],
-        fill=[stiffness],
-        loss=[[-values["leakage"] * stiffness]],
+        fill=[together / (first * second)],
+        loss=[[-(across + outwards) / series]],
         pressures=[[1.0], [second / together], [-ratio * first / together]],
     )
 

@@ -252,17 +252,22 @@ CASES: list[tuple[str, Mapping[str, Any], Law]] = [
     ("viscous_damper", {"damping": 820.0}, viscous_damper),
     ("compliant_arm", ARM, compliant_arm),
 ]  # fmt: skip
-ALSO_WHERE_NO_DERIVATIVE_IS: list[tuple[str, Mapping[str, Any], Law]] = [
+WITHOUT_STATE: list[tuple[str, Mapping[str, Any], Law]] = [
     ("dc_motor", {**DC, "inductance": 0.0}, dc_motor),
     ("proportional_valve", {"flow_gain": 2e-4, "time_constant": 0.0, "flow_pressure_coefficient": 3e-12},
      proportional_valve),
+]  # fmt: skip
+"""Where the derivative in the value that is 0 does not exist."""
+
+TRAPPED: list[tuple[str, Mapping[str, Any], Law]] = [
     ("linear_hydraulic_motor", {**CYLINDER, "rod_area": 42e-4, "leakage": 0.0, "external_leakage": 0.0},
      differential_cylinder),
     ("linear_hydraulic_motor", {**CYLINDER, "piston_volume_share": 0.3, "external_leakage": 0.0}, differential_cylinder),
+    ("linear_hydraulic_motor", {**CYLINDER, "rod_area": 65e-4, "external_leakage": 0.0}, differential_cylinder),
 ]  # fmt: skip
+"""Where oil under pressure cannot leave both rooms, so that only motion and load pressure have all derivatives."""
 
-
-EVERYWHERE = CASES + ALSO_WHERE_NO_DERIVATIVE_IS
+EVERYWHERE = CASES + WITHOUT_STATE + TRAPPED
 
 
 def ids(cases: Sequence[tuple[str, Mapping[str, Any], Law]]) -> list[str]:
@@ -324,8 +329,9 @@ def test_response(kind: str, given: Mapping[str, Any], law: Law) -> None:
         assert np.all(abs(got - expected) <= 1e-12 * abs(expected) + 1e-15 * abs(r.d)), f"{frequency} rad/s"
 
 
-@pytest.mark.parametrize(("kind", "given", "law"), CASES, ids=ids(CASES))
+@pytest.mark.parametrize(("kind", "given", "law"), CASES + TRAPPED, ids=ids(CASES + TRAPPED))
 def test_derivative_in_every_parameter(kind: str, given: Mapping[str, Any], law: Law) -> None:
+    rows = slice(4 if (kind, given, law) in TRAPPED else None)
     for name, index, value in numbers(given):
         size = value or 1.0
         stepped = realized(kind, replaced(given, name, index, complex(value, size * STEP)))
@@ -337,8 +343,8 @@ def test_derivative_in_every_parameter(kind: str, given: Mapping[str, Any], law:
                 mp.matrix(law(s, exact(replaced(given, name, index, mp.mpf(value) + sign * h * size))))
                 for sign in (1, -1)
             )
-            expected = plain((up - down) / (2 * h))
-            whole, got = responses(stepped, s)
+            expected = plain((up - down) / (2 * h))[rows]
+            whole, got = (matrix[rows] for matrix in responses(stepped, s))
             # Where a derivative is a small rest of large terms, what counts is the response that it changes.
             assert np.all(abs(got - expected) <= 1e-11 * abs(expected) + 1e-13 * abs(whole)), f"{name} {index}"
 
