@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Influence,
         Optimization,
         Simulation,
+        StateSpace,
         Stored,
         Validation,
     )
@@ -301,6 +302,24 @@ class Systems:
     def delete(self, system: str, *, etag: str | None = None) -> None:
         """Delete a system; results keep the revision that they used."""
         self._transport.send("DELETE", f"/v1/systems/{system}", headers={"If-Match": etag or self.etag(system)})
+
+    def state_space(self, system: str, *, open_at: str | None = None) -> StateSpace:
+        """Return the realised matrices in SI, with the names of states, inputs and outputs.
+
+        Parameters
+        ----------
+        system : str
+            Id of a stored system.
+        open_at : str, optional
+            Block where the loop is cut; `loop` is then the last input and the last output.
+        """
+        path = f"/v1/systems/{system}/state-space"
+        return cast("StateSpace", self._transport.get(path, params=_given(open_at=open_at)))
+
+    def matlab(self, system: str, *, open_at: str | None = None) -> bytes:
+        """Return the same as the content of a .mat file."""
+        query = {"format": "mat"} | _given(open_at=open_at)
+        return self._transport.send("GET", f"/v1/systems/{system}/state-space", params=query).content
 
     def etag(self, system: str) -> str:
         """Return the tag of the version stored now, for `update` and `delete`."""

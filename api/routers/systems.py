@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Response
 from sqlalchemy.orm import Session
 
 from api.auth import Reader, Writer
@@ -18,10 +20,17 @@ from api.calls import (
     expected_revision,
     respond,
 )
-from api.schemas.replies import Page, RevisionHead, StoredSystem, SystemHead
+from api.schemas.replies import Page, RevisionHead, StateSpaceReply, StoredSystem, SystemHead
 from api.schemas.systems import SystemDocument
-from api.services import systems
+from api.services import exports, systems
 from storage.repositories import Answer
+
+MATLAB = "application/x-matlab-data"
+
+FileFormat = Annotated[Literal["json", "mat"], Query(alias="format", description="a JSON document or a MATLAB file")]
+OpenAt = Annotated[
+    str | None, Query(max_length=200, description="cut the loop here: `loop` is then the last input and output")
+]
 
 router = APIRouter(prefix="/v1/systems", tags=["systems"], route_class=DocumentRoute)
 
@@ -88,3 +97,25 @@ def revision(identifier: str, number: int, caller: Reader, service: Installation
     with service.database.session() as session:
         body = systems.get(session, caller, identifier, revision=number)
     return respond(answer(body, headers={"ETag": etag(body["revision"])}))
+
+
+@router.get(
+    "/{identifier}/state-space",
+    response_model=StateSpaceReply,
+    responses={200: {"content": {MATLAB: {"schema": {"type": "string", "format": "binary"}}}}},
+    summary="Export the realised state space of a system",
+)
+def state_space(
+    identifier: str,
+    caller: Reader,
+    service: InstallationDep,
+    file_format: FileFormat = "json",
+    open_at: OpenAt = None,
+) -> Response:
+    """Return A, B, C, D in SI with the names of states, inputs and outputs; with delays, the form of MATLAB's `setDelayModel`."""
+    with service.database.session() as session:
+        if file_format == "json":
+            return respond(answer(exports.state_space(session, caller, identifier, open_at=open_at)))
+        content = exports.state_space_file(session, caller, identifier, open_at=open_at)
+    headers = {"Content-Disposition": f'attachment; filename="{identifier}.mat"'}
+    return Response(content, media_type=MATLAB, headers=headers)

@@ -99,6 +99,40 @@ class StoredSystem(Reply):
     warnings: list[WarningReply]
 
 
+Matrix = list[list[float]]
+
+
+class StateSpaceReply(Reply):
+    """A realised system in SI: x' = A x + B u, y = C x + D u without delays.
+
+    With delays x' = A x + B1 u + B2 w, y = C1 x + D11 u + D12 w, z = C2 x + D21 u + D22 w and w_i(t) = z_i(t - delays_i): the
+    form of MATLAB's `setDelayModel`.
+    """
+
+    system: SystemReference
+    open_at: str | None
+    states: list[str] = Field(examples=[["controller.x1", "motor.x1"]])
+    inputs: list[str]
+    outputs: list[str]
+    output_units: list[str] = Field(description='SI unit of each output, "" where it is not known')
+    channels: list[str] = Field(description="the delay channels; empty without delays")
+    A: Matrix
+    B: Matrix | None = Field(default=None, description="without delays only, as C and D")
+    C: Matrix | None = None
+    D: Matrix | None = None
+    B1: Matrix | None = Field(default=None, description="with delays only, as all up to D22")
+    B2: Matrix | None = None
+    C1: Matrix | None = None
+    C2: Matrix | None = None
+    D11: Matrix | None = None
+    D12: Matrix | None = None
+    D21: Matrix | None = None
+    D22: Matrix | None = None
+    delays: list[float] = Field(description="s, one for each channel")
+    x0: list[float] = Field(description="initial state")
+    warnings: list[WarningReply]
+
+
 class StudyReply(Reply):
     """What every study says beside its numbers."""
 
