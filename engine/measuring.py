@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,7 @@ class MetricRequest:
     """One metric of one experiment.
 
     ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
-    need none. ``duration`` limits integrals, s (None: infinity).
+    need none. ``duration`` limits integrals, s (None: infinity); ``band`` is what a metric of the spectrum looks at, rad/s.
     """
 
     metric: str
@@ -38,6 +38,14 @@ class MetricRequest:
     target: str | None = None
     open_at: str | None = None
     duration: float | None = None
+    band: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.band is not None and not 0 <= self.band[0] < self.band[1] < np.inf:
+            low, high = self.band
+            raise DiagramError(
+                f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", at=("band",)
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +156,7 @@ def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple
         if issubclass(metric, TimeMetric):
             outputs = together.get(command_of(request), [str(request.output)])
             subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-            finding = metric.measure(subject)
+            finding = metric.measure(replace(subject, band=request.band))
         elif issubclass(metric, PathMetric):
             finding = metric.measure(evaluation.path(str(request.source), str(request.target)))
         elif issubclass(metric, LoopMetric):

@@ -64,7 +64,10 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """One metric, as an objective (``sense``), as a constraint (``lower``, ``upper``; SI), or as both."""
+    """One metric, as an objective (``sense``), as a constraint (``lower``, ``upper``; SI), or as both.
+
+    ``band`` (rad/s) is what a metric of the spectrum looks at.
+    """
 
     metric: str
     experiment: str | None = None
@@ -72,6 +75,7 @@ class Goal:
     source: str | None = None
     target: str | None = None
     open_at: str | None = None
+    band: tuple[float, float] | None = None
     sense: Sense | None = None
     lower: float | None = None
     upper: float | None = None
@@ -294,6 +298,7 @@ def _request(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experiment]
         source=goal.source,
         target=goal.target,
         duration=experiment.duration if experiment is not None and domain == "time" else None,
+        band=goal.band,
     )
 
 
@@ -303,6 +308,11 @@ def _check_bounds(goal: Goal, at: Path) -> None:
     for key, bound in (("lower", goal.lower), ("upper", goal.upper)):
         if bound is not None and not math.isfinite(bound):
             raise ProblemError(f"{key} must be a finite number, got {bound}", at=(*at, key))
+    if goal.band is not None and not 0 <= goal.band[0] < goal.band[1] < math.inf:
+        low, high = goal.band
+        raise ProblemError(
+            f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", at=(*at, "band")
+        )
     if goal.lower is not None and goal.upper is not None and goal.lower > goal.upper:
         raise ProblemError(f"upper must be >= lower {goal.lower:g}, got {goal.upper:g}", at=(*at, "upper"))
     if not (goal.weight > 0 and math.isfinite(goal.weight)):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from api.convert.signals import ReadChannel, signals_from_wire
-from api.convert.values import measured_to_wire, number, numbers, optional_si, overrides_from_wire, si
+from api.convert.values import band_from_wire, measured_to_wire, number, numbers, optional_si, overrides_from_wire, si
 from api.errors import invalid
 from api.pointers import Place
 from api.schemas.jobs import ExperimentDocument, GoalDocument, OptimizationRequest, VariableDocument
@@ -86,6 +86,7 @@ def _goal(document: GoalDocument, diagram: Diagram, place: Place) -> Goal:
         source=document.source,
         target=document.target,
         open_at=document.open_at,
+        band=band_from_wire(document.band, place=(*place, "band")),
         sense=Sense(document.sense) if document.sense else None,
         lower=lower,
         upper=upper,

@@ -47,6 +47,22 @@ def optional_si(value: Any, unit: str, *, name: str, place: Place) -> float | No
     return None if value is None else si(value, unit, name=name, place=place)
 
 
+def band_from_wire(given: Any, *, place: Place) -> tuple[float, float] | None:
+    """Return [low, high] in rad/s, None for None.
+
+    Raises
+    ------
+    Problem
+        422 unless 0 <= low < high.
+    """
+    if given is None:
+        return None
+    low, high = (si(value, "rad/s", name="band", place=(*place, i)) for i, value in enumerate(given))
+    if not 0.0 <= low < high:
+        raise invalid(f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", *place)
+    return low, high
+
+
 def nested_si(value: Any, unit: str, *, name: str, place: Place) -> Any:
     """Return a parameter value with every quantity in it converted; expressions, texts and None pass."""
     if isinstance(value, list):

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 from api.schemas.methods import MethodDocument
 from api.schemas.signals import Inputs
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantity, Document, Identifier, Name, Overrides, Path, Port, Quantity
+from api.schemas.values import AutoOrQuantity, Band, Document, Identifier, Name, Overrides, Path, Port, Quantity
 
 Window = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[t0, t1] in s")]
 
@@ -41,6 +41,7 @@ class GoalDocument(Document):
     source: Port | None = Field(default=None, alias="from")
     target: Port | None = Field(default=None, alias="to")
     open_at: Port | None = None
+    band: Band | None = Field(default=None, description="for `band_energy`")
     sense: Literal["minimize", "maximize"] | None = None
     lower: Quantity | None = None
     upper: Quantity | None = None

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from api.schemas.signals import Inputs, SignalDocument
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Document, Overrides, Path, Port
+from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Band, Document, Overrides, Path, Port
 
 Names = Annotated[list[str], Field(max_length=100)]
 
@@ -50,6 +50,7 @@ class InfluenceRequest(Document):
     source: Port | None = Field(default=None, alias="from", description="default: input")
     target: Port | None = Field(default=None, alias="to", description="default: output")
     duration: AutoOrQuantity = "auto"
+    band: Band | None = Field(default=None, description="for `band_energy`")
     parameters: list[Path] = Field(min_length=1, max_length=200)
     metrics: list[str] = Field(min_length=1, max_length=100)
     change: float = Field(default=0.1, gt=-1.0, description="relative change for the coefficients of eq. (4)")

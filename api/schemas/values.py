@@ -147,3 +147,5 @@ AutoOrQuantities = TypeAliasType(
     ],
 )
 """A list of quantities, or "auto"."""
+
+Band = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[low, high] in rad/s")]

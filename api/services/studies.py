@@ -17,7 +17,7 @@ from api.convert.studies import (
     simulation_to_wire,
     warnings_to_wire,
 )
-from api.convert.values import overrides_from_wire, si
+from api.convert.values import band_from_wire, overrides_from_wire, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
@@ -208,6 +208,7 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
             source=source,
             target=target,
             duration=duration,
+            band=band_from_wire(request.band, place=("band",)),
         )
         for name in metrics
     }
@@ -221,7 +222,13 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
 def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> MetricRequest:
     domain = catalogue()[name].domain
     if domain == "time":
-        return MetricRequest(metric=name, signals=given["signals"], output=request.output, duration=given["duration"])
+        return MetricRequest(
+            metric=name,
+            signals=given["signals"],
+            output=request.output,
+            duration=given["duration"],
+            band=given["band"],
+        )
     if domain == "loop":
         return MetricRequest(metric=name, open_at=request.open_at)
     if domain == "path":

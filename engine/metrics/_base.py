@@ -78,6 +78,8 @@ class TimeSubject:
         Limit of the integrals, s; None means infinity.
     verdict : Verdict
         Of the path from the input to this output.
+    band : (float, float) or None
+        Angular frequencies between which a spectrum is looked at, rad/s.
     """
 
     y: Curve | None
@@ -89,6 +91,7 @@ class TimeSubject:
     error_final: Array | None
     duration: float | None
     verdict: Verdict
+    band: tuple[float, float] | None = None
 
     @property
     def curve(self) -> Curve:

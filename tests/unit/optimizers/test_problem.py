@@ -70,6 +70,7 @@ def test_a_log_scale_needs_positive_bounds_only_when_asked_for() -> None:
         ({"goals": (FAST, Goal(metric="sensitivity_peak", open_at="error", lower=2.0, upper=1.6))}, ("goals", 1, "upper"), ">= lower"),
         ({"goals": (FAST, Goal(metric="sensitivity_peak", open_at="error", upper=float("nan")))}, ("goals", 1, "upper"), "finite"),
         ({"goals": (Goal(metric="overshoot", experiment="step", output="position", sense=Sense.MINIMIZE, weight=0.0),)}, ("goals", 0, "weight"), "> 0"),
+        ({"goals": (FAST, Goal(metric="band_energy", experiment="step", output="position", upper=1.0, band=(2.0, 1.0)))}, ("goals", 1, "band"), "low < high"),
         ({"experiments": (Experiment(name="step", signals={}),)}, ("experiments", 0, "input"), "at least one"),
         ({"experiments": (Experiment(name="step", signals={"load": STEP.signals["reference"]}),)}, ("experiments", 0, "input", "port"), "load"),
         ({"experiments": (Experiment(name="step", signals=STEP.signals, duration=0.0),)}, ("experiments", 0, "duration"), "> 0 s"),
