@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from engine.errors import DiagramError
 from engine.linear.frequency import FrequencyResponse
-from engine.linear.path import path
+from engine.linear.path import merged, path
 from engine.linear.poles import Poles, poles, static_gain
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 
 LIFETIMES = 36.0
 """A response is followed for so many time constants of its slowest mode: e^-36 = 2e-16 is rounding."""
+
+_AT_REST = 1e-13
+_ROUNDING = 1e-9
+"""Relative distances from the final value: nothing to follow any more, and what rounding may leave at most."""
 
 LARGEST = 1e100
 """Beyond this a growing response is not followed."""
@@ -96,9 +100,9 @@ class Evaluation:
 
     def _realize(self, open_at: str | None) -> LaneSystem:
         if not self.gradient:
-            return LaneSystem.of([self.diagram.realize(self.overrides, open_at)]).balanced()
+            return merged(LaneSystem.of([self.diagram.realize(self.overrides, open_at)]).balanced())
         steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
-        return self.diagram.realize_lanes(steps, self.overrides, open_at).balanced()
+        return merged(self.diagram.realize_lanes(steps, self.overrides, open_at).balanced())
 
     @cached_property
     def system(self) -> LaneSystem:
@@ -128,9 +132,14 @@ class Evaluation:
             whole = self._realize(open_at)
             opened = _negated(path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1], self._poles_of))
             closed = self._poles_of(_closed(opened.value))
-            static = None if np.any(self._poles_of(opened.value).at_zero) else static_gain(opened)[:, 0, 0]
-            response = FrequencyResponse(opened, corners=closed.values)
-            self._loops[open_at] = LoopSubject(response=response, static=static, verdict=closed.verdict)
+            own = self._poles_of(opened.value)
+            static = None if np.any(own.at_zero) else static_gain(opened)[:, 0, 0]
+            response = FrequencyResponse(
+                opened, corners=closed.values[~closed.endless], needles=closed.values[closed.endless]
+            )
+            self._loops[open_at] = LoopSubject(
+                response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
+            )
         return self._loops[open_at]
 
     def path(self, source: str, target: str) -> PathSubject:
@@ -140,7 +149,7 @@ class Evaluation:
             part = path(self.system, [self.input_index(source)], [self.output_index(target)], self._poles_of)
             own = self._poles_of(part.value)
             static = None if np.any(own.at_zero) else static_gain(part)[:, 0, 0]
-            response = FrequencyResponse(part, corners=own.values)
+            response = FrequencyResponse(part, corners=own.values[~own.endless], needles=own.values[own.endless])
             self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
         return self._paths[key]
 
@@ -185,7 +194,7 @@ class Evaluation:
             if all(end is not None for end in ends):
                 values = np.einsum("poi,i->po", static_gain(part), np.array([float(end or 0.0) for end in ends]))
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
-            joint = respond(part, list(signals.values()), _horizon(part, signals, slowest))
+            joint = _whole(part, signals, slowest, [finals[name] for name in decaying])
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
         columns = {name: k for k, name in enumerate(decaying)}
@@ -234,6 +243,33 @@ class Evaluation:
         if float(self._poles_of(part.value).values.real.max(initial=0.0)) * duration > np.log(LARGEST):
             return None
         return respond(part, list(signals.values()), duration)
+
+
+def _whole(
+    part: LaneSystem, signals: Mapping[str, Signal], slowest: float, finals: Sequence[Array | None]
+) -> Trajectory:
+    """Return the response until nothing moves any more.
+
+    Modes in a row, as ten equal lags are, take longer than the slowest of them alone: t^9 e^-t.
+    """
+    horizon, rest = _horizon(part, signals, slowest), np.inf
+    while True:
+        found = respond(part, list(signals.values()), horizon)
+        if any(final is None for final in finals):
+            return found
+        last = _remainder(found, np.array([final[0].real for final in finals if final is not None]))
+        # what does not shrink any more is rounding
+        if last <= _AT_REST or (last < _ROUNDING and last > 0.5 * rest):
+            return found
+        horizon, rest = 2 * horizon, last
+
+
+def _remainder(found: Trajectory, finals: npt.NDArray[np.float64]) -> float:
+    """Return how far the outputs are from their final values in the last twentieth, relative to their largest values."""
+    late = found.edges[1:, 0].real >= 0.95 * found.edges[-1, 0].real
+    largest = np.abs(found.y[:, :, 0].real).max(axis=(0, 1))
+    away = np.abs(found.y[late][:, :, 0].real - finals).max(axis=(0, 1))
+    return float(np.max(away / np.maximum(largest, 1e-300), initial=0.0))
 
 
 def _has_settled(values: npt.NDArray[np.float64]) -> bool:

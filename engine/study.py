@@ -15,6 +15,8 @@ import numpy.typing as npt
 from engine.document import Remark
 from engine.errors import DiagramError
 from engine.evaluation import LARGEST, Evaluation
+from engine.linear.frequency import SMALLEST_LOOP_GAIN
+from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
 from engine.linear.path import path
 from engine.linear.poles import Poles
 from engine.linear.trajectory import respond
@@ -54,8 +56,9 @@ class Simulation:
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """Every crossing of the loop: (frequency in rad/s, margin)."""
+    """Every crossing of the loop where |L| is ``smallest_loop_gain`` or more: (frequency in rad/s, margin)."""
 
+    smallest_loop_gain: float
     gain: tuple[tuple[float, float], ...]
     phase: tuple[tuple[float, float], ...]
     delay: tuple[tuple[float, float], ...]
@@ -63,13 +66,14 @@ class Margins:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyStudy:
-    """A frequency response with its metrics; ``margins`` only for an open loop."""
+    """A frequency response with its metrics; ``margins`` only for an open loop, and ``nyquist`` where it can be counted."""
 
     frequency: Real
     response: npt.NDArray[np.complex128]
     phase: Real
     metrics: Mapping[str, Measured]
     margins: Margins | None
+    nyquist: NyquistCount | None
     poles: npt.NDArray[np.complex128]
     verdict: Verdict
     warnings: tuple[Remark, ...]
@@ -152,13 +156,16 @@ def _length(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequen
             moving = np.flatnonzero(rest > 0.005 * max(float(np.ptp(values)), 1e-300))
             if len(moving) and not periods:
                 ends.append(1.25 * (float(edges[moving[-1] + 1]) - last) + last)
-    ends.append(last + _pace(evaluation.poles) if response.joint is None or len(response.columns) < len(names) else 0.0)
+    if response.joint is None or len(response.columns) < len(names):
+        ends.append(last + _pace(evaluation.poles, float(evaluation.system.delays[0].real.sum())))
     length = max(ends)
     return _rounded(length) if length > 0 else 1.0
 
 
-def _pace(found: Poles) -> float:
+def _pace(found: Poles, delays: float) -> float:
     """Return a telling length for a response that does not settle: growth by 1000, or ten times the slowest mode."""
+    if found.neutral:
+        return 20 * delays
     growing = found.values.real[(found.values.real > 0) & ~found.on_axis & ~found.at_zero]
     if len(growing):
         return float(np.log(1e3) / growing.max())
@@ -237,11 +244,15 @@ def frequency_response(
         msg = "a frequency response must have 'from' and 'to', or 'open_at', got neither"
         raise DiagramError(msg)
     evaluation = Evaluation(diagram, overrides)
-    margins = None
+    margins = nyquist = None
+    remarks = diagram.warnings
     if open_at is not None:
         loop = evaluation.loop(open_at)
         curve = loop.response
+        nyquist = nyquist_count(curve, loop.opened, loop.closed)
+        remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
         margins = Margins(
+            smallest_loop_gain=SMALLEST_LOOP_GAIN,
             gain=_listed(gain_margins(curve, loop.static)),
             phase=_listed(phase_margins(curve)),
             delay=_listed(delay_margins(curve)),
@@ -265,10 +276,26 @@ def frequency_response(
         phase=phase,
         metrics=found,
         margins=margins,
+        nyquist=nyquist,
         poles=evaluation.poles.values,
         verdict=evaluation.poles.verdict,
-        warnings=diagram.warnings,
+        warnings=remarks,
     )
+
+
+def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdict: Verdict) -> tuple[Remark, ...]:
+    """Return what a reader of the margins must know besides."""
+    details = []
+    if last is not None:
+        details.append(
+            f"the gain of this loop never fades, so its crossings have no end: listed up to {last:.3g} rad/s"
+        )
+    if count is not None and (count.closed_loop > 0) != (verdict is Verdict.UNSTABLE):
+        details.append(
+            f"the Nyquist criterion counts {count.closed_loop} unstable poles of the closed loop, but its poles say "
+            f"'{verdict}': do not rely on either"
+        )
+    return tuple(Remark(at=("open_at", open_at), detail=detail) for detail in details)
 
 
 def _unwrapped(
@@ -309,6 +336,7 @@ __all__ = [
     "Gradient",
     "Margins",
     "MetricRequest",
+    "NyquistCount",
     "Simulation",
     "frequency_response",
     "measure",

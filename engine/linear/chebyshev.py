@@ -90,8 +90,8 @@ def weights(theta: Array) -> Array:
     ndarray, shape (..., N + 1)
     """
     x = np.clip(2 * np.real(theta) - 1, -1.0, 1.0)
-    k = np.arange(DEGREE + 1)
-    basis = np.cos(np.arccos(x)[..., None] * k) @ coefficient_matrix()
+    vandermonde = np.polynomial.chebyshev.chebvander(x, DEGREE).reshape(*np.shape(x), DEGREE + 1)
+    basis = vandermonde @ coefficient_matrix()
     offset = theta - (x + 1) / 2  # the infinitesimal part, and what the clipping took away
     if np.any(offset != 0):
         basis = basis + offset[..., None] * (basis @ differentiation_matrix())

@@ -8,9 +8,9 @@ exact derivative by the implicit-function rule dt*/dp = -(∂y/∂p) / ẏ.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,16 @@ from engine.linear.chebyshev import (
 )
 from engine.linear.system import Array
 
+Real = npt.NDArray[np.float64]
+
 _STILL = 1e-14
 """A piece that varies by less than this part of the curve does not move: its turning points are rounding."""
+
+_SAME = 4e-16
+"""Two places of a piece, of length 1, that are nearer than this are one."""
+
+_NEAR = 0.02
+"""Part of a piece's size from which on a turning point may hide two roots."""
 
 _SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
 _TO_SCAN = weights(_SCAN)
@@ -158,32 +166,35 @@ class Curve:
         )
 
     def _best(self, nodes: npt.NDArray[np.float64]) -> tuple[Array, float]:
-        top = nodes.max(axis=1)
-        spread = top - nodes.min(axis=1)
-        candidates = np.flatnonzero(top + 0.5 * spread >= top.max())
-        edges = self.times
-        best: tuple[Array, float] | None = None
+        top, spread = nodes.max(axis=1), np.ptp(nodes, axis=1)
         scale = max(float(np.abs(nodes).max()), 1e-300)
-        for k in candidates:
-            points = [(self.values[k, 0], float(edges[k]))]
-            if spread[k] > _STILL * scale:
-                inside = _roots(differentiation_matrix() @ nodes[k])
-                points += [(self.at(int(k), th), float(edges[k] + th * (edges[k + 1] - edges[k]))) for th in inside]
-            points += [(self.values[k, -1], float(edges[k + 1]))]
-            for value, instant in points:
-                if best is None or value[0].real > best[0][0].real + 1e-15 * scale:
-                    best = (value, instant)
-        assert best is not None  # a curve has at least one piece
-        return best
+        candidates = np.flatnonzero(top + 0.5 * spread >= top.max())
+        top = (nodes[candidates] @ _TO_SCAN.T).max(axis=1)
+        candidates = candidates[top + _NEAR * spread[candidates] >= top.max()]
+        moving = candidates[spread[candidates] > _STILL * scale]
+        row, theta = roots(nodes[moving] @ differentiation_matrix().T)
+        inside = _clenshaw(nodes[moving[row]] @ coefficient_matrix().T, theta)
+        piece = np.concatenate([candidates, moving[row], candidates])
+        place = np.concatenate([np.zeros(len(candidates)), theta, np.ones(len(candidates))])
+        heights = np.concatenate([nodes[candidates, 0], inside, nodes[candidates, -1]])
+        order = np.lexsort((place, piece))
+        # the earliest among equals: two that differ by rounding are equal
+        first = order[np.argmax(heights[order] >= heights.max() - 1e-15 * scale)]
+        k, th, edges = int(piece[first]), float(place[first]), self.times
+        if th in {0.0, 1.0}:
+            side = round(th)
+            return self.values[k, -side], float(edges[k + side])
+        return self.at(k, th), float(edges[k] + th * (edges[k + 1] - edges[k]))
 
     def turning_values(self, least: float) -> npt.NDArray[np.float64]:
         """Return the real values, of magnitude ``least`` or more, at which the curve turns back."""
         nodes = self.values[:, :, 0].real
         slopes = nodes @ differentiation_matrix().T
         loud = np.flatnonzero(np.abs(nodes).max(axis=1) >= least)
-        found = [float(self.at(int(k), theta)[0].real) for k in loud for theta in _roots(slopes[k])]
+        row, theta = roots(slopes[loud])
+        found = _clenshaw(nodes[loud[row]] @ coefficient_matrix().T, theta)
         kinks = np.flatnonzero(slopes[:-1, -1] * slopes[1:, 0] <= 0)
-        return np.array([*found, *nodes[kinks + 1, 0]])
+        return np.concatenate([found, nodes[kinks + 1, 0]])
 
     def integral(self) -> Array:
         """Return the integral over the whole curve, shape (lanes,)."""
@@ -224,29 +235,29 @@ class Curve:
 
     def absolute(self) -> Curve:
         """Return |y| with an edge at every change of sign, so that it stays polynomial on each piece."""
-        edges, values = self.edges, self.values
-        signs = np.where(values[:, :, 0].real.sum(axis=1) < 0, -1.0, 1.0)
-        nodes = values[:, :, 0].real
+        nodes = self.values[:, :, 0].real
         mixed = (nodes.min(axis=1) < 0) & (nodes.max(axis=1) > 0)
         mixed &= np.abs(nodes).max(axis=1) > _STILL * np.abs(nodes).max()
-        out_edges: list[Array] = []
-        out_values: list[Array] = []
-        for k in range(len(values)):
-            out_edges.append(edges[k])
-            if not mixed[k]:
-                out_values.append(signs[k] * values[k])
-                continue
-            width = edges[k + 1] - edges[k]
-            cuts = [0.0, *(root for root in _roots(values[k, :, 0].real) if 0.0 < root < 1.0), 1.0]
-            # the moving cut contributes nothing to first order because the curve is zero there
-            for a, b in itertools.pairwise(cuts):
-                part = weights(a + NODES * (b - a)) @ values[k]
-                sign = -1.0 if part[:, 0].real.sum() < 0 else 1.0
-                out_values.append(sign * part)
-                if b < 1.0:
-                    out_edges.append(edges[k] + b * width)
-        out_edges.append(edges[-1])
-        return Curve(edges=np.array(out_edges), values=np.array(out_values))
+        candidates = np.flatnonzero(mixed)
+        row, theta = roots(nodes[candidates])
+        inside = (theta > 0) & (theta < 1)
+        # every part of a piece from one change of sign to the next; the moving cut contributes nothing to first order
+        # because the curve is zero there
+        piece = np.concatenate([np.arange(len(nodes)), candidates[row[inside]]])
+        start = np.concatenate([np.zeros(len(nodes)), theta[inside]])
+        order = np.lexsort((start, piece))
+        piece, start = piece[order], start[order]
+        end = np.append(np.where(piece[1:] == piece[:-1], start[1:], 1.0), 1.0)
+        width = np.diff(self.edges, axis=0)
+        edges = np.concatenate([self.edges[piece] + start[:, None] * width[piece], self.edges[-1:]])
+        values = self.values[piece]
+        whole = (start == 0) & (end == 1)
+        cut = np.flatnonzero(~whole)
+        series = np.einsum("cl,klp->ckp", coefficient_matrix(), values[cut])
+        place = 2 * (start[cut, None] + NODES * (end - start)[cut, None]) - 1
+        values[cut] = np.polynomial.chebyshev.chebval(place[:, :, None], series[:, :, None, :], tensor=False)
+        signs = np.where(values[:, :, 0].real.sum(axis=1) < 0, -1.0, 1.0)
+        return Curve(edges=edges, values=signs[:, None, None] * values)
 
     def squared(self) -> Curve:
         """Return y² with each piece halved, so that degree 16 holds it again."""
@@ -271,50 +282,77 @@ class Curve:
         return Curve(edges=edges, values=values)
 
 
-def _polish(coefficients: npt.NDArray[np.float64], a: float, b: float) -> float:
-    """Return the root of a Chebyshev series inside the bracket [a, b] of [0, 1], by Newton kept in the bracket."""
-    derivative = np.polynomial.chebyshev.chebder(coefficients)
-    fa = float(np.polynomial.chebyshev.chebval(2 * a - 1, coefficients))
-    fb = float(np.polynomial.chebyshev.chebval(2 * b - 1, coefficients))
-    theta = a + (b - a) * fa / (fa - fb) if fa != fb else 0.5 * (a + b)
+def _clenshaw(coefficients: npt.NDArray[np.floating[Any]], theta: Real) -> Real:
+    """Return Chebyshev series, one for each row, at one θ in [0, 1] each."""
+    return np.asarray(np.polynomial.chebyshev.chebval(2 * theta - 1, coefficients.T, tensor=False))
+
+
+def _polished(coefficients: npt.NDArray[np.floating[Any]], a: Real, b: Real) -> Real:
+    """Return the roots of Chebyshev series inside their brackets [a, b] of [0, 1], by Newton kept in the bracket."""
+    derivatives = 2 * np.polynomial.chebyshev.chebder(coefficients, axis=1)
+    fa, fb = _clenshaw(coefficients, a), _clenshaw(coefficients, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        theta = np.where(fa != fb, a + (b - a) * fa / (fa - fb), 0.5 * (a + b))
+    below = fa < 0
+    a, b = a.copy(), b.copy()
+    active = np.arange(len(theta))
     for _ in range(60):
-        f = float(np.polynomial.chebyshev.chebval(2 * theta - 1, coefficients))
-        if f == 0.0:
-            break
-        if (f < 0) == (fa < 0):
-            a = theta
-        else:
-            b = theta
-        slope = 2 * float(np.polynomial.chebyshev.chebval(2 * theta - 1, derivative))
-        new = theta - f / slope if slope != 0.0 else 0.5 * (a + b)
-        if not a <= new <= b:
-            new = 0.5 * (a + b)
-        moved, theta = abs(new - theta), new
-        if moved <= 4e-16:
+        at = theta[active]
+        f = _clenshaw(coefficients[active], at)
+        left = (f < 0) == below[active]
+        a[active] = np.where(left, at, a[active])
+        b[active] = np.where(left, b[active], at)
+        slope = _clenshaw(derivatives[active], at)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            new = at - f / slope
+        middle = 0.5 * (a[active] + b[active])
+        new = np.where((new >= a[active]) & (new <= b[active]), new, middle)
+        theta[active] = np.where(f == 0, at, new)
+        active = active[(f != 0) & (np.abs(new - at) > _SAME)]
+        if not len(active):
             break
     return theta
 
 
-def _roots(nodes: npt.NDArray[np.float64]) -> list[float]:
-    """Return the real roots in [0, 1] of the polynomial through ``nodes``, in order.
+def roots(nodes: Real) -> tuple[npt.NDArray[np.intp], Real]:
+    """Return the real roots in [0, 1] of the polynomials through ``nodes``.
 
-    The polynomial is scanned four times finer than its nodes; a root is polished by Newton inside its bracket. Where the
+    A polynomial is scanned four times finer than its nodes; a root is polished by Newton inside its bracket. Where the
     scan comes near zero and turns back, the stationary point itself is looked at, so that a pair of close roots between
     two scan points is not lost.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (pieces, N + 1)
+
+    Returns
+    -------
+    (ndarray of int, ndarray), shapes (roots,)
+        Piece and θ, in the order of time.
     """
-    scan = _TO_SCAN @ nodes
+    scan = nodes @ _TO_SCAN.T
     negative = scan < 0
-    changes = negative[:-1] != negative[1:]
+    changes = negative[:, :-1] != negative[:, 1:]
     size = np.abs(scan)
-    turning = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & ~changes[:-1] & ~changes[1:]
-    turning &= size[1:-1] < 0.02 * size.max()
-    if not changes.any() and not turning.any():
-        return []
-    coefficients = coefficient_matrix() @ nodes
-    brackets = [(float(_SCAN[k]), float(_SCAN[k + 1])) for k in np.flatnonzero(changes)]
-    for k in np.flatnonzero(turning) + 1:
-        a, b = float(_SCAN[k - 1]), float(_SCAN[k + 1])
-        top = _polish(np.asarray(np.polynomial.chebyshev.chebder(coefficients), dtype=np.float64), a, b)
-        if (float(np.polynomial.chebyshev.chebval(2 * top - 1, coefficients)) < 0) != bool(negative[k]):
-            brackets += [(a, top), (top, b)]
-    return sorted(_polish(coefficients, a, b) for a, b in brackets)
+    turning = (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:]) & ~changes[:, :-1] & ~changes[:, 1:]
+    turning &= size[:, 1:-1] < _NEAR * size.max(axis=1, keepdims=True)
+    row, k = np.nonzero(changes)
+    a, b = _SCAN[k], _SCAN[k + 1]
+    touching, t = np.nonzero(turning)
+    if len(touching):
+        series = nodes[touching] @ coefficient_matrix().T
+        low, high = _SCAN[t], _SCAN[t + 2]
+        top = _polished(np.polynomial.chebyshev.chebder(series, axis=1), low, high)
+        twice = (_clenshaw(series, top) < 0) != negative[touching, t + 1]
+        row = np.concatenate([row, touching[twice], touching[twice]])
+        a, b = np.concatenate([a, low[twice], top[twice]]), np.concatenate([b, top[twice], high[twice]])
+    if not len(row):
+        return row, np.zeros(0)
+    theta = _polished(nodes[row] @ coefficient_matrix().T, a, b)
+    order = np.lexsort((theta, row))
+    return row[order], theta[order]
+
+
+def _roots(nodes: Real) -> list[float]:
+    """Return the roots of one polynomial, in order."""
+    return [float(theta) for theta in roots(nodes[None])[1]]

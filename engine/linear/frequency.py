@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigvals, schur
-from scipy.optimize import brentq
 
 from engine.linear.tangent import INFINITESIMAL, solve
 
@@ -32,6 +31,9 @@ SMALLEST_LOOP_GAIN = 1e-3
 """Crossings of a loop gain below this are not listed."""
 
 _STRAIGHT = 0.01
+_SAME = 4e-16
+"""Two frequencies that are nearer than this, relative to themselves, are one."""
+
 _MOST_POINTS = 40_000
 _FEW_STATES = 40
 _MOST_NUMBERS = 2_000_000
@@ -67,15 +69,23 @@ class FrequencyResponse:
         One input, one output.
     corners : ndarray
         Further corner frequencies, rad/s (those of the closed loop, say), at which the scan looks closely.
+    needles : ndarray
+        Poles at which the scan looks closely only where it comes by: a chain of echoes has no end.
     floor : float
         The scan ends where the magnitude has fallen below this part of its low-frequency or peak value.
     """
 
     def __init__(
-        self, system: LaneSystem, *, corners: npt.NDArray[np.complex128] | None = None, floor: float = 1e-3
+        self,
+        system: LaneSystem,
+        *,
+        corners: npt.NDArray[np.complex128] | None = None,
+        needles: npt.NDArray[np.complex128] | None = None,
+        floor: float = 1e-3,
     ) -> None:
         self.system = system
         self._corners = np.zeros(0, dtype=complex) if corners is None else corners
+        self._needles = np.zeros(0, dtype=complex) if needles is None else needles
         self._floor = floor
 
     def __call__(self, frequencies: Real) -> Complex:
@@ -95,6 +105,16 @@ class FrequencyResponse:
     def _factorised(self, frequencies: Real) -> Complex:
         """Return G(jω) from F(jω) [x; w] = [B1; D21], factorised for each frequency."""
         s = self.system
+        f, right, read = self._equations(frequencies)
+        try:
+            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
+        except np.linalg.LinAlgError:  # one of them is exactly a pole
+            return self._triangular(frequencies)
+        return np.asarray(inner @ read + complex(s.d11[0, 0, 0].real))
+
+    def _equations(self, frequencies: Real) -> tuple[Complex, Complex, Real]:
+        """Return F(jω) at each frequency, its right side and what is read of its solution."""
+        s = self.system
         n, m, k = s.n, s.m, len(frequencies)
         f = np.zeros((k, n + m, n + m), dtype=complex)
         f[:, :n, :n] = 1j * frequencies[:, None, None] * np.eye(n) - s.a[0].real
@@ -103,12 +123,32 @@ class FrequencyResponse:
         turns = np.exp(1j * frequencies[:, None] * s.delays[0].real)
         f[:, n:, n:] = turns[:, :, None] * np.eye(m) - s.d22[0].real
         right = np.concatenate([s.b1[0].real, s.d21[0].real]).astype(complex)
-        read = np.concatenate([s.c1[0].real, s.d12[0].real], axis=1)[0]
+        return f, right, np.concatenate([s.c1[0].real, s.d12[0].real], axis=1)[0]
+
+    def slope(self, shape: Shape, frequencies: Real) -> Real:
+        """Return the derivative of ``shape`` of the real response with respect to ω, shape (k,)."""
+        size = self.system.n + self.system.m
+        if not size:
+            return np.zeros(len(frequencies))
+        step = max(1, int(_MOST_NUMBERS / (2 * size * size)))
+        parts = [self._slope(shape, frequencies[k : k + step]) for k in range(0, len(frequencies), step)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _slope(self, shape: Shape, frequencies: Real) -> Real:
+        s = self.system
+        f, right, read = self._equations(frequencies)
         try:
-            inner = np.linalg.solve(f, np.broadcast_to(right, (k, n + m, 1)))[..., 0]
-        except np.linalg.LinAlgError:  # one of them is exactly a pole
-            return self._triangular(frequencies)
-        return np.asarray(inner @ read + complex(s.d11[0, 0, 0].real))
+            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
+        except np.linalg.LinAlgError:  # one of them is exactly a pole: beside it, where nothing is infinite
+            return self._slope(shape, frequencies * (1 + _SAME))
+        outer = np.linalg.solve(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]
+        tau = s.delays[0].real
+        rate = np.concatenate(
+            [np.full((len(f), s.n), 1j), 1j * tau * np.exp(1j * frequencies[:, None] * tau)], axis=1
+        )  # dF/dω, a diagonal
+        value = inner @ read + complex(s.d11[0, 0, 0].real)
+        change = -(outer * rate * inner).sum(axis=1) * INFINITESIMAL
+        return np.imag(shape(value.real + 1j * change.real, value.imag + 1j * change.imag)) / INFINITESIMAL
 
     def _triangular(self, frequencies: Real) -> Complex:
         """Return G(jω) with A reduced to triangular form once: n² operations for each frequency in place of n³."""
@@ -166,19 +206,10 @@ class FrequencyResponse:
         """Return ``shape`` of the response at one frequency, shape (lanes,)."""
         return shape(*self.pair(frequency))
 
-    def shape_slope(self, shape: Shape, frequency: float) -> tuple[float, float]:
-        """Return (value, derivative with respect to ω) of ``shape`` of the real response."""
-        value = self._value.shape(shape, np.asarray(frequency + 1j * INFINITESIMAL * max(frequency, 1e-300)))
-        return float(value[0].real), float(value[0].imag / (INFINITESIMAL * max(frequency, 1e-300)))
-
     @property
     def direct(self) -> Array:
         """The gain at infinite frequency (delays have none of their own), shape (lanes,)."""
         return np.asarray(self.system.d11[:, 0, 0])
-
-    @cached_property
-    def _value(self) -> FrequencyResponse:
-        return FrequencyResponse(self.system.value)
 
     @cached_property
     def corner_frequencies(self) -> npt.NDArray[np.complex128]:
@@ -210,7 +241,7 @@ class FrequencyResponse:
         low, high = self._extend(low, high)
         omega = np.geomspace(low, high, int(np.clip(30 * np.log10(high / low), 60, 1200)))
         # a lightly damped pair is a needle on the frequency axis: look at it on its own scale
-        for corner in corners:
+        for corner in np.concatenate([corners, self._needles]):
             width = max(abs(corner.real), 1e-9 * abs(corner))
             around = abs(corner.imag) + width * np.array([-8, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])
             omega = np.concatenate([omega, around[(around > low) & (around < high)]])
@@ -279,31 +310,30 @@ class FrequencyResponse:
         omega, values = self.scan
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             level_of = shape(values.real, values.imag) - base
-        found = []
         finite = np.isfinite(level_of)
         magnitude = np.abs(values)
         # the scan is straight to one percent: half the floor at both neighbours keeps what lies between below it
         matters = np.maximum(magnitude[:-1], magnitude[1:]) >= 0.5 * floor
-        for k in np.flatnonzero(((level_of[:-1] < 0) != (level_of[1:] < 0)) & matters):
-            if not (finite[k] and finite[k + 1]):
-                continue
-            root = self._root(lambda w: self.shape_slope(shape, w)[0] - base, float(omega[k]), float(omega[k + 1]))
-            found.append(self._moving(shape, root, level))
-        return found
+        changes = (level_of[:-1] < 0) != (level_of[1:] < 0)
+        where = np.flatnonzero(changes & matters & finite[:-1] & finite[1:])
 
-    def _root(self, function: Callable[[float], float], a: float, b: float) -> float:
-        fa, fb = function(a), function(b)
-        if fa == 0.0 or fa * fb > 0:
-            return a if abs(fa) <= abs(fb) else b
-        return float(brentq(function, a, b, xtol=1e-15 * b, rtol=8.9e-16, maxiter=200))
+        def height(w: Real) -> Real:
+            g = self(w)
+            return np.asarray(shape(g.real, g.imag) - base)
+
+        found = _roots(height, omega[where], omega[where + 1])
+        # at a pole on the axis the sign changes through infinity
+        passes = np.abs(height(found)) <= np.minimum(np.abs(level_of[where]), np.abs(level_of[where + 1]))
+        found = found[passes]
+        return [self._moving(shape, float(root), level) for root in found]
 
     def _moving(self, shape: Shape, root: float, level: Array | float) -> Array:
         """Let the root at ``root`` carry its derivatives: dω/dp = -(∂g/∂p) / (∂g/∂ω)."""
-        _, slope = self.shape_slope(shape, root)
-        value = self.shape(shape, np.asarray(root)) - level
-        if not np.iscomplexobj(value) or slope == 0:
+        if self.system.dtype is np.float64 and not np.iscomplexobj(level):
             return np.full(self.system.lanes, root)
-        return np.asarray(root - 1j * value.imag / slope)
+        slope = float(self.slope(shape, np.array([root]))[0])
+        value = self.shape(shape, np.asarray(root)) - level
+        return np.asarray(root - 1j * value.imag / slope) if slope else np.full(self.system.lanes, root)
 
     def peak(self, shape: Shape) -> tuple[Array, float]:
         """Return (largest value, frequency) of ``shape`` over the scan, its two ends included."""
@@ -315,10 +345,50 @@ class FrequencyResponse:
         if heights[-1] > best[0]:
             best = (float(heights[-1]), float(omega[-1]))
         inner = np.flatnonzero((heights[1:-1] >= heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
-        # the scan is straight to one percent: only peaks near the best can be the best
-        for k in inner[heights[inner] > 0.9 * heights.max()] if np.isfinite(heights.max()) else inner[:0]:
-            top = self._root(lambda w: self.shape_slope(shape, w)[1], float(omega[k - 1]), float(omega[k + 1]))
-            height = self.shape_slope(shape, top)[0]
-            if height > best[0]:
-                best = (height, top)
+        if np.isfinite(heights.max()) and len(inner):
+            # the scan is straight to one percent: a summit rises above its point by less than that falls to the neighbours
+            fall = heights[inner] - np.minimum(heights[inner - 1], heights[inner + 1])
+            inner = inner[heights[inner] + fall >= heights[inner].max()]
+            tops = _roots(lambda w: self.slope(shape, w), omega[inner - 1], omega[inner + 1])
+            summits = self(tops)
+            at = int(np.argmax(shape(summits.real, summits.imag)))
+            height = float(shape(summits.real, summits.imag)[at])
+            best = max(best, (height, float(tops[at])))
         return self.shape(shape, np.asarray(best[1])), best[1]
+
+
+def _roots(function: Callable[[Real], Real], a: Real, b: Real) -> Real:
+    """Return the root between each pair of ``a`` and ``b``, by Ridders' method to rounding.
+
+    Where there is no change of sign between them: that one of the two at which the function is nearer to 0.
+
+    References
+    ----------
+    C. Ridders, "A new algorithm for computing a single root of a real continuous function", IEEE Trans. Circuits and
+    Systems 26 (1979) 979-980.
+    """
+    if not len(a):
+        return a
+    low, high, f_low, f_high = a.copy(), b.copy(), function(a), function(b)
+    found = np.where(np.abs(f_low) <= np.abs(f_high), low, high)
+    active = np.flatnonzero((f_low < 0) & (f_high > 0) | (f_low > 0) & (f_high < 0))
+    for _ in range(100):
+        if not len(active):
+            break
+        middle = 0.5 * (low[active] + high[active])
+        f = function(middle)
+        root = np.sqrt(f * f - f_low[active] * f_high[active])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            new = middle + (middle - low[active]) * np.sign(f_low[active] - f_high[active]) * f / root
+        new = np.where(np.isfinite(new), new, middle)
+        f_new = function(new)
+        last, found[active] = found[active], new
+        for x, value in ((middle, f), (new, f_new)):
+            inside = (x > low[active]) & (x < high[active])
+            below = inside & ((value < 0) == (f_low[active] < 0))
+            above = inside & ~below
+            low[active[below]], f_low[active[below]] = x[below], value[below]
+            high[active[above]], f_high[active[above]] = x[above], value[above]
+        same = np.abs(new - last) <= _SAME * new
+        active = active[(f_new != 0) & ~same & (high[active] - low[active] > _SAME * new)]
+    return found

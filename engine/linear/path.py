@@ -44,6 +44,24 @@ def connected(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int])
     return _prune(_select(system, inputs, outputs))
 
 
+def merged(system: LaneSystem) -> LaneSystem:
+    """Return the system with delays in a row read as one: w_i(t) = g w_k(t - τ_i) = g z_k(t - τ_i - τ_k).
+
+    A response marches from echo to echo of every delay; of fifty in a row, only their sum is heard.
+    """
+    c2, d21, d22, delays = (getattr(system, name).copy() for name in ("c2", "d21", "d22", "delays"))
+    for i in range(system.m):
+        for _ in range(system.m):
+            sources = np.flatnonzero((d22[:, i] != 0).any(axis=0))
+            if len(sources) != 1 or sources[0] == i or c2[:, i].any() or d21[:, i].any():
+                break
+            k = sources[0]
+            gain = d22[:, i, k, None]
+            c2[:, i], d21[:, i], d22[:, i] = gain * c2[:, k], gain * d21[:, k], gain * d22[:, k]
+            delays[:, i] += delays[:, k]
+    return replace(system, c2=c2, d21=d21, d22=d22, delays=delays)
+
+
 def _select(system: LaneSystem, inputs: Sequence[int], outputs: Sequence[int]) -> LaneSystem:
     i, o = list(inputs), list(outputs)
     return replace(

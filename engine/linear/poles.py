@@ -2,8 +2,9 @@
 
     F(s) = [[s I - A, -B2], [-C2, diag(e^{s τ}) - D22]],   poles: det F(s) = 0,   ds/dp = -(wᴴ F_p v) / (wᴴ F_s v)
 
-Without delays these are the eigenvalues of A. With delays there are infinitely many; the rightmost ones come from the
-eigenvalues of the spectrally discretised transport along the delay lines, each polished by Newton on F.
+The poles are those of the parts whose states and delayed signals act on each other in a circle; what only follows on
+makes none. Without delays these are the eigenvalues of A. With delays there are infinitely many; the rightmost ones come
+from the eigenvalues of the spectrally discretised transport along the delay lines, each polished by Newton on F.
 
 References
 ----------
@@ -14,12 +15,13 @@ Inf. 19 (2002): a neutral loop is stable only if max over phases of ρ(D22 e^{j�
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eig, matrix_balance
+from scipy.sparse.csgraph import connected_components
 
 from engine.linear.tangent import slopes, solve
 from engine.verdicts import Verdict
@@ -46,6 +48,8 @@ class Poles:
         How far rounding may have moved each pole.
     motion : ndarray, shape (poles, lanes), complex
         Derivative of each pole along each lane.
+    endless : ndarray, shape (poles,), bool
+        Which poles belong to the endless chain of a loop with a delay. Its damping ratios go to 0 far from the origin.
     neutral : bool
         True when an undamped echo (a loop of delays and direct gains alone, of gain >= 1) makes the system unstable.
     """
@@ -53,6 +57,7 @@ class Poles:
     values: Complex
     uncertainty: npt.NDArray[np.float64]
     motion: Complex
+    endless: npt.NDArray[np.bool_]
     neutral: bool = False
 
     @property
@@ -83,16 +88,53 @@ class Poles:
 
 def poles(system: LaneSystem) -> Poles:
     """Return the poles of ``system`` with their motion along its lanes."""
-    if not system.n and not system.m:
-        return Poles(values=np.zeros(0, complex), uncertainty=np.zeros(0), motion=np.zeros((0, system.lanes), complex))
-    values, left, right, uncertainty = _with_delays(system) if system.m else _eigenvalues(system)
+    parts = [_poles_of_part(part) for part in _circles(system)]
+    values = np.concatenate([np.zeros(0, complex), *(part.values for part in parts)])
     order = np.lexsort((values.imag, -values.real))
-    values, left, right, uncertainty = values[order], left[:, order], right[:, order], uncertainty[order]
+    return Poles(
+        values=values[order],
+        uncertainty=np.concatenate([np.zeros(0), *(part.uncertainty for part in parts)])[order],
+        motion=np.concatenate([np.zeros((0, system.lanes), complex), *(part.motion for part in parts)])[order],
+        endless=np.concatenate([np.zeros(0, dtype=bool), *(part.endless for part in parts)])[order],
+        neutral=any(part.neutral for part in parts),
+    )
+
+
+def _circles(system: LaneSystem) -> list[LaneSystem]:
+    """Return the parts in which everything acts on everything: the diagonal blocks of the block triangular form."""
+    n = system.n
+    pattern = {name: np.any(getattr(system, name) != 0, axis=0) for name in ("a", "b2", "c2", "d22")}
+    acts = np.block([[pattern["a"], pattern["b2"]], [pattern["c2"], pattern["d22"]]])
+    if not len(acts):
+        return []
+    count, label = connected_components(acts, directed=True, connection="strong")
+    parts = []
+    for k in range(count):
+        x, w = np.flatnonzero(label[:n] == k), np.flatnonzero(label[n:] == k)
+        if len(x) or acts[n + w, n + w].any() or len(w) > 1:
+            parts.append(_part(system, x, w))
+    return parts
+
+
+def _part(system: LaneSystem, x: npt.NDArray[np.intp], w: npt.NDArray[np.intp]) -> LaneSystem:
+    if len(x) == system.n and len(w) == system.m:
+        return system
+    return replace(
+        system,
+        a=system.a[:, x][:, :, x], b1=system.b1[:, x], b2=system.b2[:, x][:, :, w], c1=system.c1[:, :, x],
+        c2=system.c2[:, w][:, :, x], d12=system.d12[:, :, w], d21=system.d21[:, w], d22=system.d22[:, w][:, :, w],
+        delays=system.delays[:, w], x0=system.x0[:, x],
+    )  # fmt: skip
+
+
+def _poles_of_part(system: LaneSystem) -> Poles:
+    values, left, right, uncertainty = _with_delays(system) if system.m else _eigenvalues(system)
     motion = np.zeros((len(values), system.lanes), dtype=complex)
     if system.dtype is np.complex128:
         for k, s in enumerate(values):
             motion[k] = _motion(system, s, left[:, k], right[:, k])
-    return Poles(values=values, uncertainty=uncertainty, motion=motion, neutral=_neutral(system))
+    endless = np.full(len(values), system.m > 0)
+    return Poles(values=values, uncertainty=uncertainty, motion=motion, endless=endless, neutral=_neutral(system))
 
 
 def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:
@@ -129,8 +171,10 @@ def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     guesses = guesses[np.argsort(-guesses.real)][: _MOST + 2 * system.n]
     # poles that decay so fast within one delay leave nothing behind
     guesses = guesses[guesses.real > guesses.real[0] - 60.0 / tau]
-    upper = _polished(system, guesses)
-    paired = np.abs(upper.imag) > 1e-7 * np.maximum(np.abs(upper), 1e-3 / tau)
+    # beside a very short delay the slow poles are lost in the rounding of the discretised line
+    slow = _without_delays(system)
+    upper = _polished(system, np.concatenate([guesses, slow[slow.imag >= 0]]))
+    paired = np.abs(upper.imag) > 1e-7 * np.maximum(np.abs(upper), _slowest_rate(system))
     upper = np.where(paired, upper, upper.real)
     f, slope = _characteristic(system, upper)
     # Units that are far apart (m³/s beside 1/s) would make rounding look larger than the poles themselves.
@@ -140,8 +184,10 @@ def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     u, _, vh = np.linalg.svd(f / scale[:, :, None])
     left, right = u[:, :, -1] / scale, vh[:, -1].conj()
     overlap = np.abs(np.einsum("ki,ki,ki->k", left.conj(), slope, right))
-    spread = np.linalg.norm(np.einsum("ki,kij->kj", np.abs(left), np.abs(f)), axis=1)
-    uncertainty = 20 * _EPS * spread / np.maximum(overlap, 1e-300)
+    # the backward error of every entry, which no scaling of rows or columns changes
+    spread = np.einsum("ki,kij,kj->k", np.abs(left), np.abs(f), np.abs(right))
+    turns = np.maximum(1.0, np.abs(upper) * tau)
+    uncertainty = 20 * _EPS * turns * spread / np.maximum(overlap, 1e-300)
     left, right = left / balance, right * balance
     return (
         np.concatenate([upper, upper[paired].conj()]),
@@ -149,6 +195,21 @@ def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
         np.concatenate([right, right[paired].conj()]).T,
         np.concatenate([uncertainty, uncertainty[paired]]),
     )
+
+
+def _slowest_rate(system: LaneSystem) -> float:
+    """Return a rate, 1/s, below which two poles of the part are one."""
+    size = float(np.linalg.norm(system.a[0].real)) if system.n else np.inf
+    return 1e-3 * min(1 / float(system.delays[0].real.max()), size)
+
+
+def _without_delays(system: LaneSystem) -> Complex:
+    """Return the poles that there would be if all delays were 0; none where that is an ill-posed loop."""
+    inner = np.eye(system.m) - system.d22[0].real
+    if np.linalg.cond(inner) > 1e12:
+        return np.zeros(0, complex)
+    closed = system.a[0].real + system.b2[0].real @ np.linalg.solve(inner, system.c2[0].real)
+    return np.asarray(np.linalg.eigvals(closed), dtype=complex)
 
 
 def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
@@ -162,7 +223,7 @@ def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
 
 def _polished(system: LaneSystem, guesses: Complex) -> Complex:
     """Return the distinct poles that Newton on det F, s -= 1 / tr(F⁻¹ F_s), reaches from the guesses."""
-    tau = float(system.delays[0].real.max())
+    tau, rate = float(system.delays[0].real.max()), _slowest_rate(system)
     s = guesses.copy()
     step = np.full(len(s), np.inf + 0j)
     moving = np.arange(len(s))
@@ -180,10 +241,10 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
             if not len(moving):
                 break
         near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
-        still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-6 / tau)
+        still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-3 * rate)
     kept: list[complex] = []
     for value in s[near & still]:
-        if not any(abs(value - other) < 1e-7 * max(abs(value), 1e-3 / tau) for other in kept):
+        if not any(abs(value - other) < 1e-7 * max(abs(value), rate) for other in kept):
             kept.append(complex(value))
     return np.array(kept, dtype=complex)
 

@@ -40,6 +40,31 @@ class Propagator(Protocol):
         ...
 
 
+def stride(maps: Array, joint: Array, count: int) -> Array:
+    """Return the states at the nodes of ``count`` equal segments under a linear input, shape (count, lanes, N + 1, n).
+
+    The starts of all segments come from log2(count) products with powers of one segment's transition.
+
+    Parameters
+    ----------
+    maps : ndarray, shape (lanes, N + 1, n, n + 2 inputs)
+        From [x0; c0; c1] to the states at the nodes, where the inputs are c0 + c1 θ and there are no delays.
+    joint : ndarray, shape (lanes, n + 2 inputs)
+        State, inputs and their change over one segment, at the start of the first.
+    """
+    lanes, nodes, n, size = maps.shape
+    inputs = (size - n) // 2
+    step = np.zeros((lanes, size, size), dtype=maps.dtype)
+    step[:, :n] = maps[:, -1]
+    step[:, n:, n:] = np.eye(2 * inputs) + np.eye(2 * inputs, k=inputs)
+    starts = joint[:, :, None]
+    while starts.shape[2] < count:
+        starts = np.concatenate([starts, step @ starts], axis=2)
+        step = step @ step
+    states = maps.reshape(lanes, nodes * n, size) @ starts[:, :, :count]
+    return np.asarray(states.reshape(lanes, nodes, n, count).transpose(3, 0, 1, 2))
+
+
 def exponentials(matrices: Array) -> Array:
     """Return e^M for a stack of matrices by scaling, a Taylor series of degree 20 and squaring.
 
@@ -83,6 +108,11 @@ class Exponential:
         joint = np.concatenate([x0, start, end - start], axis=-1)
         return np.asarray((self._maps @ joint[:, None, :, None])[..., 0]), delayed
 
+    def maps(self) -> Array:
+        """Return what :func:`stride` wants."""
+        units = np.concatenate([np.ones(self._maps.shape[2]), self._units, self._units])
+        return np.asarray(self._maps * units)
+
 
 class Collocation:
     """Spectral solution on the nodes: x = x0 + h S (A x + B v), S the integration matrix."""
@@ -105,6 +135,19 @@ class Collocation:
         joint = np.concatenate([x0, np.concatenate([inputs, delayed], axis=-1).reshape(lanes, -1)], axis=-1)
         inner = (self._map @ joint[..., None]).reshape(lanes, DEGREE, self._n)
         return np.concatenate([x0[:, None, :], inner], axis=1), delayed
+
+    def maps(self) -> Array:
+        """Return what :func:`stride` wants."""
+        lanes, n = len(self._map), self._n
+        forced = self._map[:, :, n:].reshape(lanes, DEGREE, n, DEGREE + 1, -1)
+        inner = [
+            self._map[:, :, :n].reshape(lanes, DEGREE, n, n),
+            forced.sum(axis=3),
+            np.einsum("pjalm,l->pjam", forced, NODES),
+        ]
+        first = np.zeros((lanes, 1, n, n + 2 * forced.shape[-1]))
+        first[:, 0, :, :n] = np.eye(n)
+        return np.concatenate([first, np.concatenate(inner, axis=-1)], axis=1)
 
 
 class DelayedCollocation:

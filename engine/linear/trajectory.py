@@ -5,27 +5,25 @@
 A first pass on the real parts places the segments: their ends fall on every instant where something jumps or kinks (the
 command, and its echoes through the delays), and a segment is halved until a polynomial of degree 16 holds outputs,
 delayed signals and (with delays) states to 1e-13. Where the echoes have become smooth a segment may be longer than a
-delay; it is then solved together with what returns to itself. The lanes then replay the same segments; an end that moves with a delay
-carries that delay's infinitesimal, so derivatives with respect to delays are exact too.
-
-References
-----------
-A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford 2003, chapters 2-3 (breaking points).
+delay; it is then solved together with what returns to itself. Without delays a command that is constant or linear is
+followed over many equal segments at once. The lanes then replay the same segments; an end that moves with a delay carries
+that delay's infinitesimal, so derivatives with respect to delays are exact too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.errors import UnresolvedError
+from engine.linear.breaking import gaps
 from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, interior, weights
 from engine.linear.curve import Curve
-from engine.linear.propagate import Collocation, DelayedCollocation, Exponential, Propagator
+from engine.linear.propagate import Collocation, DelayedCollocation, Exponential, Propagator, stride
 
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
@@ -34,9 +32,11 @@ if TYPE_CHECKING:
 RESOLUTION = 1e-13
 """What the two last Chebyshev coefficients may be, relative to the largest value of the signal so far."""
 
-MAX_SEGMENTS = 100_000
-MAX_ECHOES = 20
-"""A kink that went through so many delays (and as many integrations) is smoother than the polynomials can see."""
+MAX_SEGMENTS = 1_000_000
+MAX_STEPS = 30_000
+"""So many segments may be computed one by one: some 10 s."""
+
+MOST_AT_ONCE = 8192
 
 _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
 _ROUNDING = 4e-15
@@ -46,25 +46,34 @@ _LOUD = 100.0  # from here on the squarings of an exponential leave more noise t
 
 @dataclass(frozen=True)
 class _Segment:
-    """A segment of the plan: start and width as combinations of 1 and the delays."""
+    """Equal segments of the plan, one after the other: start and width of one as combinations of 1 and the delays."""
 
     start: npt.NDArray[np.float64]
     width: npt.NDArray[np.float64]
     key: tuple[tuple[float, ...], int]
+    count: int = 1
 
 
-@dataclass(kw_only=True, eq=False)
-class Trajectory:
-    """States, inputs, delayed signals and outputs on the pieces of one response.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Nodes:
+    """States, inputs, outputs and signals to be delayed on the nodes, shapes (segments, lanes, N + 1, ·)."""
 
-    Shapes: ``edges`` (pieces + 1, lanes); ``x`` (pieces, N + 1, lanes, n); ``u``, ``w``, ``z``, ``y`` likewise.
-    """
-
-    edges: Array
     x: Array
     u: Array
     y: Array
     z: Array
+
+
+@dataclass(kw_only=True, eq=False)
+class Trajectory:
+    """Inputs and outputs on the pieces of one response.
+
+    Shapes: ``edges`` (pieces + 1, lanes); ``u`` (pieces, N + 1, lanes, inputs), ``y`` (pieces, N + 1, lanes, outputs).
+    """
+
+    edges: Array
+    u: Array
+    y: Array
     plan: list[_Segment] = field(repr=False)
 
     def output(self, index: int) -> Curve:
@@ -102,7 +111,7 @@ def respond(
         if system.dtype is np.float64 and system.lanes == 1:
             return placed
         plan = placed.plan
-    return _Run(system, signals, len(plan)).replay(plan)
+    return _Run(system, signals, sum(segment.count for segment in plan)).replay(plan)
 
 
 class _Run:
@@ -119,8 +128,8 @@ class _Run:
         self._dtype = system.dtype
         self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
         self.edges: Array = np.zeros((1, self.lanes))
-        self.x, self.u, self.y, self.z = (
-            np.zeros((0, DEGREE + 1, self.lanes, size)) for size in (system.n, system.n_in, system.n_out, system.m)
+        self.u, self.y, self.z = (
+            np.zeros((0, DEGREE + 1, self.lanes, size)) for size in (system.n_in, system.n_out, system.m)
         )
         self._allocate(max(pieces, 64))
         degrees = [signal.degree() for signal in signals]
@@ -133,9 +142,9 @@ class _Run:
         """Make room for so many pieces, keeping those there are."""
         shape, k = (pieces, DEGREE + 1, self.lanes), self.count
         s = self.s
-        self.x, self.u, self.y, self.z = (
+        self.u, self.y, self.z = (
             _grown(old[:k], (*shape, size), self._dtype)
-            for old, size in ((self.x, s.n), (self.u, s.n_in), (self.y, s.n_out), (self.z, s.m))
+            for old, size in ((self.u, s.n_in), (self.y, s.n_out), (self.z, s.m))
         )
         self.edges = _grown(self.edges[: k + 1], (pieces + 1, self.lanes), self._dtype)
 
@@ -156,26 +165,41 @@ class _Run:
             self._propagators[segment.key] = found
         return found
 
-    def step(self, segment: _Segment) -> tuple[Array, Array, Array, Array, Array]:
-        """Return (x, u, y, z, end state) on the nodes of ``segment``, shapes (lanes, N + 1, ·), from the current state."""
+    @property
+    def strides(self) -> bool:
+        """Whether many equal segments are computed at once."""
+        return self._linear
+
+    def step(self, segment: _Segment) -> _Nodes:
+        """Return what is seen on the nodes of the segments of ``segment``, from the current state."""
         s = self.s
         start, width = self._basis @ segment.start, self._basis @ segment.width
         u = self._inputs(start, width)
-        x, w = self.propagator(segment).solve(self.state, u, self._delayed(start, width))
+        propagator = self.propagator(segment)
+        if segment.count == 1:
+            x, w = propagator.solve(self.state, u, self._delayed(start, width))
+            u, x, w = u[None], x[None], w[None]
+        else:
+            assert isinstance(propagator, Exponential | Collocation)  # the two that serve systems without delays
+            change = u[:, -1] - u[:, 0]
+            x = stride(propagator.maps(), np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
+            u = u + np.arange(segment.count)[:, None, None, None] * change[:, None]
+            w = np.zeros((segment.count, self.lanes, DEGREE + 1, 0))
         y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
-        return x, u, y, z, x[:, -1]
+        return _Nodes(x=x, u=u, y=y, z=z)
 
-    def append(self, segment: _Segment, nodes: tuple[Array, Array, Array, Array, Array]) -> None:
-        if self.count == len(self.x):
-            self._allocate(2 * self.count)
-        x, u, y, z, self.state = nodes
-        k = self.count
-        self.x[k], self.u[k], self.y[k], self.z[k] = (part.swapaxes(0, 1) for part in (x, u, y, z))
+    def append(self, segment: _Segment, nodes: _Nodes) -> None:
+        """Take over the first ``segment.count`` of the segments computed."""
+        k, count = self.count, segment.count
+        if k + count > len(self.y):
+            self._allocate(max(2 * k, k + count))
+        for kept, found in ((self.u, nodes.u), (self.y, nodes.y), (self.z, nodes.z)):
+            kept[k : k + count] = found[:count].swapaxes(1, 2)
+        self.state = nodes.x[count - 1, :, -1]
         start, width = self._basis @ segment.start, self._basis @ segment.width
-        self.edges[k] = start
-        self.edges[k + 1] = start + width
-        self.count += 1
+        self.edges[k : k + count + 1] = start + np.arange(count + 1)[:, None] * width
+        self.count += count
 
     def replay(self, plan: list[_Segment]) -> Trajectory:
         for segment in plan:
@@ -184,7 +208,7 @@ class _Run:
 
     def trajectory(self, plan: list[_Segment]) -> Trajectory:
         k = self.count
-        return Trajectory(edges=self.edges[: k + 1], x=self.x[:k], u=self.u[:k], y=self.y[:k], z=self.z[:k], plan=plan)
+        return Trajectory(edges=self.edges[: k + 1], u=self.u[:k], y=self.y[:k], plan=plan)
 
     def _inputs(self, start: Array, width: Array) -> Array:
         """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
@@ -259,36 +283,48 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
     smallest = 0.25 / max(run.size, 1e-300)
-    for a, b in _gaps(signals, basis, horizon, _audible(system.d22[0].real)):
+    for a, b in gaps(system, signals, horizon):
         gap = b - a
         whole = float(gap @ basis)
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
-        position = 0.0
+        position, most = 0.0, 1
+        # a trial of twice the width that fails is not repeated soon: it would be most of the work
+        waiting, patience, trial = 0, 1, False
         while position < 1.0:
             width = 0.5**level
-            segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level))
+            count = min(round((1.0 - position) / width), most) if run.strides else 1
+            segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
             nodes = run.step(segment)
             exponential = run.exponential(width * whole)
             held, roomy = watch.judge(nodes, states=not exponential)
-            if not held and (not exponential or width * whole > smallest):
-                level += 1
+            good = count if held.all() or (exponential and width * whole <= smallest) else int(held.argmin())
+            if not good:
+                level, most = level + 1, 1
+                waiting, patience = (4 * patience, 4 * patience) if trial else (waiting, patience)
+                trial = False
                 continue
-            watch.accept()
-            run.append(segment, nodes)
-            plan.append(segment)
-            if len(plan) > MAX_SEGMENTS:
+            # twice the width fits where the segments behind it begin at an even place
+            place = np.arange(1, good + 1)
+            grows = roomy[:good] & ((position / width + place) % 2 == 0) & (place > waiting) & (level > 0)
+            trial = bool(grows.any())
+            if trial:
+                good = int(grows.argmax()) + 1
+            waiting = max(0, waiting - good)
+            watch.accept(good)
+            run.append(replace(segment, count=good), nodes)
+            plan.append(replace(segment, count=good))
+            if run.count > MAX_SEGMENTS or len(plan) > MAX_STEPS:
                 raise _unresolved("it is too lightly damped or too stiff", horizon)
-            position += width
-            while level and roomy and (position / (2 * width)).is_integer():
-                level, width, roomy = level - 1, 2 * width, False
+            position += good * width
+            most = min(2 * most, MOST_AT_ONCE)
+            if trial:
+                level, most = level - 1, 1
             previous = whole * 0.5**level
     return run.trajectory(plan)
 
 
 def _unresolved(why: str, horizon: float) -> UnresolvedError:
-    return UnresolvedError(
-        f"a response must be resolved by at most {MAX_SEGMENTS} segments over {horizon:.3g} s, but {why}"
-    )
+    return UnresolvedError(f"a response must be resolved by at most {MAX_STEPS} steps over {horizon:.3g} s, but {why}")
 
 
 class _Resolution:
@@ -297,89 +333,32 @@ class _Resolution:
     def __init__(self, run: _Run) -> None:
         s = run.s
         self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
-        self._largest = np.zeros(s.n_out + s.m)
-        self._largest_state = np.zeros(s.n)
-        self._seen = self._largest, self._largest_state
+        self._largest: Array = np.zeros(s.n_out + s.m)
+        self._largest_state: Array = np.zeros(s.n)
+        self._seen: tuple[Array, Array] = self._largest[None], self._largest_state[None]
 
-    def _measure(self, nodes: tuple[Array, Array, Array, Array, Array]) -> tuple[Array, Array, Array]:
-        x, _, y, z, _ = nodes
-        signals = np.concatenate([y[0], z[0]], axis=-1)
-        largest = np.maximum(self._largest, np.abs(signals).max(axis=0, initial=0.0))
-        largest_state = np.maximum(self._largest_state, np.abs(x[0]).max(axis=0, initial=0.0))
-        return signals, largest, largest_state
-
-    def judge(self, nodes: tuple[Array, Array, Array, Array, Array], *, states: bool) -> tuple[bool, bool]:
-        """Return (held, so well held that a segment of twice the length would be held too)."""
-        signals, largest, largest_state = self._measure(nodes)
+    def judge(self, nodes: _Nodes, *, states: bool) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Return (held, so well held that a segment of twice the length would be held too), each of shape (segments,)."""
+        signals = np.concatenate([nodes.y[:, 0].real, nodes.z[:, 0].real], axis=-1)  # (segments, N + 1, signals)
+        x = nodes.x[:, 0].real
+        largest = np.maximum(self._largest, np.maximum.accumulate(np.abs(signals).max(axis=1, initial=0.0)))
+        largest_state = np.maximum(self._largest_state, np.maximum.accumulate(np.abs(x).max(axis=1, initial=0.0)))
         self._seen = largest, largest_state
-        floor = _ROUNDING * (self._rows @ largest_state)
+        floor = _ROUNDING * (largest_state @ self._rows.T)
         scale = np.maximum(largest, floor / RESOLUTION)
         if states:
-            signals = np.concatenate([signals, nodes[0][0]], axis=-1)
-            scale = np.concatenate([scale, np.maximum(largest_state, 1e-8 * largest_state.max(initial=0.0))])
+            signals = np.concatenate([signals, x], axis=-1)
+            whole = 1e-8 * largest_state.max(axis=1, keepdims=True, initial=0.0)
+            scale = np.concatenate([scale, np.maximum(largest_state, whole)], axis=-1)
         coefficients = np.abs(coefficient_matrix() @ signals)
         scale = np.maximum(scale, 1e-300)
-        tail = coefficients[-2:].sum(axis=0)
+        tail = coefficients[:, -2:].sum(axis=1)
         # coefficients that do not fall any more are rounding, which a shorter segment would not make less
-        level = coefficients[6:10].max(axis=0) <= 8 * coefficients[-3:].max(axis=0)
-        held = bool(np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= _NOISE * scale))))
-        roomy = bool(np.all(coefficients[8:10].max(axis=0) <= _GROWTH * scale))
+        level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
+        held = np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= _NOISE * scale)), axis=1)
+        roomy = np.all(coefficients[:, 8:10].max(axis=1) <= _GROWTH * scale, axis=1)
         return held, roomy
 
-    def accept(self) -> None:
-        """Remember the largest values of the segment judged last."""
-        self._largest, self._largest_state = self._seen
-
-
-def _gaps(
-    signals: Sequence[Signal], basis: npt.NDArray[np.float64], horizon: float, most: int
-) -> list[tuple[Array, Array]]:
-    """Return the intervals between breaking points, as combinations of the basis."""
-    m = len(basis) - 1
-    starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
-    points = [np.array([t, *([0.0] * m)]) for t in starts]
-    if m:
-        points = _echoes(points, basis, horizon, most)
-    end = np.zeros(1 + m)
-    end[0] = horizon
-    gaps: list[tuple[Array, Array]] = []
-    for k, a in enumerate(points):
-        b = points[k + 1] if k + 1 < len(points) else end
-        if float((b - a) @ basis) > 1e-12 * horizon:
-            gaps.append((a, b))
-    return gaps
-
-
-def _audible(d22: npt.NDArray[np.float64]) -> int:
-    """Return how many echoes matter: until a kink is smooth, or a jump that passes undamped by any lag has died away."""
-    remains = float(np.abs(np.linalg.eigvals(np.abs(d22))).max(initial=0.0)) if d22.size else 0.0
-    if remains == 0.0:
-        return MAX_ECHOES
-    return MAX_SEGMENTS if remains >= 1 else MAX_ECHOES + int(np.log(1e-14) / np.log(remains))
-
-
-def _echoes(points: list[Array], basis: npt.NDArray[np.float64], horizon: float, most: int) -> list[Array]:
-    """Return the breaking points and their ``most`` first echoes through the delays, sorted, coinciding ones once."""
-    m = len(basis) - 1
-    shifts = np.eye(1 + m)[1:]
-    seen: dict[int, Array] = {}
-    grain = 1e-10 * float(basis[1:].min())
-    front = list(points)
-
-    def key(point: Array) -> int:
-        return round(float(point @ basis) / grain)
-
-    for point in front:
-        seen.setdefault(key(point), point)
-    for _ in range(most):
-        following: list[Array] = []
-        for point in front:
-            for shift in shifts:
-                echo = point + shift
-                if float(echo @ basis) < horizon and key(echo) not in seen:
-                    seen[key(echo)] = echo
-                    following.append(echo)
-        front = following
-        if len(seen) > MAX_SEGMENTS or not front:
-            break
-    return sorted(seen.values(), key=lambda p: float(p @ basis))
+    def accept(self, count: int) -> None:
+        """Remember the largest values of the first ``count`` segments judged last."""
+        self._largest, self._largest_state = self._seen[0][count - 1], self._seen[1][count - 1]

@@ -111,10 +111,12 @@ class PathSubject:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoopSubject:
-    """An open loop L, negative feedback, and the stability of the loop closed."""
+    """An open loop L, negative feedback, the poles of the loop open and closed, and the stability of the closed one."""
 
     response: FrequencyResponse
     static: Array | None
+    opened: Poles
+    closed: Poles
     verdict: Verdict
 
 
@@ -195,7 +197,13 @@ _ADVICE = {
     Verdict.MARGINAL: "the path oscillates without decay: lower the loop gain slightly",
     Verdict.INTEGRATING: "the output goes on moving under a constant command: look at its velocity, or close the loop",
     Verdict.ILL_POSED: "an algebraic loop has no solution at these values",
+    Verdict.TOO_SHORT: "the simulation ends before the output has settled: give it a longer duration",
+    Verdict.NOT_SETTLED: "the output goes on moving, as in a limit cycle: look at it over a given duration",
+    Verdict.DOUBTFUL: "the simulation could not be followed to its end: see the warnings",
 }
+
+_WITHIN_REACH = frozenset({Verdict.TOO_SHORT, Verdict.NOT_SETTLED})
+"""A nonlinear response that has not settled still has a largest value and integrals as far as it was followed."""
 
 
 def unsettled(verdict: Verdict) -> Absent | None:
@@ -268,9 +276,9 @@ def _grazes(subject: TimeSubject, half: Array) -> bool:
 def largest_magnitude(subject: TimeSubject) -> Finding:
     """Return the largest absolute value of the output; its final value where it is only approached."""
     refusal = unsettled(subject.verdict)
-    if refusal is not None:
+    if refusal is not None and (subject.verdict not in _WITHIN_REACH or subject.y is None):
         return refusal
-    if subject.final is None and subject.end is None and _grows(subject):
+    if refusal is None and subject.final is None and subject.end is None and _grows(subject):
         return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
     top, top_at = subject.curve.largest()
     bottom, bottom_at = subject.curve.smallest()
@@ -280,7 +288,7 @@ def largest_magnitude(subject: TimeSubject) -> Finding:
         if limit >= float(value[0].real) * (1 - 1e-13):
             sign = 1.0 if subject.final[0].real >= 0 else -1.0
             return Found(value=sign * subject.final)
-    return Found(value=value, at=at)
+    return Found(value=value, at=at, verdict=subject.verdict)
 
 
 def _grows(subject: TimeSubject) -> bool:
@@ -348,10 +356,16 @@ def unclosed(subject: LoopSubject) -> Absent | None:
 
 
 def oscillatory(subject: SystemSubject) -> list[tuple[Array, Array]]:
-    """Return (real part, imaginary part) of the upper pole of every complex pair, with their infinitesimals."""
+    """Return (real part, imaginary part) of the upper pole of every complex pair, with their infinitesimals.
+
+    Of the endless chain of a loop with a delay only the dominant pair counts: far from the origin the damping ratios of
+    its poles go to 0 although they decay ever faster.
+    """
     poles = subject.poles
-    pairs = []
-    for value, motion, uncertainty in zip(poles.values, poles.motion, poles.uncertainty, strict=True):
-        if value.imag > max(uncertainty, NEGLIGIBLE * abs(value)):
-            pairs.append((value.real + 1j * INFINITESIMAL * motion.real, value.imag + 1j * INFINITESIMAL * motion.imag))
+    pairs, chained = [], False
+    for k, value in enumerate(poles.values):  # by falling real part
+        if value.imag > max(poles.uncertainty[k], NEGLIGIBLE * abs(value)) and not (chained and poles.endless[k]):
+            chained = chained or bool(poles.endless[k])
+            step = INFINITESIMAL * poles.motion[k]
+            pairs.append((value.real + 1j * step.real, value.imag + 1j * step.imag))
     return pairs

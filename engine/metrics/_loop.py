@@ -25,7 +25,7 @@ def gain_margins(response: FrequencyResponse, static: Array | None) -> list[Cros
     """Return every gain margin; at ω = 0 too where L(0) is finite and negative."""
     found: list[Crossing] = []
     if static is not None and float(static[0].real) < -SMALLEST_LOOP_GAIN:
-        found.append((0.0 * static.real, -1 / static))
+        found.append((np.zeros(static.shape), -1 / static))
     for frequency in response.crossings(imaginary_part, 0.0, floor=SMALLEST_LOOP_GAIN):
         re, _ = response.pair(frequency)
         if float(re[0].real) < -SMALLEST_LOOP_GAIN:

@@ -24,7 +24,9 @@ class DampingRatio(SystemMetric):
     title: ClassVar[str] = "Damping ratio"
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
-    definition: ClassVar[str] = "Smallest damping ratio of any complex pole pair."
+    definition: ClassVar[str] = (
+        "Smallest damping ratio of any complex pole pair; of the endless many of a loop with a delay, the dominant pair's."
+    )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
 
     @classmethod

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
+from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._loop import gain_margins
 from engine.verdicts import Verdict
@@ -40,7 +41,9 @@ class GainMargin(LoopMetric):
         margins = gain_margins(subject.response, subject.static)
         if not margins:
             return Absent(
-                verdict=Verdict.NEVER_CROSSES, advice="the phase never reaches -180°: the gain margin is infinite"
+                verdict=Verdict.NEVER_CROSSES,
+                advice=f"the phase reaches -180° nowhere that |L| is {SMALLEST_LOOP_GAIN:g} or more: the gain may rise by "
+                f"the factor {1 / SMALLEST_LOOP_GAIN:g} at least",
             )
         frequency, value = min(margins, key=lambda pair: abs(float(np.log(pair[1][0].real))))
         return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)
