@@ -19,6 +19,9 @@ from engine.elements import Realization
 from engine.errors import DiagramError, EngineError
 from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
+from engine.nonlinear.channels import Channels
+from engine.nonlinear.linearize import joined, small_signal
+from engine.nonlinear.system import NonlinearSystem
 from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
@@ -82,6 +85,9 @@ class Diagram:
         Every scalar by its path: ``kp``, ``motor.area``, ``inner.motor.area``. Entries of lists have no path.
     warnings : tuple of Remark
         Unconnected inputs and unused parameters.
+    nonlinear : bool
+        Whether a block is nonlinear. `realize` and its siblings then give the system linearised about its operating point
+        with all inputs 0; `laws` gives the system itself.
     """
 
     def __init__(self, system: System, flat: Flat) -> None:
@@ -96,6 +102,7 @@ class Diagram:
         self._flat = flat
         self._bindings = flat.numbers.bindings
         self._interconnection = Interconnection(flat.blocks)
+        self._channels = Channels(flat.blocks, flat.elements)
         self._consumers, unconnected = self._connect()
         self._reads = tuple(self._signal(trace(*end, at=("outputs", name))) for name, end in root.outputs.items())
         self._wirings: dict[str | None, Wiring] = {}
@@ -103,6 +110,22 @@ class Diagram:
         self.parameters: Mapping[str, ParameterInfo] = _describe(flat.numbers)
         self.warnings = (*unconnected, *flat.warnings)
         self._realizations = self._realize_base()
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether a block of the diagram is nonlinear."""
+        return bool(self._channels)
+
+    @property
+    def linearization(self) -> tuple[Remark, ...]:
+        """What a linearised answer must say: that it is one, and what stands for slopes that do not exist."""
+        if not self.nonlinear:
+            return ()
+        general = Remark(
+            at=("blocks",), detail="the system is nonlinear: linearised about its operating point, inputs 0"
+        )
+        own = [Remark(at=block.at, detail=f"{block.path}: {note}") for block, note in self._channels.notes()]
+        return (general, *own)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return compile_system, (self.system,)
@@ -135,17 +158,71 @@ class Diagram:
         if not overrides:
             system = self._systems.get(open_at)
             if system is None:
-                system = self._systems[open_at] = self._assemble(self._realizations, wiring)
+                realizations = self._realizations
+                if self.nonlinear:
+                    realizations = self._linearized(realizations, self.laws())
+                system = self._systems[open_at] = self._assemble(realizations, wiring)
                 for name in ARRAYS:
                     getattr(system, name).setflags(write=False)
             return system
+        realizations, values = self._changed(overrides)
+        if self.nonlinear:
+            realizations = self._linearized(realizations, self._laws(realizations, values))
+        return self._assemble(realizations, wiring)
+
+    def _changed(self, overrides: Mapping[str, float | complex]) -> tuple[list[Realization], list[Scalar]]:
+        """Return all realisations and all values after ``overrides``."""
         slots = {self._slot(path): _single(path, value) for path, value in overrides.items()}
         change = self._bindings.change(frozenset(slots))
         values = self._bindings.override(slots, change)
         realizations = list(self._realizations)
         for number in change.blocks:
             realizations[number] = self._realize_block(number, values)
-        return self._assemble(realizations, wiring)
+        return realizations, values
+
+    def laws(
+        self, overrides: Mapping[str, float | complex] | None = None, steps: Mapping[str, float] | None = None
+    ) -> NonlinearSystem:
+        """Return the system with its nonlinear laws.
+
+        Parameters
+        ----------
+        overrides : mapping, optional
+            As in `realize`.
+        steps : mapping of str to float, optional
+            One lane for each parameter, as in `realize_lanes`.
+        """
+        if not steps:
+            return self._laws(*self._changed(overrides or {}))
+        lanes = self._lanes(steps, {path: value.real for path, value in (overrides or {}).items()})
+        slots: dict[int, Scalar] = {self._slot(path): value for path, value in lanes.items()}
+        change = self._bindings.change(frozenset(slots))
+        with np.errstate(all="ignore"):
+            values = self._bindings.override_many(slots, change)
+            realizations = list(self._realizations)
+            for number in change.blocks:
+                realizations[number] = self._realize_block(number, values)
+        return self._laws(realizations, values, np.ones(len(steps), dtype=bool))
+
+    def _laws(
+        self,
+        realizations: list[Realization],
+        values: list[Scalar],
+        admitted: npt.NDArray[np.bool_] | None = None,
+    ) -> NonlinearSystem:
+        closed = self._wiring(None)
+        wiring = self._channels.wiring(closed, self._interconnection.outputs)
+        linear = self._channels.without(realizations)
+        assembled = self._interconnection.assemble(linear, wiring, admitted=admitted)
+        own = {number: self._bindings.blocks[number].fill(values) for number in self._channels.numbers}
+        return self._channels.system(assembled.matrices, closed, own)
+
+    def _linearized(self, realizations: list[Realization], system: NonlinearSystem) -> list[Realization]:
+        """Return the realisations with the slopes of the nonlinear blocks at the operating point."""
+        found = list(realizations)
+        for number, realization in zip(self._channels.numbers, small_signal(system), strict=True):
+            found[number] = realization
+        return found
 
     def realize_stack(
         self, overrides: Mapping[str, npt.NDArray[Any]], open_at: str | None = None, members: int | None = None
@@ -192,8 +269,29 @@ class Diagram:
                     EngineError
                 ):  # the block exists for no member at all; its realisation at the document's values stays
                     admitted[:] = False
+            if self.nonlinear:
+                realizations = self._linearized_members(realizations, values, admitted)
             assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
+
+    def _linearized_members(
+        self, realizations: list[Realization], values: list[Scalar], admitted: npt.NDArray[np.bool_]
+    ) -> list[Realization]:
+        """Return the realisations of a batch, each member's nonlinear blocks linearised at its own operating point."""
+        system = self._laws(realizations, values, admitted)
+        found = list(realizations)
+        members: list[list[Realization] | None] = []
+        for index in range(len(admitted)):
+            try:
+                members.append(small_signal(system.member(index)) if admitted[index] else None)
+            except EngineError:  # a loop through nonlinear blocks has no solution for this member
+                members.append(None)
+        for place, number in enumerate(self._channels.numbers):
+            own = [None if member is None else member[place] for member in members]
+            found[number] = joined(own, like=realizations[number])
+        for index, member in enumerate(members):
+            admitted[index] &= member is not None
+        return found
 
     def realize_lanes(
         self, steps: Mapping[str, float], overrides: Mapping[str, float] | None = None, open_at: str | None = None
@@ -210,9 +308,7 @@ class Diagram:
             As in `realize`, which tells what is raised, too.
         """
         values = {**{path: self._value(path) for path in steps}, **(overrides or {})}
-        lanes = {path: np.full(len(steps), value, dtype=complex) for path, value in values.items()}
-        for lane, (path, step) in enumerate(steps.items()):
-            lanes[path][lane] += 1j * step
+        lanes = self._lanes(steps, overrides or {})
         stack = self.realize_stack(lanes, open_at)
         if not stack.valid.all():
             for path, step in steps.items():
@@ -246,6 +342,14 @@ class Diagram:
     def wiring(self, open_at: str | None = None) -> Wiring:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
         return self._wiring(open_at)
+
+    def _lanes(self, steps: Mapping[str, float], overrides: Mapping[str, float]) -> dict[str, npt.NDArray[Any]]:
+        """Return values by path, (lanes,), lane k carrying the infinitesimal of parameter k."""
+        values = {**{path: self._value(path) for path in steps}, **overrides}
+        lanes = {path: np.full(len(steps), value, dtype=complex) for path, value in values.items()}
+        for lane, (path, step) in enumerate(steps.items()):
+            lanes[path][lane] += 1j * step
+        return lanes
 
     def _value(self, path: str) -> float:
         return float(self._bindings.base[self._slot(path)].real)

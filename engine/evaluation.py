@@ -22,6 +22,7 @@ from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
 from engine.metrics._base import LoopSubject, PathSubject, SystemSubject, TimeSubject
+from engine.nonlinear import response as nonlinear
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class Evaluation:
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
         self._poles: dict[bytes, Poles] = {}
+        self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
 
     def _scale(self, name: str) -> float:
         value = self.value_of(name)
@@ -167,6 +169,36 @@ class Evaluation:
         """Return the number of an output; see :meth:`input_index`."""
         return _index(self.diagram.outputs, name, "output")
 
+    def simulated(self, signals: Mapping[str, Signal], duration: float | None) -> nonlinear.Response:
+        """Return the response of a nonlinear system up to ``duration``, or until it settles."""
+        key = (tuple((name, id(signal)) for name, signal in signals.items()), duration)
+        if key not in self._simulated:
+            for name in signals:
+                self.input_index(name)
+            steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
+            pace = LIFETIMES / self.poles.slowest if np.isfinite(self.poles.slowest) else 1.0
+            laws = self.diagram.laws(self.overrides, steps)
+            self._simulated[key] = nonlinear.respond(laws, signals, duration, pace)
+        return self._simulated[key]
+
+    def _nonlinear_subject(self, signals: Mapping[str, Signal], output: str, duration: float | None) -> TimeSubject:
+        """Return what a time metric of ``output`` measures on a nonlinear response."""
+        response = self.simulated(signals, duration)
+        self.output_index(output)
+        y, final, verdict = response.output(output), response.finals[output], response.verdicts[output]
+        start, end = _span(signals)
+        reference = _reference(self.diagram, signals)
+        error = y * -1.0
+        error_final = None if final is None else -final
+        if reference is not None:
+            error = response.outcome.input(self.input_index(reference)).minus(y)
+            target = signals[reference].final()
+            error_final = None if final is None or target is None else target - final
+        return TimeSubject(
+            y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
+            error_final=error_final, duration=duration, verdict=verdict,
+        )  # fmt: skip
+
     def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
         """Return the whole response of ``outputs`` to ``signals`` (absent inputs are 0)."""
         key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(outputs))
@@ -210,12 +242,12 @@ class Evaluation:
         outputs: Sequence[str] | None = None,
     ) -> TimeSubject:
         """Return what a time metric of ``output`` measures; ``outputs`` are computed together with it."""
+        if self.diagram.nonlinear:
+            return self._nonlinear_subject(signals, output, duration)
         response = self.time_response(signals, [output] if outputs is None else outputs)
         verdict = response.verdicts[output]
         final = response.finals[output]
-        start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
-        ends = [signal.end() for signal in signals.values()]
-        end = None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
+        start, end = _span(signals)
         y = error = error_final = None
         roles = self.diagram.input_roles
         reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
@@ -270,6 +302,18 @@ def _remainder(found: Trajectory, finals: npt.NDArray[np.float64]) -> float:
     largest = np.abs(found.y[:, :, 0].real).max(axis=(0, 1))
     away = np.abs(found.y[late][:, :, 0].real - finals).max(axis=(0, 1))
     return float(np.max(away / np.maximum(largest, 1e-300), initial=0.0))
+
+
+def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:
+    """Return when the commands start and end, s; the end is None for one that goes on for ever."""
+    start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
+    ends = [signal.end() for signal in signals.values()]
+    return start, None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
+
+
+def _reference(diagram: Diagram, signals: Mapping[str, Signal]) -> str | None:
+    """Return the first of the commands that is a reference."""
+    return next((name for name in signals if diagram.input_roles[name] == "reference"), None)
 
 
 def _has_settled(values: npt.NDArray[np.float64]) -> bool:

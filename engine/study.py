@@ -38,6 +38,7 @@ from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.linear.curve import Curve
     from engine.signals import Signal
 
 Real = npt.NDArray[np.float64]
@@ -52,6 +53,8 @@ class Simulation:
     metrics: Mapping[str, Mapping[str, Measured]]
     verdict: Verdict
     warnings: tuple[Remark, ...]
+    error: float | None = None
+    """Estimated error of the curves relative to their largest values; None for the exact response of a linear system."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,10 +112,27 @@ def simulate(
     """
     names = tuple(diagram.outputs if outputs is None else outputs)
     evaluation = Evaluation(diagram, overrides)
+    if diagram.nonlinear:
+        return _simulate_nonlinear(evaluation, signals, names, duration=duration, samples=samples, metrics=metrics)
     response = evaluation.time_response(signals, names)
     length = duration if duration is not None else _length(evaluation, signals, names)
     time = np.linspace(0.0, length, samples)
     curves = _curves(evaluation, signals, names, time)
+    found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics)
+    remarks = (*diagram.warnings, *_hidden(response.hidden))
+    return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
+
+
+def _metrics(
+    evaluation: Evaluation,
+    signals: Mapping[str, Signal],
+    names: Sequence[str],
+    *,
+    duration: float | None,
+    metrics: Sequence[str] | None,
+) -> dict[str, dict[str, Measured]]:
+    """Return the metrics of every output; by default those that have a value or a telling verdict."""
+    diagram = evaluation.diagram
     found: dict[str, dict[str, Measured]] = {}
     for name in names:
         wanted = _fitting(named_unit(diagram, name)) if metrics is None else metrics
@@ -121,8 +141,55 @@ def simulate(
         found[name] = {r.metric: measured_of(diagram, r, find(evaluation, r, together)) for r in requests}
         if metrics is None:
             found[name] = {m: v for m, v in found[name].items() if v.verdict is not Verdict.NOT_APPLICABLE}
-    remarks = (*diagram.warnings, *_hidden(response.hidden))
-    return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
+    return found
+
+
+def _simulate_nonlinear(
+    evaluation: Evaluation,
+    signals: Mapping[str, Signal],
+    names: Sequence[str],
+    *,
+    duration: float | None,
+    samples: int,
+    metrics: Sequence[str] | None,
+) -> Simulation:
+    """Return curves and metrics of a system with nonlinear blocks; curves are NaN beyond where it could be followed."""
+    for name in names:
+        evaluation.output_index(name)
+    response = evaluation.simulated(signals, duration)
+    length = duration
+    if length is None:
+        last = max(
+            (t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0
+        )
+        periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+        ends = [last + 5 * periods] + [_moves_until(response.output(name), last) for name in names if not periods]
+        length = min(_rounded(max(ends)) or 1.0, response.outcome.end)
+    time = np.linspace(0.0, length, samples)
+    curves = {name: response.output(name).sample(time) for name in names}
+    for values in curves.values():
+        values[(time > response.outcome.end * (1 + 1e-12)) | ~(np.abs(values) <= LARGEST)] = np.nan
+    outcome = response.outcome
+    verdict = outcome.verdict
+    if verdict is Verdict.OK and not response.settled and duration is None:
+        verdict = Verdict.NOT_SETTLED
+    advice = (Remark(at=("blocks",), detail=outcome.advice),) if outcome.advice else ()
+    return Simulation(
+        time=time,
+        curves=curves,
+        metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics),
+        verdict=verdict,
+        warnings=(*evaluation.diagram.warnings, *advice),
+        error=outcome.error,
+    )
+
+
+def _moves_until(curve: Curve, last: float) -> float:
+    """Return how much of a curve is worth looking at, s."""
+    values = curve.values[:, :, 0].real
+    rest = np.abs(values - values[-1, -1]).max(axis=1)
+    moving = np.flatnonzero(rest > 0.005 * max(float(np.ptp(values)), 1e-300))
+    return 1.25 * (float(curve.times[moving[-1] + 1]) - last) + last if len(moving) else last
 
 
 def _fitting(unit: str) -> tuple[str, ...]:
@@ -279,7 +346,7 @@ def frequency_response(
         nyquist=nyquist,
         poles=evaluation.poles.values,
         verdict=evaluation.poles.verdict,
-        warnings=remarks,
+        warnings=(*remarks, *diagram.linearization),
     )
 
 

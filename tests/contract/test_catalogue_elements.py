@@ -14,6 +14,7 @@ import engine.elements
 import engine.signals
 from api.units import factor
 from engine.elements import Element, Realization
+from engine.elements._nonlinear import Moment, NonlinearElement
 from engine.parameters import Param
 from engine.signals import Signal, make
 
@@ -93,6 +94,51 @@ def coefficients(r: Realization) -> dict[str, np.ndarray]:
     return {name: getattr(r, name) for name in ARRAYS if getattr(r, name) is not None}
 
 
+def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Return what a nonlinear element computes in each of its modes, at one arbitrary moment."""
+    values = {name: v[:, None] if isinstance(v, np.ndarray) else v for name, v in values.items()}
+    ports = element.ports(values)
+
+    def signals(count: int, scale: float) -> list[np.ndarray]:
+        return [np.full((1, 1), scale * (0.7 + 0.31 * k)) for k in range(count)]
+
+    m = Moment(
+        t=np.full((1, 1), 0.4), x=signals(len(element.states), 0.5), z=signals(len(ports.inputs), 0.9),
+        slope=signals(len(ports.inputs), -0.3), y=signals(len(ports.outputs), 0.6),
+    )  # fmt: skip
+    period = element.period(values)
+    found = {
+        "initial": element.initial(values),
+        "sampling": [] if period is None else [period, element.latency(values)],
+    }
+    for mode in element.modes:
+        found[f"rates {mode}"] = element.rates(m, mode, values)
+        found[f"outputs {mode}"] = element.outputs(m, mode, values)
+        found[f"guards {mode}"] = element.guards(m, mode, values)
+    return {f"{name} {k}": np.asarray(v).ravel() for name, entries in found.items() for k, v in enumerate(entries)}
+
+
+def computed(element: type[Element], values: dict[str, Any]) -> dict[str, np.ndarray]:
+    if issubclass(element, NonlinearElement):
+        return laws(element, values)
+    return coefficients(element.realize(values))
+
+
+@pytest.mark.parametrize(
+    "element", [e for e in ELEMENTS.values() if issubclass(e, NonlinearElement)], ids=lambda e: e.kind
+)
+def test_a_law_fits_the_ports(element: type[NonlinearElement]):
+    values = example(element)
+    ports = element.ports(values)
+    assert len(element.initial(values)) == len(element.states)
+    assert element.feed_through(values).shape == (len(ports.outputs), len(ports.inputs))
+    found = laws(element, values)
+    for mode in element.modes:
+        assert sum(name.startswith(f"rates {mode} ") for name in found) == len(element.states)
+        assert sum(name.startswith(f"outputs {mode} ") for name in found) == len(ports.outputs)
+    assert all(np.isfinite(array).all() for array in found.values())
+
+
 SCALARS = [
     pytest.param(element, param.name, id=f"{element.kind}.{param.name}")
     for element in ELEMENTS.values()
@@ -117,9 +163,9 @@ def varied(element: type[Element], name: str) -> tuple[dict[str, Any], float]:
 @pytest.mark.parametrize(("element", "name"), SCALARS)
 def test_the_infinitesimal_of_a_parameter_is_the_derivative_of_its_coefficients(element: type[Element], name: str):
     values, value = varied(element, name)
-    stepped = coefficients(element.realize(values | {name: value * (1 + STEP * 1j)}))
+    stepped = computed(element, values | {name: value * (1 + STEP * 1j)})
     h = 1e-5
-    up, down = (coefficients(element.realize(values | {name: value * (1 + sign * h)})) for sign in (1, -1))
+    up, down = (computed(element, values | {name: value * (1 + sign * h)}) for sign in (1, -1))
     changed = 0
     for key, array in stepped.items():
         difference = (up[key] - down[key]) / (2 * h)
@@ -133,10 +179,10 @@ def test_the_infinitesimal_of_a_parameter_is_the_derivative_of_its_coefficients(
 @pytest.mark.parametrize(("element", "name"), SCALARS)
 def test_a_batch_of_a_parameter_is_its_single_values(element: type[Element], name: str):
     values, value = varied(element, name)
-    batch = coefficients(element.realize(values | {name: value * np.array([1.0, 1.5])}))
+    batch = computed(element, values | {name: value * np.array([1.0, 1.5])})
     for member, scaled in enumerate((value, 1.5 * value)):
-        for key, array in coefficients(element.realize(values | {name: scaled})).items():
-            picked = batch[key][member] if batch[key].ndim > array.ndim else batch[key]
+        for key, array in computed(element, values | {name: scaled}).items():
+            picked = batch[key][member] if batch[key].size > array.size else batch[key]
             np.testing.assert_allclose(picked, array, rtol=1e-14)
 
 

@@ -1,0 +1,59 @@
+"""Dead zone: nothing happens between two limits, beyond them the output follows what exceeds them.
+
+y = u - upper (u > upper),   0,   u - lower (u < lower)
+"""
+
+from __future__ import annotations
+
+from engine.elements._base import Ports, Values
+from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
+from engine.errors import DiagramError
+from engine.parameters import Param
+
+
+class DeadZone(NonlinearElement):
+    """Overlap of a valve, play without a memory, an insensitive sensor."""
+
+    kind = "dead_zone"
+    title = "Dead zone"
+    equation = "y = u - upper (u > upper), 0 between, u - lower (u < lower)"
+    source = "J.-J. E. Slotine, W. Li, Applied Nonlinear Control, Prentice Hall 1991, section 5.2."
+    note = "the slope of the dead zone at its operating point counts: 0 inside, 1 outside"
+    parameters = (
+        Param(name="lower", symbol="u_1", default=-1.0, doc="lower edge"),
+        Param(name="upper", symbol="u_2", default=1.0, doc="upper edge"),
+    )
+    modes = (-1, 0, 1)
+    example = {"lower": -0.2, "upper": 0.3}
+
+    @classmethod
+    def check(cls, given: frozenset[str], values: Values) -> None:
+        """Refuse edges in the wrong order."""
+        if values["lower"].real > values["upper"].real:
+            raise DiagramError(
+                f"upper must be >= lower ({values['lower'].real:g}), got {values['upper'].real:g}", at=("upper",)
+            )
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return one input and one output."""
+        return Ports()
+
+    @classmethod
+    def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return 0 (mode 0), or what exceeds the upper edge (1) or the lower one (-1)."""
+        if mode == 0:
+            return [0.0 * m.z[0]]
+        return [m.z[0] - (values["upper"] if mode > 0 else values["lower"])]
+
+    @classmethod
+    def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return how far the input is beyond the edges, or back between them."""
+        if mode == 0:
+            return [m.z[0] - values["upper"], values["lower"] - m.z[0]]
+        return [values["upper"] - m.z[0]] if mode > 0 else [m.z[0] - values["lower"]]
+
+    @classmethod
+    def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return to one side, or from it to the range between."""
+        return Change(mode=0 if mode else (1, -1)[guard])

@@ -1,0 +1,58 @@
+"""Saturation: the output follows the input between two limits and stays at the limit beyond.
+
+y = min(max(u, lower), upper)
+"""
+
+from __future__ import annotations
+
+from engine.elements._base import Ports, Values
+from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
+from engine.errors import DiagramError
+from engine.parameters import Param
+
+
+class Saturation(NonlinearElement):
+    """Limits of an actuator, an amplifier or a spool. Between the limits it is a gain of 1, exactly."""
+
+    kind = "saturation"
+    title = "Saturation"
+    equation = "y = min(max(u, lower), upper)"
+    source = "J.-J. E. Slotine, W. Li, Applied Nonlinear Control, Prentice Hall 1991, section 5.2."
+    parameters = (
+        Param(name="lower", symbol="u_min", default=-1.0, doc="least output"),
+        Param(name="upper", symbol="u_max", default=1.0, doc="greatest output"),
+    )
+    modes = (-1, 0, 1)
+    example = {"lower": -2.0, "upper": 3.0}
+
+    @classmethod
+    def check(cls, given: frozenset[str], values: Values) -> None:
+        """Refuse limits in the wrong order."""
+        if values["lower"].real >= values["upper"].real:
+            raise DiagramError(
+                f"upper must be > lower ({values['lower'].real:g}), got {values['upper'].real:g}", at=("upper",)
+            )
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return one input and one output."""
+        return Ports()
+
+    @classmethod
+    def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return the input (mode 0), the upper limit (1) or the lower one (-1)."""
+        if mode == 0:
+            return [m.z[0]]
+        return [values["upper"] if mode > 0 else values["lower"]]
+
+    @classmethod
+    def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return how far the input is beyond the limits, or back between them."""
+        if mode == 0:
+            return [m.z[0] - values["upper"], values["lower"] - m.z[0]]
+        return [values["upper"] - m.z[0]] if mode > 0 else [m.z[0] - values["lower"]]
+
+    @classmethod
+    def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return to a limit, or from it to the range between."""
+        return Change(mode=0 if mode else (1, -1)[guard])

@@ -1,0 +1,1 @@
+"""Diagrams with nonlinear blocks: simulation with located events, operating points, linearisation."""

@@ -1,0 +1,70 @@
+"""Where the first guard of a step becomes positive: the root of a polynomial, bracketed by a scan finer than its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from engine.linear.chebyshev import DEGREE, coefficient_matrix, weights
+
+Real = npt.NDArray[np.float64]
+
+_SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
+_TO_SCAN = weights(_SCAN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossing:
+    """Guard number ``index`` becomes positive at ``theta`` of the step."""
+
+    index: int
+    theta: float
+
+
+def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence[float]) -> Crossing | None:
+    """Return the first crossing on a step.
+
+    Parameters
+    ----------
+    guards : sequence of (law, guard, values)
+        Values at the Chebyshev nodes of the step, shape (17,).
+    tolerances : sequence of float
+        What counts as 0 for each of them.
+    """
+    if not guards:
+        return None
+    nodes = np.array([values for _, _, values in guards])
+    limits = np.array(tolerances)[:, None]
+    scan = nodes @ _TO_SCAN.T
+    scan[:, 0], scan[:, -1] = nodes[:, 0], nodes[:, -1]
+    positive = scan > limits
+    best: Crossing | None = None
+    for index in np.flatnonzero(positive.any(axis=1)):
+        place = int(np.argmax(positive[index]))
+        if best is not None and _SCAN[max(place - 1, 0)] >= best.theta:
+            continue
+        theta = _root(nodes[index], scan[index], place)
+        if best is None or theta < best.theta:
+            best = Crossing(index=int(index), theta=theta)
+    return best
+
+
+def _root(nodes: Real, scan: Real, place: int) -> float:
+    """Return where the polynomial passes 0 before scan point ``place``, where it is positive."""
+    if place == 0:
+        return 0.0
+    low, high = float(_SCAN[place - 1]), float(_SCAN[place])
+    if scan[place - 1] >= 0.0:
+        return low
+    coefficients = coefficient_matrix() @ nodes
+
+    def value(theta: float) -> float:
+        return float(np.polynomial.chebyshev.chebval(2 * theta - 1, coefficients))
+
+    if value(low) >= 0.0 or value(high) <= 0.0:
+        return low
+    return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))

@@ -1,0 +1,373 @@
+"""The response of a system with nonlinear laws: steps of high order between instants at which something changes.
+
+The instants are breakpoints of the commands, their echoes through the delays, samples, and the events of the laws: the
+roots of their guards on the polynomial of a step, found to rounding. At each of them the laws settle into modes that
+agree with each other. Parameters with infinitesimals travel along as lanes: each accepted step is linearised exactly,
+and an event's instant moves by dt = -(∂h/∂p) / ḣ, so that derivatives pass through events.
+
+References
+----------
+L. F. Shampine, S. Thompson, "Event location for ordinary differential equations", Comput. Math. Appl. 39 (2000) 43-54;
+A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer 1988, chapter 2 (held inputs).
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.elements._nonlinear import Mode
+from engine.errors import UnresolvedError
+from engine.linear.curve import Curve
+from engine.nonlinear.collocation import scheme
+from engine.nonlinear.guards import Crossing, first_crossing
+from engine.nonlinear.pieces import Command, Record, command
+from engine.nonlinear.steps import Step, Stepper
+from engine.nonlinear.switching import StoppedError, Switchboard
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.nonlinear.system import NonlinearSystem
+    from engine.signals import Signal
+
+Array = npt.NDArray[Any]
+Real = npt.NDArray[np.float64]
+
+TOLERANCE: Final = 1e-11
+"""What the polynomial of a step may miss, relative to the largest value of each state so far."""
+
+LARGEST: Final = 1e100
+"""Beyond this a growing response is not followed."""
+
+MAX_STEPS: Final = 50_000
+CROWD: Final = 100
+"""So many events within the millionth part of the time simulated are an accumulation."""
+
+_TOGETHER = 1e-12
+_SMOOTH = 6  # a kink that went through so many delays is smoother than the polynomials can see
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """A response as far as it goes.
+
+    ``verdict`` is OK where the end was reached; ``advice`` says what stopped it else. ``error`` is the estimated error of
+    the outputs relative to their largest value, ``events`` the number of located changes of mode; ``smooth`` is False
+    where a guard was only touched, so that derivatives hold on one side only.
+    """
+
+    record: Record
+    state: Array
+    modes: tuple[Mode, ...]
+    verdict: Verdict
+    advice: str
+    error: float
+    events: int
+    steps: int
+    smooth: bool
+
+    @property
+    def end(self) -> float:
+        """Last instant, s."""
+        return float(self.record.edges[-1][0].real)
+
+    def output(self, index: int) -> Curve:
+        """Return output ``index`` as a curve."""
+        return self.record.curve(self.record.y, index)
+
+    def input(self, index: int) -> Curve:
+        """Return input ``index`` as a curve."""
+        return self.record.curve(self.record.u, index)
+
+
+@dataclass(order=True)
+class _Stop:
+    """An instant known beforehand: of the generation of an echo, or with a law that samples or updates there."""
+
+    time: float
+    number: int
+    lanes: Any = None
+    generation: int = 0
+    law: int | None = None
+    updates: bool = False
+
+
+class Integration:
+    """A response under way.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    signals : mapping of input name to Signal
+        Inputs left out are 0.
+    constants : ndarray, shape (inputs,), optional
+        Added to the commands.
+    state : ndarray, shape (n,), optional
+        Begin here in place of the initial state.
+    modes : sequence of int, optional
+        Begin with these, which the guards then correct; chosen by the laws where absent.
+    clock : callable, optional
+        Seconds; with ``wall_limit`` (s) it bounds the time spent.
+    tolerance : float, optional
+    """
+
+    def __init__(
+        self,
+        system: NonlinearSystem,
+        signals: Mapping[str, Signal],
+        *,
+        constants: Real | None = None,
+        state: Real | None = None,
+        modes: Sequence[Mode] | None = None,
+        clock: Callable[[], float] | None = None,
+        wall_limit: float = math.inf,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        self.system = system
+        self._signals = [signals.get(name) for name in system.inputs]
+        self._constants = np.zeros(len(self._signals)) if constants is None else constants
+        self._board = Switchboard(system, system.start if state is None else state[None], modes, self._around)
+        self.record = Record(edges=[self._board.t])
+        self._stepper = Stepper(system, self.record, tolerance, scheme())
+        self._clock, self._wall = clock, wall_limit
+        self._began = clock() if clock is not None else 0.0
+        self.steps = self.events = 0
+        self.smooth = True
+        self.error = 0.0
+        self._recent: deque[float] = deque(maxlen=CROWD)
+        self._numbers = itertools.count()
+        self._stops: list[_Stop] = []
+        self._width = math.inf
+        self._horizon = 0.0
+        for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
+            self._push(t, generation=0)
+        for number, law in enumerate(system.laws):
+            if law.element.period(law.values) is not None:
+                self._push(0.0, law=number)
+
+    @property
+    def now(self) -> float:
+        """The present instant, s."""
+        return float(self._board.t[0].real)
+
+    def rest(self) -> tuple[Mode, ...]:
+        """Return the modes at the present instant, all laws in agreement."""
+        if not self._board.started:
+            self._board.begin()
+        self._board.settle()
+        return tuple(self._board.modes)
+
+    def outputs(self) -> Array:
+        """Return the outputs just after the present instant, (lanes, outputs)."""
+        at = self._board.instant()
+        return self.system.read(at, self.system.flow(at).v)[0][:, 0]
+
+    def advance(self, horizon: float) -> Outcome:
+        """Return the response up to ``horizon`` (s); may be called again with a later one."""
+        verdict, advice = Verdict.OK, ""
+        self._horizon = max(self._horizon, horizon)
+        try:
+            # what overflows is found at the end of each step, as a state that is not finite
+            with np.errstate(all="ignore"):
+                self._advance(horizon)
+        except StoppedError as stop:
+            verdict, advice = stop.verdict, stop.advice
+        except UnresolvedError as error:
+            verdict, advice = Verdict.DOUBTFUL, error.message
+        return Outcome(
+            record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
+            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth,
+        )  # fmt: skip
+
+    def _advance(self, horizon: float) -> None:
+        while True:
+            due = self._due(horizon)
+            if due or not self._board.started:
+                self._arrive(due)
+            if self.now >= horizon * (1 - 1e-14):
+                return
+            stop = self._stops[0] if self._stops and self._stops[0].time < horizon else None
+            self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
+
+    # instants known beforehand
+
+    def _push(self, time: Any, *, generation: int = _SMOOTH, law: int | None = None, updates: bool = False) -> None:
+        lanes = np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t
+        heapq.heappush(
+            self._stops,
+            _Stop(time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, generation=generation, law=law,
+                  updates=updates),
+        )  # fmt: skip
+
+    def _due(self, horizon: float) -> list[_Stop]:
+        """Take the stops at the present instant from the list."""
+        grain = _TOGETHER * max(horizon, self.now)
+        found = []
+        while self._stops and self._stops[0].time <= self.now + grain:
+            found.append(heapq.heappop(self._stops))
+        return found
+
+    def _arrive(self, due: Sequence[_Stop]) -> None:
+        """Do what is due at this instant, and let the laws settle."""
+        if not self._board.started:
+            self._board.begin()
+        for stop in sorted(due, key=lambda s: (not s.updates, s.number)):
+            if stop.law is not None:
+                self._board.sample(stop.law, updates=stop.updates)
+                if not stop.updates:
+                    self._sample_again(stop.law)
+        self._echo(min((stop.generation if stop.law is None else 0 for stop in due), default=0))
+        self._board.switches = 0
+        self._board.settle()
+
+    def _sample_again(self, number: int) -> None:
+        """Note when a law that has taken a sample updates its output, and when it takes the next."""
+        law = self.system.laws[number]
+        period = np.ravel(np.asarray(law.element.period(law.values)))
+        latency = np.ravel(np.asarray(law.element.latency(law.values)))
+        count = round(self.now / float(period[0].real))
+        self._push(period * (count + 1), law=number)
+        if np.any(latency != 0):
+            self._push(period * count + latency, law=number, updates=True)
+
+    def _echo(self, generation: int) -> None:
+        """Note that what changes now comes back through every delay."""
+        if generation < _SMOOTH:
+            for i in range(self.system.delays.shape[-1]):
+                self._push(self._board.t + self.system.delays[:, i], generation=generation + 1)
+
+    def _around(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
+        following = min((s.time for s in self._stops if s.time > self.now * (1 + _TOGETHER)), default=math.inf)
+        ahead = min(following - self.now, self._width, 1.0)
+        u, du = self._command(ahead).near(np.zeros(1), t[:, None])
+        return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
+
+    def _command(self, width: float) -> Command:
+        return command(self._signals, self.now, width, self._constants)
+
+    # steps
+
+    def _step(self, until: float, lanes: Array | None) -> None:
+        """Go on to ``until``, or as far as accuracy or an event allow."""
+        gap = until - self.now
+        longest = float(self.system.delays[0].real.min()) if self.system.delays.shape[-1] else math.inf
+        width = min(self._width, gap, longest)
+        if not math.isfinite(self._width):
+            width = min(width, self._first_width())
+        if 0.5 * gap < width < gap:
+            width = 0.5 * gap if width < 0.99 * gap else gap
+        order = len(self._stepper.method.points)
+        while True:
+            self._limits()
+            step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
+            if step is not None and step.miss <= 1.0:
+                break
+            width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / order)))
+            self._stepper.forget()
+            if width < 1e-14 * max(self._horizon, self.now):
+                self._fail()
+        grown = width * min(4.0, max(0.3, 0.85 * max(step.miss, 1e-12) ** (-1 / order)))
+        # a step cut short by a stop says nothing about those after it, unless it was hard all the same
+        self._width = max(self._width, grown) if width == gap and grown > width and self._width < math.inf else grown
+        tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
+        crossing = first_crossing(step.guards, tolerances)
+        if crossing is not None:
+            self._event(step, crossing)
+        elif width == gap:
+            self._accept(step, until, lanes)
+        else:
+            self._accept(step, self.now + width, None)
+
+    def _first_width(self) -> float:
+        """Return a first step from the fastest mode at this instant."""
+        if not self.system.states:
+            return math.inf
+        slope = self.system.tangent(self._board.instant().real).fx[0]
+        fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
+        return 4.0 / fastest if fastest > 0 else math.inf
+
+    def _limits(self) -> None:
+        self.steps += 1
+        if self.steps > MAX_STEPS:
+            self._stop(f"after {MAX_STEPS} steps")
+        if self._clock is not None and self._clock() - self._began > self._wall:
+            self._stop(f"after {self._wall:g} s of computing")
+
+    def _stop(self, why: str) -> None:
+        msg = f"the simulation stops at t = {self.now:.6g} s {why}: shorten its duration"
+        raise StoppedError(Verdict.TOO_SHORT, msg)
+
+    def _fail(self) -> None:
+        size = float(np.abs(self._board.x[0].real).max(initial=0.0))
+        if size > 1e12 * max(1.0, float(np.median(self._stepper.scale))):
+            raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {self.now:.6g} s")
+        msg = f"the equations have no solution that can be followed beyond t = {self.now:.6g} s"
+        raise StoppedError(Verdict.DOUBTFUL, msg)
+
+    def _accept(self, step: Step, end: float, lanes: Array | None, event: Crossing | None = None) -> None:
+        """Append a step to the record and move to its end; one that ends with an event carries its guard."""
+        self._stepper.accept(step, whole=event is None)
+        self.error = max(self.error, step.error)
+        board = self._board
+        nodes = step.nodes
+        if self.system.complex:
+            ends = np.full(self.system.lanes, end, dtype=complex) if lanes is None else lanes
+            path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
+            if event is not None:
+                ends = ends - 1j * self._moved(step, event, nodes)
+                path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
+            board.t, last = ends, path[:, -1]
+        else:
+            board.t, last = np.full(1, end), step.path[-1:]
+        board.x = last.copy()
+        self.record.append(board.t, nodes.y, nodes.at.u, nodes.z)
+        board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope)
+        if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
+            raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {end:.6g} s")
+
+    def _moved(self, step: Step, event: Crossing, nodes: Any) -> Real:
+        """Return how much earlier an event comes for the infinitesimals of its guard, (lanes,)."""
+        number, guard, _ = step.guards[event.index]
+        law = self.system.laws[number]
+        seen = self.system.seen(number, nodes.at, nodes.flow.e, nodes.flow.v, nodes.slope)
+        values = law.element.guards(seen, self._board.modes[number], law.values)[guard]
+        shape = nodes.at.t.shape
+        moved = np.asarray(np.broadcast_to(values, shape)[:, -1].imag)
+        rate = step.slope_of(event.index, 1.0)
+        if rate <= 0.0:
+            self.smooth = self.smooth and not np.any(moved)
+            return np.zeros_like(moved)
+        return np.asarray(moved / rate)
+
+    def _event(self, step: Step, crossing: Crossing) -> None:
+        """Cut the step at its first event, and change the mode there."""
+        number, guard, _ = step.guards[crossing.index]
+        width = step.width * crossing.theta
+        slope = None
+        if width > 1e-13 * max(self.now, 1e-3 * self._horizon):
+            part = self._stepper.cut(step, crossing.theta, self._command(width))
+            self._accept(part, self.now + width, None, event=crossing)
+            self._board.switches = 0
+        else:
+            slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))
+            self._stepper.forget()
+        self.events += 1
+        self._recent.append(self.now)
+        if len(self._recent) == CROWD and self._recent[-1] - self._recent[0] <= 1e-6 * self._horizon:
+            raise StoppedError(
+                Verdict.DOUBTFUL,
+                f"events of {self.system.laws[number].label} accumulate at t = {self.now:.6g} s: "
+                "the model switches without end (give it hysteresis, a lag or more damping)",
+            )
+        self._board.switch(number, guard, slope)
+        self._echo(0)
+        self._board.settle()

@@ -1,0 +1,219 @@
+"""One step of a nonlinear response: solved, judged, and carried over to the infinitesimals of its parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.elements._nonlinear import Mode
+from engine.errors import EngineError
+from engine.linear.chebyshev import NODES, differentiation_matrix, tail, weights
+from engine.nonlinear.collocation import Scheme, infinitesimal, solve
+from engine.nonlinear.pieces import Command, Record
+from engine.nonlinear.switching import StoppedError
+from engine.nonlinear.system import Flow, Instants, NonlinearSystem
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Array = npt.NDArray[Any]
+Real = npt.NDArray[np.float64]
+
+_ROUNDING = 30 * 2.3e-16
+_FEEBLE = 1e-13
+_OUTPUTS = 0.02  # Chebyshev coefficients of an output are cheaper to miss than those of a state, which feed back
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nodes:
+    """What a step does at its Chebyshev nodes, arrays (lanes, 17, ·); ``slope`` of the laws' inputs in time."""
+
+    at: Instants
+    flow: Flow
+    y: Array
+    z: Array
+    slope: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """A solved step on real values.
+
+    ``path`` (s + 1, n) holds start and stages; ``guards`` are (law, guard, values at the nodes); ``miss`` is what the
+    polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values.
+    """
+
+    width: float
+    path: Real
+    command: Command
+    nodes: Nodes
+    guards: list[tuple[int, int, Real]]
+    miss: float
+    error: float
+
+    def slope_of(self, guard: int, theta: float) -> float:
+        """Return the slope in time of a guard at ``theta`` of the step."""
+        slope = differentiation_matrix() @ self.guards[guard][2] / self.width
+        return float(weights(np.asarray(theta)) @ slope)
+
+
+class Stepper:
+    """Solves steps of one system, and remembers how large its signals are.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    record : Record
+        What the delays look back at.
+    tolerance : float
+        What the polynomial of a step may miss, relative to the largest value of each state so far.
+    method : Scheme
+    """
+
+    def __init__(self, system: NonlinearSystem, record: Record, tolerance: float, method: Scheme) -> None:
+        self.system, self.real = system, system.value
+        self.record, self.tolerance, self.method = record, tolerance, method
+        self.scale = np.zeros(system.states)
+        self._largest: dict[str, Real] = {}
+        self._last: tuple[Real, float] | None = None
+
+    def forget(self) -> None:
+        """Begin the next step without the last one's polynomial as a guess."""
+        self._last = None
+
+    def delayed(self, times: Array) -> Array:
+        """Return the delayed signals on a step, (lanes, N, m)."""
+        if not self.system.delays.shape[-1]:
+            return np.zeros((*times.shape, 0))
+        delays = self.system.delays if np.iscomplexobj(times) else self.system.delays[:1].real
+        found = self.record.delayed(times, delays, later=False)
+        return found if np.iscomplexobj(times) else found[:1].real
+
+    def attempt(self, start: Real, drive: Command, modes: Sequence[Mode]) -> Step | None:
+        """Return a step from the state ``start`` (n,), None where it cannot be solved."""
+        real, points, width = self.real, self.method.points, drive.width
+        times = (drive.start + width * points)[None]
+        u, du = (part[None] for part in drive.at(points))
+        w = self.delayed(times)
+
+        def instants(x: Real) -> Instants:
+            return Instants(t=times, x=x[None], u=u, du=du, w=w, modes=modes)
+
+        scale = np.maximum(self.scale, np.abs(start))
+        scale = np.maximum(scale, 1e-12 * scale.max(initial=0.0))
+        scale[scale == 0] = 1.0
+        try:
+            stages = solve(
+                lambda x: np.asarray(real.flow(instants(x)).f[0]),
+                lambda x: real.tangent(instants(x)).total,
+                start=start,
+                guess=self._guess(start, width),
+                width=width,
+                method=self.method,
+                scale=scale,
+            )
+            if stages is None:
+                return None
+            return self.judge(np.concatenate([start[None], stages]), drive, modes)
+        except (np.linalg.LinAlgError, EngineError):
+            return None
+
+    def _guess(self, start: Real, width: float) -> Real:
+        if self._last is not None and width <= 1.5 * self._last[1]:
+            path, old = self._last
+            return np.asarray(self.method.at(1 + self.method.points * width / old) @ path)
+        return np.repeat(start[None], len(self.method.points), axis=0)
+
+    def cut(self, step: Step, theta: float, drive: Command) -> Step:
+        """Return the part of a step before ``theta``; ``drive`` is the command on it."""
+        path = self.method.at(theta * np.concatenate([[0.0], self.method.points])) @ step.path
+        path[0] = step.path[0]
+        return self.judge(path, drive, step.nodes.at.modes)
+
+    def judge(self, path: Real, drive: Command, modes: Sequence[Mode]) -> Step:
+        """Return the step whose start and stages are ``path``."""
+        times = (drive.start + drive.width * NODES)[None]
+        nodes = self._nodes(self.real, path[None], times, drive, modes)
+        guards: list[tuple[int, int, Real]] = []
+        for number, law in enumerate(self.real.laws):
+            seen = self.real.seen(number, nodes.at, nodes.flow.e, nodes.flow.v, nodes.slope)
+            found = law.element.guards(seen, modes[number], law.real)
+            guards.extend((number, k, np.broadcast_to(g, (1, len(NODES)))[0]) for k, g in enumerate(found))
+        states = self._missed_states(path, nodes, drive.width)
+        signals = {name: self._missed(name, values) for name, values in _watched(nodes).items()}
+        worst = max(states, *(_OUTPUTS * missed for missed in signals.values()))
+        return Step(
+            width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, signals["y"]),
+            miss=worst / self.tolerance if math.isfinite(worst) else math.inf,
+        )  # fmt: skip
+
+    def _missed_states(self, path: Real, nodes: Nodes, width: float) -> float:
+        if not path.shape[1]:
+            return 0.0
+        x = np.abs(nodes.at.x[0]).max(axis=0)
+        floor = _ROUNDING * (x + width * np.abs(nodes.flow.f[0]).max(axis=0)) / self.tolerance
+        size = np.maximum(np.maximum(self.scale, x), floor)
+        size = np.maximum(size, _FEEBLE * size.max())
+        missed = np.abs(self.method.tail @ path).sum(axis=0)
+        return float(np.max(missed / np.where(size > 0, size, 1.0)))
+
+    def _missed(self, name: str, values: Real) -> float:
+        if not values.shape[1]:
+            return 0.0
+        size = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0))
+        size = np.maximum(size, _FEEBLE * size.max())
+        return float(np.max(tail(values) / np.where(size > 0, size, 1.0)))
+
+    def accept(self, step: Step, *, whole: bool) -> None:
+        """Remember how large the signals of a step are; a ``whole`` one is the guess of the next."""
+        self.scale = np.maximum(self.scale, np.abs(step.nodes.at.x[0]).max(axis=0, initial=0.0))
+        for name, values in _watched(step.nodes).items():
+            self._largest[name] = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0, initial=0.0))
+        self._last = (step.path, step.width) if whole else None
+
+    def _nodes(
+        self, system: NonlinearSystem, path: Array, times: Array, drive: Command, modes: Sequence[Mode]
+    ) -> Nodes:
+        u, du = drive.near(NODES, times)
+        at = Instants(t=times, x=self.method.to_nodes @ path, u=u, du=du, w=self.delayed(times), modes=modes)
+        flow = system.flow(at)
+        y, z = system.read(at, flow.v)
+        width = (times[:, -1] - times[:, 0])[:, None, None]
+        return Nodes(at=at, flow=flow, y=y, z=z, slope=differentiation_matrix() @ flow.e / width)
+
+    def lanes(self, step: Step, start: Array, begin: Array, end: Array) -> tuple[Array, Nodes]:
+        """Return the step with its infinitesimals: start and stages (lanes, s + 1, n), and its nodes.
+
+        Parameters
+        ----------
+        step : Step
+        start : ndarray, shape (lanes, n)
+        begin, end : ndarray, shape (lanes,)
+            Its ends in time, which carry their own infinitesimals.
+        """
+        real, points = step.path[1:], self.method.points
+        path = np.empty((self.system.lanes, len(real) + 1, real.shape[1]), dtype=complex)
+        path[:, 0], path[:, 1:] = start, real
+        modes = step.nodes.at.modes
+        width = end - begin
+        if real.shape[1]:
+            times = begin[:, None] + points * width[:, None]
+            u, du = step.command.near(points, times)
+            at = Instants(t=times, x=path[:, 1:], u=u, du=du, w=self.delayed(times), modes=modes)
+            residual = start[:, None] + width[:, None, None] * (self.method.a @ self.system.flow(at).f)
+            slope = self.real.tangent(at.real).total
+            scale = np.where(self.scale > 0, self.scale, 1.0)
+            moved = infinitesimal(slope, residual.imag, step.width, self.method, scale)
+            if moved is None:
+                raise StoppedError(Verdict.DOUBTFUL, "the derivatives of the response cannot be followed")
+            path[:, 1:] = real + 1j * moved
+        return path, self._nodes(self.system, path, begin[:, None] + NODES * width[:, None], step.command, modes)
+
+
+def _watched(nodes: Nodes) -> dict[str, Real]:
+    return {"e": nodes.flow.e[0].real, "y": nodes.y[0].real, "z": nodes.z[0].real}

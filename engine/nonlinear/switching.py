@@ -1,0 +1,209 @@
+"""The present instant of a nonlinear response: its state and modes, and how the laws settle into modes that agree.
+
+A law that begins to hold an input is given the impulse that brings this input to rest exactly; where its output cannot
+move the input's rate, it is let go again. Changes of mode in one instant that do not end are chattering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.elements._nonlinear import Change, Mode, Moment, stacked
+from engine.nonlinear.system import Instants, NonlinearSystem
+from engine.verdicts import Verdict
+
+Array = npt.NDArray[Any]
+
+NEGLIGIBLE = 1e-11
+"""A guard below this part of its largest value is 0."""
+
+MAX_SWITCHES = 60
+"""So many changes of mode in one instant do not end by themselves."""
+
+_JUMP = 1e-9
+
+
+class StoppedError(Exception):
+    """The response cannot be followed any further; carries the verdict and a sentence for the user."""
+
+    def __init__(self, verdict: Verdict, advice: str) -> None:
+        super().__init__(advice)
+        self.verdict, self.advice = verdict, advice
+
+
+class Switchboard:
+    """State and modes at the present instant.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    state : ndarray, shape (lanes, n)
+    modes : sequence of int or None
+        Modes to begin with; None: chosen by the laws.
+    around : callable
+        (time (lanes,)) -> inputs, their slopes and the delayed signals just after it, each (lanes, 1, ·).
+
+    Attributes
+    ----------
+    t : ndarray, shape (lanes,)
+    x : ndarray, shape (lanes, n)
+    modes : list of int
+    """
+
+    def __init__(
+        self,
+        system: NonlinearSystem,
+        state: Array,
+        modes: Sequence[Mode] | None,
+        around: Callable[[Array], tuple[Array, Array, Array]],
+    ) -> None:
+        self.system, self.real = system, system.value
+        self.t: Array = np.zeros(system.lanes, dtype=complex if system.complex else float)
+        self.x: Array = state.astype(self.t.dtype)
+        self.modes: list[Mode] = list(modes or ())
+        self.started = modes is not None
+        self.switches = 0
+        self._around = around
+        self._before: tuple[Array, Array, Array | None] | None = None
+        self._scale: dict[tuple[int, Mode, int], float] = {}
+        self._largest = np.zeros(system.matrices["c3"].shape[-2])
+
+    # what the step before has left
+
+    def arrived(self, e: Array, v: Array, slope: Array) -> None:
+        """Note the channels (lanes, 17, channels) of the step that ends at the present instant, and their slopes."""
+        self._before = e[:, -1:], v[:, -1:], slope[:, -1:]
+        self._largest = np.maximum(self._largest, np.abs(e[0].real).max(axis=0, initial=0.0))
+
+    def tolerance(self, number: int, guard: int, values: Array) -> float:
+        """Return what counts as 0 for a guard that has these values on a step."""
+        key = (number, self.modes[number], guard)
+        self._scale[key] = max(self._scale.get(key, 0.0), float(np.abs(values).max()))
+        return NEGLIGIBLE * self._scale[key]
+
+    # the present instant
+
+    def instant(self) -> Instants:
+        """Return the present instant, just after whatever happens in it."""
+        u, du, w = self._around(self.t)
+        return Instants(t=self.t[:, None], x=self.x[:, None], u=u, du=du, w=w, modes=self.modes)
+
+    def begin(self) -> None:
+        """Let the laws choose their first modes."""
+        self.started = True
+        self.modes = [0] * len(self.system.laws)
+        for _ in range(2):
+            for number, law in enumerate(self.system.laws):
+                at = self.instant().real
+                e, v = self.real.channels(at)
+                self.modes[number] = law.element.start(self.real.seen(number, at, e, v), law.real)
+        for number, mode in enumerate(self.modes):
+            self._entered(number, mode)
+
+    def sample(self, number: int, *, updates: bool) -> None:
+        """Let a law take a sample, or let its output follow the last one."""
+        law = self.system.laws[number]
+        at = self.instant()
+        flow = self.system.flow(at)
+        act = law.element.update if updates else law.element.sample
+        self._put(number, act(self.system.seen(number, at, flow.e, flow.v), self.modes[number], law.values))
+
+    def switch(self, number: int, guard: int, slope: Array | None) -> None:
+        """Change the mode of a law whose guard has become positive; ``slope`` (lanes, 1, channels) where it is known."""
+        at = self.instant()
+        if self._before is not None and slope is None:
+            e, v, slope = self._before
+        else:
+            flow = self.system.flow(at)
+            e, v = flow.e, flow.v
+        self._change(number, guard, self.system.seen(number, at, e, v, slope))
+
+    def settle(self) -> None:
+        """Let every law change its mode until all agree with the signals just after this instant."""
+        if not self.system.laws:
+            return
+        before = None if self._before is None else self._before[:2]
+        while True:
+            flow = self.system.flow(self.instant())
+            if before is not None:
+                self._release(before, flow.e)
+                before = flow.e, before[1]
+            if not self._correct():
+                return
+
+    def _put(self, number: int, states: Sequence[Any] | None) -> None:
+        law = self.system.laws[number]
+        if states is not None and law.states.stop > law.states.start:
+            self.x = self.x.copy()
+            self.x[:, law.states] = stacked(states, (self.system.lanes, 1))[:, 0]
+
+    def _adopt(self, number: int, change: Change) -> None:
+        before, self.modes[number] = self.modes[number], change.mode
+        self._put(number, change.x)
+        if before != change.mode:
+            self._entered(number, before)
+
+    def _change(self, number: int, guard: int, seen: Moment) -> None:
+        law = self.system.laws[number]
+        self._adopt(number, law.element.switch(guard, seen, self.modes[number], law.values))
+        self.switches += 1
+        if self.switches > MAX_SWITCHES:
+            raise StoppedError(
+                Verdict.DOUBTFUL,
+                f"{law.label} changes its mode without end at t = {float(self.t[0].real):.6g} s (chattering): "
+                "give it hysteresis, or put a lag into the loop",
+            )
+
+    def _release(self, before: tuple[Array, Array], e: Array) -> None:
+        """Tell the laws whose inputs jump to prepare for it."""
+        old, outputs = before
+        size = np.maximum(self._largest, np.abs(e[0, 0].real))
+        jumps = np.abs((e - old)[0, 0].real) > _JUMP * size
+        for number, law in enumerate(self.system.laws):
+            if np.any(jumps[law.inputs]):
+                seen = self.system.seen(number, self.instant(), old, outputs)
+                self._adopt(number, law.element.release(seen, self.modes[number], law.values))
+
+    def _correct(self) -> bool:
+        """Switch the first law whose guard is positive; return whether there was one."""
+        at = self.instant()
+        flow = self.system.flow(at)
+        for number, law in enumerate(self.system.laws):
+            mode = self.modes[number]
+            seen = self.system.seen(number, at, flow.e, flow.v)
+            found = law.element.guards(seen, mode, law.values)
+            size = float(self._largest[law.inputs].max(initial=0.0))
+            for k, guard in enumerate(found):
+                if float(np.ravel(guard)[0].real) > NEGLIGIBLE * self._scale.get((number, mode, k), size):
+                    self._change(number, k, seen)
+                    return True
+        return False
+
+    def _entered(self, number: int, before: Mode) -> None:
+        """Make a law, so far in the mode ``before``, that begins to hold an input really hold it, or let it go."""
+        law = self.system.laws[number]
+        pair = law.element.held(self.modes[number])
+        if pair is None:
+            return
+        at = self.instant()
+        if not self.real.holdable(number, at.real):
+            e, v = self.system.channels(at)
+            change = law.element.unheld(self.system.seen(number, at, e, v), before, law.values)
+            self.modes[number] = change.mode
+            self._put(number, change.x)
+            return
+        tangent = self.real.tangent(at.real)
+        held = law.inputs.start + pair[1]
+        row = self.system.holds(self.modes).index((law.outputs.start + pair[0], held))
+        impulse = tangent.fm[0] @ np.linalg.inv(tangent.gain[0])[:, row]
+        self.x = self.x.copy()
+        for _ in range(3):
+            e, _ = self.system.channels(self.instant())
+            self.x = self.x - impulse * e[:, 0, held, None]
+        places = np.flatnonzero(tangent.hold[0, row])
+        if len(places) == 1 and not np.any(self.real.matrices["d31"][0, held]):
+            self.x[:, places[0]] = 0.0  # the input is this state itself
