@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 from rich.console import Console
 
-from bench import batch, latency, loop
+from bench import batch, cold_start, latency, loop, throughput
 from bench.table import Job, render
 
 SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000}
@@ -28,8 +28,10 @@ def jobs(*, runs: int, sets: int, candidates: int, most: int) -> Iterator[Job]:
         Sizes of the batches: sets of gains, candidates, and candidates on one and two threads.
     """
     yield from loop.jobs(runs=runs, sets=sets)
-    yield from batch.jobs(runs=runs, candidates=candidates, most=most)
+    yield from batch.jobs(runs=runs, candidates=candidates)
+    yield throughput.job(most)
     yield from latency.jobs(runs=runs)
+    yield cold_start.job(runs=max(1, runs // 5))
 
 
 def main() -> None:

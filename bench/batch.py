@@ -1,4 +1,4 @@
-"""The inner velocity loop: one candidate, a batch, and very many on one and two threads."""
+"""The inner velocity loop: one candidate, and a batch of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from bench.accuracy import worst
 from bench.clock import cpu_ms
 from bench.peers.python_control import Interconnected
 from bench.table import Job, Row
-from bench.throughput import in_new_process
 from engine.linear.screening import Screening
 from engine.measuring import measure
 
@@ -22,7 +21,6 @@ Candidates = Mapping[str, npt.NDArray[np.float64]]
 Results = dict[str, npt.NDArray[np.float64]]
 
 CHECKED = 20
-PATIENCE = 60.0  # s that the largest job may take on one thread
 GRID = "by hand; grids of 1000 samples and 200 frequencies"
 ONE_BY_ONE = "candidates times the median of one"
 
@@ -48,18 +46,15 @@ class Ours:
         return {name: float(m.value) for name, (m, _) in zip(self._names, found, strict=True) if m.value is not None}
 
 
-def jobs(*, runs: int, candidates: int, most: int) -> Iterator[Job]:
-    """Measure one candidate, ``candidates`` at once, and ``most``, or as many as take a minute."""
+def jobs(*, runs: int, candidates: int) -> Iterator[Job]:
+    """Measure one candidate, and ``candidates`` at once."""
     ours = Ours()
     try:
         control: Interconnected | None = Interconnected()
     except ModuleNotFoundError:
         control = None
     yield _one(ours, control, runs)
-    job = _many(ours, control, runs, candidates)
-    yield job
-    each = (job.rows[0].milliseconds or 0.0) / candidates / 1e3
-    yield _threads(min(most, max(1000, int(PATIENCE / each))))
+    yield _many(ours, control, runs, candidates)
 
 
 def _one(ours: Ours, control: Interconnected | None, runs: int) -> Job:
@@ -98,17 +93,6 @@ def _many(ours: Ours, control: Interconnected | None, runs: int, candidates: int
         single = cpu_ms(lambda: control.metrics(ours.nominal), runs=runs)
         rows.append(Row(who=control.name, milliseconds=candidates * single, remark=ONE_BY_ONE))
     return Job(title=f"inner velocity loop, {candidates:,} candidates, 10 results", rows=rows)
-
-
-def _threads(count: int) -> Job:
-    rows = []
-    for threads in (2, 1):
-        run = in_new_process(count, threads)
-        remark = f"{count / run.wall:,.0f} candidates/s, peak {run.peak:,.0f} MB"
-        rows.append(
-            Row(who=f"this engine, {threads} thread{'s' * (threads > 1)}", milliseconds=1e3 * run.wall, remark=remark)
-        )
-    return Job(title=f"inner velocity loop, {count:,} candidates, a process of its own", clock="wall", rows=rows)
 
 
 def _first(found: Results) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Time as the benchmark counts it: medians, after a call that warms up."""
+"""Time as the benchmark counts it: medians, after a call that warms up where there is more than one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ def wall_ms(work: Callable[[], Any], *, runs: int) -> float:
 
 
 def _median(work: Callable[[], Any], runs: int, clock: Callable[[], float]) -> float:
-    work()
+    if runs > 1:
+        work()
     times = []
     for _ in range(runs):
         begin = clock()

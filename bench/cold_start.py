@@ -6,7 +6,15 @@ import subprocess
 import sys
 
 from bench import inner_velocity_loop as inner
+from bench.clock import wall_ms
+from bench.table import Job, Row
 from engine.linear.screening import Screening
+
+
+def job(*, runs: int) -> Job:
+    """Measure the start, on the wall clock."""
+    row = Row(who="this engine, screening", milliseconds=wall_ms(in_new_process, runs=runs))
+    return Job(title="new process to first metrics", clock="wall", rows=[row])
 
 
 def in_new_process() -> None:

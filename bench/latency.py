@@ -1,4 +1,4 @@
-"""How long a user waits for one answer about a loop of 20 states: metrics, a new structure, exact derivatives, a cold start."""
+"""How long a user waits for one answer about a loop of 20 states: metrics, a new structure, exact derivatives."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bench import cold_start
 from bench import twenty_states as loop
-from bench.clock import cpu_ms, wall_ms
+from bench.clock import cpu_ms
 from bench.table import Job, Row
 from engine.diagram import Diagram, compile_system
 from engine.linear.screening import Screening
@@ -73,16 +72,6 @@ def jobs(*, runs: int) -> list[Job]:
             title="new structure to first metrics, warm process",
             clock="wall",
             rows=[Row(who="this engine, screening", milliseconds=_new_structures())],
-        ),
-        Job(
-            title="new process to first metrics",
-            clock="wall",
-            rows=[
-                Row(
-                    who="this engine, screening",
-                    milliseconds=wall_ms(cold_start.in_new_process, runs=max(1, runs // 5)),
-                )
-            ],
         ),
     ]
 

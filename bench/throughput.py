@@ -17,9 +17,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from bench import inner_velocity_loop as inner
+from bench.table import Job, Row
 from engine.linear.screening import Screening
 
 CHUNK = 8192
+PATIENCE = 60.0  # s that one thread may take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,19 @@ def screen(count: int, threads: int) -> Throughput:
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return Throughput(count=count, threads=threads, wall=wall, cpu=cpu, peak=peak)
+
+
+def job(most: int) -> Job:
+    """Measure ``most`` candidates, or as many as take a minute, on two threads and on one."""
+    probe = screen(min(most, 1024), 1)
+    count = min(most, max(CHUNK, int(PATIENCE * probe.count / probe.wall)))
+    rows = []
+    for threads in (2, 1):
+        run = in_new_process(count, threads)
+        remark = f"{count / run.wall:,.0f} candidates/s, peak {run.peak:,.0f} MB"
+        who = f"this engine, {threads} thread{'s' * (threads > 1)}"
+        rows.append(Row(who=who, milliseconds=1e3 * run.wall, remark=remark))
+    return Job(title=f"inner velocity loop, {count:,} candidates, a process of its own", clock="wall", rows=rows)
 
 
 def in_new_process(count: int, threads: int) -> Throughput:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench import batch, batched_numpy, inner_velocity_loop, latency, loop
+from bench import batch, batched_numpy, cold_start, inner_velocity_loop, latency, loop, throughput
 from bench.table import Job, Row, render
 from engine.linear.screening import Screening
 
@@ -20,7 +20,7 @@ def jobs() -> list[Job]:
         warnings.simplefilter("ignore")  # the peers' own
         return [
             *loop.jobs(runs=1, sets=2),
-            *batch.jobs(runs=1, candidates=2, most=10),
+            *batch.jobs(runs=1, candidates=2),
             *latency.jobs(runs=1),
         ]
 
@@ -40,6 +40,13 @@ def test_every_peer_solves_the_same_loop(jobs):
     assert {"this", "python-control", "casadi", "pathsim"} <= names
     for job in (jobs[0], jobs[2], jobs[3], jobs[4]):
         assert all(row.error < 0.02 for row in job.rows if row.error is not None), job
+
+
+def test_threads_screen_every_candidate_and_a_new_process_starts():
+    run = throughput.screen(20, 2)
+    assert (run.count, run.threads) == (20, 2)
+    assert min(run.wall, run.cpu, run.peak) > 0
+    cold_start.in_new_process()
 
 
 def test_the_table_shows_ratios_to_the_first_row():
