@@ -59,7 +59,14 @@ class SignalError(EngineError):
 
 
 class SpectrumError(EngineError):
-    """A spectrum cannot be had of this signal with these settings; ``at`` names the setting."""
+    """A spectrum cannot be had of this signal with these settings; ``at`` names the setting.
+
+    ``verdict`` is that of an output which does not settle, an empty word elsewhere.
+    """
+
+    def __init__(self, message: str, *, at: Path = (), verdict: str = "") -> None:
+        super().__init__(message, at=at)
+        self.verdict = verdict
 
 
 class IllPosedError(EngineError):

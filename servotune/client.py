@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Influence,
         Optimization,
         Simulation,
+        Spectrum,
         StateSpace,
         Stored,
         Validation,
@@ -150,8 +151,13 @@ class Client:
         from_: str | None = None,
         to: str | None = None,
         signal: Document | None = None,
+        predict: Sequence[Document] | None = None,
     ) -> Influence:
-        """Return how strongly each parameter moves each metric: exact elasticities, and eq. (4) at a finite change."""
+        """Return how strongly each parameter moves each metric: exact elasticities, and eq. (4) at a finite change.
+
+        For each set of changes in `predict`, parameter -> new value or `{"change": 0.1}`, the reply tells what the
+        elasticities predict for every metric, what it really becomes, and the error.
+        """
         body = _given(
             system=system,
             input=input,
@@ -162,8 +168,82 @@ class Client:
             open_at=open_at,
             to=to,
             signal=signal,
+            predict=predict,
         ) | _given(**{"from": from_})
         return cast("Influence", self._transport.post("/v1/influence", body))
+
+    def spectrum(
+        self,
+        system: SystemLike | None = None,
+        *,
+        input: Document | Sequence[Document] | None = None,  # noqa: A002 -- the name of the field in the API
+        output: str | None = None,
+        dataset: str | None = None,
+        channel: str | None = None,
+        quantity: str | None = None,
+        frequencies: Sequence[float] | None = None,
+        window: str | None = None,
+        segment: float | None = None,
+        overlap: float | None = None,
+        removal: str | None = None,
+        part: Sequence[float] | None = None,
+        duration: float | None = None,
+        samples: int | None = None,
+        fundamental: float | None = None,
+        orders: int | None = None,
+        band: Sequence[float] | None = None,
+        variants: Sequence[Document] | None = None,
+    ) -> Spectrum:
+        """Return the spectrum of a system's output under a command, or of a dataset's channel.
+
+        Parameters
+        ----------
+        system, input, output : optional
+            What is simulated; or
+        dataset, channel : str, optional
+            what was recorded.
+        quantity : {"amplitude", "density", "transform"}, optional
+            Amplitudes of sines (the default) or mean square per Hz, both estimated from samples; or the exact Fourier
+            integral of a simulated response that settles.
+        frequencies : sequence of float, optional
+            Of the transform (rad/s); chosen by the service by default.
+        window : {"flat_top", "hann", "none"}, optional
+        segment, overlap : float, optional
+            Length of the segments that are averaged (s), and how much of one its neighbour shares.
+        removal : {"nothing", "mean", "trend"}, optional
+            What is taken away from each segment first.
+        part : (start, end), optional
+            Stretch of the recording or response that is looked at (s).
+        duration, samples : optional
+            Of the simulated response that is sampled.
+        fundamental, orders : optional
+            Its harmonics (rad/s) up to this order are wanted, too.
+        band : (low, high), optional
+            Its energy or mean square is wanted, too (rad/s).
+        variants : sequence of mappings, optional
+            Parameter values to compare, those of commands among them: `[{"signals.reference.delay": 0.1}, ...]`.
+        """
+        body = _given(
+            system=system,
+            input=input,
+            output=output,
+            dataset=dataset,
+            channel=channel,
+            quantity=quantity,
+            frequencies=frequencies,
+            window=window,
+            segment=segment,
+            overlap=overlap,
+            removal=removal,
+            part=part,
+            duration=duration,
+            samples=samples,
+            fundamental=fundamental,
+            orders=orders,
+            band=band,
+            variants=variants,
+        )
+        return cast("Spectrum", self._transport.post("/v1/spectra", body))
 
     def validate(
         self,

@@ -72,6 +72,50 @@ class CatalogItem(TypedDict, total=False):
     source: str
 
 
+class Harmonics(TypedDict):
+    """Amplitudes and phases (rad, cosines at t = 0) of the orders 1, 2, ... of a fundamental (rad/s)."""
+
+    fundamental: float
+    mean: float
+    amplitude: list[float]
+    phase: list[float]
+    thd: float | None
+    unit: str
+
+
+class BandEnergy(TypedDict):
+    """Energy or mean square in a band."""
+
+    value: float
+    unit: str
+
+
+class SpectrumVariant(TypedDict):
+    """The spectrum for one set of parameter values; frequencies in rad/s."""
+
+    parameters: dict[str, float]
+    verdict: str
+    advice: NotRequired[str | None]
+    frequency: list[float]
+    value: list[float]
+    phase: NotRequired[list[float] | None]
+    resolution: NotRequired[float | None]
+    averages: NotRequired[int | None]
+    harmonics: NotRequired[Harmonics | None]
+    band: NotRequired[BandEnergy | None]
+
+
+class Spectrum(TypedDict):
+    """Spectra, their common unit, and the window of estimates."""
+
+    quantity: str
+    unit: str
+    window: dict[str, Any] | None
+    variants: list[SpectrumVariant]
+    system: dict[str, Any] | None
+    warnings: list[Warned]
+
+
 class SimulationVariant(TypedDict):
     """The responses of one set of parameter values."""
 
@@ -97,11 +141,20 @@ class Crossing(TypedDict):
 
 
 class Margins(TypedDict):
-    """Every crossing of the open loop."""
+    """Every crossing of the open loop where its gain is `smallest_loop_gain` or more."""
 
     gain: list[Crossing]
     phase: list[Crossing]
     delay: list[Crossing]
+    smallest_loop_gain: float
+
+
+class Nyquist(TypedDict):
+    """The Nyquist criterion: closed-loop unstable poles = open-loop unstable poles - encirclements of -1."""
+
+    encirclements: int
+    open_loop_unstable_poles: int
+    closed_loop_unstable_poles: int
 
 
 class Root(TypedDict):
@@ -123,6 +176,7 @@ class FrequencyVariant(TypedDict):
     imag: list[float]
     metrics: dict[str, Metric]
     margins: NotRequired[Margins | None]
+    nyquist: NotRequired[Nyquist | None]
     poles: list[Root]
 
 
@@ -158,6 +212,32 @@ class Strongest(TypedDict):
     by_metric: dict[str, str]
 
 
+class Change(TypedDict):
+    """A parameter before and after (SI)."""
+
+    initial: float
+    final: float
+
+
+class PredictedMetric(TypedDict):
+    """A metric as its derivatives predict it, by the power law M Π (p'/p)^E or on the straight line, and as it is."""
+
+    value: float | None
+    law: str
+    straight: float | None
+    exact: Metric
+    error: float | None
+    relative_error: float | None
+    verdict: str
+
+
+class Prediction(TypedDict):
+    """One set of changes and what it does."""
+
+    changes: dict[str, Change]
+    metrics: dict[str, PredictedMetric]
+
+
 class Influence(TypedDict):
     """How strongly parameters move metrics; `elasticities[metric][parameter]`."""
 
@@ -165,6 +245,7 @@ class Influence(TypedDict):
     elasticities: dict[str, dict[str, Elasticity]]
     coefficients: dict[str, dict[str, Coefficient]]
     strongest: Strongest
+    predictions: NotRequired[list[Prediction] | None]
     warnings: NotRequired[list[Warned]]
 
 

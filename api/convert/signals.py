@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from api.convert.values import nested_si
+from api.convert.values import nested_si, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.signals import MOST_POINTS, InputDocument, SampledSignal
 from engine.diagram import Diagram
-from engine.signals import Signal, catalogue, make
+from engine.errors import SignalError
+from engine.signals import Signal, catalogue, changed, make
 
 Channel = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 """Time (s, from 0) and values (SI) of a recorded channel."""
@@ -78,3 +79,44 @@ def check_name(given: str, allowed: Sequence[str], *, name: str, what: str, plac
     """Refuse a name that is not one of those that exist."""
     if given not in allowed:
         raise invalid(f"{name} must be one of {what} ({', '.join(allowed)}), got {given!r}", *place)
+
+
+def is_command_path(path: str, diagram: Diagram) -> bool:
+    """Say whether a path names a command's parameter (``signals.port.delay``) and none of the system's."""
+    return path.startswith("signals.") and path not in diagram.parameters
+
+
+def changed_signals(given: Mapping[str, Any], signals: Mapping[str, Signal], *, place: Place) -> dict[str, Signal]:
+    """Return the commands with other values of some of their parameters.
+
+    Parameters
+    ----------
+    given : mapping
+        ``signals.<port>.<parameter>`` -> number or quantity; ``signals.reference.command.start`` is one of the command
+        that the one at ``reference`` is made of.
+
+    Raises
+    ------
+    Problem
+        422 at a path that leads nowhere, or for a value that the command refuses.
+    """
+    found = dict(signals)
+    for path, value in given.items():
+        _, port, name = (*path.split(".", 2), "")[:3]
+        here = (*place, path)
+        check_name(port, tuple(found), name="port", what="those that are commanded", place=here)
+        try:
+            number = si(value, unit_of_parameter(found[port], name), name=path, place=here)
+            found[port] = changed(found[port], name, number)
+        except SignalError as error:
+            raise invalid(error.message, *here) from error
+    return found
+
+
+def unit_of_parameter(signal: Signal, path: str) -> str:
+    """Return the unit of a command's parameter, "" where there is none of that name."""
+    name, _, rest = path.partition(".")
+    inner = getattr(signal, name, None)
+    if rest and isinstance(inner, Signal):
+        return unit_of_parameter(inner, rest)
+    return next((param.unit for param in signal.parameters if param.name == path), "")

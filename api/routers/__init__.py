@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from api.routers import catalog, datasets, health, jobs, results, studies, systems
+from api.routers import catalog, datasets, health, jobs, results, spectra, studies, systems
 
 ROUTERS = (
     systems.router,
     studies.router,
+    spectra.router,
     jobs.router,
     datasets.router,
     results.router,

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from api.convert.optimizations import duration_from_wire
-from api.convert.signals import check_name, signal_from_wire, signals_from_wire
+from api.convert.signals import (
+    changed_signals,
+    check_name,
+    is_command_path,
+    signal_from_wire,
+    signals_from_wire,
+)
 from api.convert.studies import (
     check_metrics,
     frequency_to_wire,
     influence_to_wire,
+    prediction_to_wire,
     simulation_to_wire,
     warnings_to_wire,
 )
-from api.convert.values import band_from_wire, overrides_from_wire, si
+from api.convert.values import band_from_wire, changes_from_wire, overrides_from_wire, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
@@ -29,7 +37,8 @@ from engine.diagram import Diagram
 from engine.errors import EngineError, IllPosedError
 from engine.influence import influence
 from engine.metrics import catalogue
-from engine.signals import make
+from engine.prediction import predict
+from engine.signals import Signal, make
 from engine.study import MetricRequest, frequency_response, simulate
 from engine.verdicts import Verdict
 
@@ -38,27 +47,38 @@ _MOST_FREQUENCIES = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """Parameter values as given and in SI, and the place in the request to which errors at these values belong."""
+    """Parameter values as given and in SI, the commands with theirs, and the place to which errors at these values belong."""
 
     given: Mapping[str, Any]
     overrides: Mapping[str, float]
+    signals: Mapping[str, Signal]
     place: Place
 
 
-def _variants(given: Sequence[Mapping[str, Any]] | None, diagram: Diagram) -> list[Variant]:
+def variants_of(
+    given: Sequence[Mapping[str, Any]] | None, diagram: Diagram, signals: Mapping[str, Signal] = MappingProxyType({})
+) -> list[Variant]:
+    """Return the variants asked for: values of the system's parameters, and of the commands' (``signals.port.delay``)."""
     if given is None:
-        return [Variant(given={}, overrides={}, place=("system",))]
-    return [
-        Variant(
-            given=values,
-            overrides=overrides_from_wire(values, diagram, place=("variants", i)),
-            place=("variants", i),
+        return [Variant(given={}, overrides={}, signals=signals, place=("system",))]
+    found = []
+    for i, values in enumerate(given):
+        place: Place = ("variants", i)
+        commands = {path: value for path, value in values.items() if is_command_path(path, diagram)}
+        plain = {path: value for path, value in values.items() if path not in commands}
+        found.append(
+            Variant(
+                given=values,
+                overrides=overrides_from_wire(plain, diagram, place=place),
+                signals=changed_signals(commands, signals, place=place),
+                place=place,
+            )
         )
-        for i, values in enumerate(given)
-    ]
+    return found
 
 
-def _study(subject: Subject, body: dict[str, Any], request: Any) -> Study:
+def study_of(subject: Subject, body: dict[str, Any], request: Any) -> Study:
+    """Return a reply as a study of a system."""
     body["system"] = dict(subject.reference) if subject.reference else None
     return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=subject.reference)
 
@@ -73,14 +93,14 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
         check_name(name, diagram.outputs, name="output", what="the system's outputs", place=("outputs", i))
     metrics = check_metrics(request.metrics)
     duration = duration_from_wire(request.duration, place=("duration",))
-    variants = _variants(request.variants, diagram)
+    variants = variants_of(request.variants, diagram, signals)
     service.computing.check_size(samples=request.samples, curves=len(outputs) + 1, variants=len(variants))
 
-    def compute(overrides: Mapping[str, float]) -> tuple[dict[str, Any], Sequence[Any]]:
+    def compute(variant: Variant) -> tuple[dict[str, Any], Sequence[Any]]:
         found = simulate(
             diagram,
-            signals=signals,
-            overrides=overrides,
+            signals=variant.signals,
+            overrides=variant.overrides,
             outputs=outputs,
             duration=duration,
             samples=request.samples,
@@ -89,14 +109,14 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
         return simulation_to_wire(found), found.warnings
 
     empty = {"time": [], "outputs": {name: [] for name in outputs}, "metrics": {name: {} for name in outputs}}
-    return _study(subject, _each(service, subject, variants, compute, empty), request)
+    return study_of(subject, each(service, subject, variants, compute, empty), request)
 
 
-def _each(
+def each(
     service: Installation,
     subject: Subject,
     variants: Sequence[Variant],
-    compute: Callable[[Mapping[str, float]], tuple[dict[str, Any], Sequence[Any]]],
+    compute: Callable[[Variant], tuple[dict[str, Any], Sequence[Any]]],
     empty: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Compute one variant after the other; one whose algebraic loop has no solution is ``empty`` with that verdict."""
@@ -105,7 +125,7 @@ def _each(
     with service.computing.slot():
         for variant in variants:
             try:
-                body, found = compute(variant.overrides)
+                body, found = compute(variant)
             except IllPosedError as error:
                 body, found = {**empty, "verdict": str(Verdict.ILL_POSED), "advice": error.message}, ()
             except EngineError as error:
@@ -121,15 +141,15 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
     diagram = subject.diagram
     _check_path(request, diagram)
     metrics = check_metrics(request.metrics)
-    frequencies = _frequencies(request.frequencies)
-    variants = _variants(request.variants, diagram)
+    frequencies = frequencies_of(request.frequencies)
+    variants = variants_of(request.variants, diagram)
     count = 1000 if frequencies is None else frequencies.size
     service.computing.check_size(samples=count, curves=5, variants=len(variants))
 
-    def compute(overrides: Mapping[str, float]) -> tuple[dict[str, Any], Sequence[Any]]:
+    def compute(variant: Variant) -> tuple[dict[str, Any], Sequence[Any]]:
         found = frequency_response(
             diagram,
-            overrides=overrides,
+            overrides=variant.overrides,
             source=request.source,
             target=request.target,
             open_at=request.open_at,
@@ -139,8 +159,8 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
         return frequency_to_wire(found), found.warnings
 
     curves = ("frequency", "magnitude", "phase", "real", "imag", "poles")
-    return _study(
-        subject, _each(service, subject, variants, compute, {"metrics": {}, **{name: [] for name in curves}}), request
+    return study_of(
+        subject, each(service, subject, variants, compute, {"metrics": {}, **{name: [] for name in curves}}), request
     )
 
 
@@ -170,7 +190,8 @@ def check_open_at(open_at: str | None, diagram: Diagram) -> None:
         raise invalid(error.message, "open_at") from error
 
 
-def _frequencies(given: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+def frequencies_of(given: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """Return increasing angular frequencies, None where the service is to choose them."""
     if given == "auto":
         return None
     if len(given) > _MOST_FREQUENCIES:
@@ -216,7 +237,26 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
     parameters = tuple(dict.fromkeys(request.parameters))
     with service.computing.slot(), at("system"):
         found = influence(diagram, requests, parameters, change=request.change)
-    return _study(subject, {**influence_to_wire(found), "warnings": subject.warnings()}, request)
+    body = influence_to_wire(found)
+    if request.predict is not None:
+        body["predictions"] = _predictions(service, request.predict, diagram, requests)
+    return study_of(subject, {**body, "warnings": subject.warnings()}, request)
+
+
+def _predictions(
+    service: Installation,
+    given: Sequence[Mapping[str, Any]],
+    diagram: Diagram,
+    requests: Mapping[str, MetricRequest],
+) -> list[dict[str, Any]]:
+    """Return every metric as predicted for each set of changes, beside its exact value."""
+    changes = [changes_from_wire(change, diagram, place=("predict", i)) for i, change in enumerate(given)]
+    found = []
+    with service.computing.slot():
+        for i, change in enumerate(changes):
+            with at("predict", i):
+                found.append(prediction_to_wire(predict(diagram, requests, change)))
+    return found
 
 
 def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> MetricRequest:

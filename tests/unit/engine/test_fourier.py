@@ -15,8 +15,7 @@ from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.signals import changed, make
 from engine.spectra.energy import band_energy
 from engine.spectra.fourier import transform
-from engine.spectra.harmonics import harmonics_of_curve
-from engine.spectra.simulated import response_spectrum, waterfall, whole_response
+from engine.spectra.simulated import response_spectrum, steady_harmonics, waterfall, whole_response
 from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.test_curve import curve_of
 
@@ -98,13 +97,13 @@ def test_energy_of_an_exponential_in_a_band_is_its_closed_form(low: float, high:
 
 
 def test_energy_of_a_light_resonance_is_found_whatever_the_band() -> None:
-    # velocity of the arm after a step, ω = 10, ζ = 0.005: all of the energy, ∫ v² dt = ω/(4ζ), is in the resonance
-    curve, _ = whole_response(arm(10.0, 0.005), {"drive": make("step")}, "velocity")
-    whole = 10.0 / (4 * 0.005)
+    # velocity of the arm after a step, ω = 10, ζ = 0.02: all of the energy, ∫ v² dt = ω/(4ζ), is in the resonance
+    curve, _ = whole_response(arm(10.0, 0.02), {"drive": make("step")}, "velocity")
+    whole = 10.0 / (4 * 0.02)
     assert curve.squared().integral()[0] == pytest.approx(whole, rel=1e-9)
 
     def density(w: float) -> float:
-        return abs(100 / (100 - w**2 + 0.1j * w)) ** 2 / math.pi
+        return abs(100 / (100 - w**2 + 0.4j * w)) ** 2 / math.pi
 
     expected = quad(density, 9, 11, points=[10], epsabs=0, epsrel=1e-11, limit=200)[0]
     assert band_energy(curve, 9.0, 11.0)[0] == pytest.approx(expected, rel=1e-8)
@@ -136,9 +135,7 @@ def test_energy_of_a_band_too_wide_for_the_length_is_refused() -> None:
 
 def test_harmonics_of_a_steady_response_are_gain_and_phase_of_the_path() -> None:
     excitation = make("multisine", {"amplitude": 0.5, "fundamental": 2.0, "harmonics": [1, 3]})
-    evaluation = Evaluation(lag())
-    curve = evaluation.time_response({"u": excitation}, ["y"]).joint.output(0)
-    found = harmonics_of_curve(curve, 2.0, 4)
+    found = steady_harmonics(lag(), {"u": excitation}, "y", fundamental=2.0, count=4)
     gains = 2 / (1j * 2.0 * np.array([1, 3]) / 3 + 1)
     np.testing.assert_allclose(found.amplitude[[0, 2]], 0.5 * np.abs(gains), rtol=1e-9)
     np.testing.assert_allclose(found.amplitude[[1, 3]], 0.0, atol=1e-10)
@@ -175,7 +172,22 @@ def test_an_inner_command_may_be_varied() -> None:
 
 def test_what_does_not_settle_has_no_spectrum() -> None:
     integrator = compile_system(document({"u": block("input"), "i": block("integrator")}, ["u -> i"], {"y": "i"}))
-    with pytest.raises(SpectrumError, match="whose path is integrating"):
+    with pytest.raises(SpectrumError, match="which is integrating"):
         response_spectrum(integrator, {"u": make("step")}, "y", W[1:])
     with pytest.raises(SpectrumError, match="goes on for ever"):
         response_spectrum(lag(), {"u": make("ramp")}, "y", W[1:])
+
+
+@pytest.mark.parametrize(
+    ("signal", "fundamental"),
+    [(make("step"), 2.0), (make("sine", {"frequency": 3.0}), 2.0), (make("sine", {"frequency": 1.0}), 2.0)],
+)
+def test_harmonics_of_what_does_not_repeat_with_the_fundamental_are_refused(signal, fundamental) -> None:
+    with pytest.raises(SpectrumError, match="fundamental must be that of the commands"):
+        steady_harmonics(lag(), {"u": signal}, "y", fundamental=fundamental, count=3)
+
+
+def test_harmonics_of_a_command_of_a_higher_order() -> None:
+    found = steady_harmonics(lag(), {"u": make("sine", {"frequency": 6.0})}, "y", fundamental=2.0, count=3)
+    np.testing.assert_allclose(found.amplitude, [0, 0, 2 / math.sqrt(1 + 4)], atol=1e-10)
+    assert found.thd is None
