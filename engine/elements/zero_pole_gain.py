@@ -85,5 +85,5 @@ def _batched(*values: Scalar) -> bool:
 
 
 def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> npt.NDArray[np.bool_]:
-    one, other = (np.asarray(re).real + 1j * np.asarray(im).real for re, im in (first, second))
+    one, other = (np.asarray(re.real) + 1j * np.asarray(im.real) for re, im in (first, second))
     return np.asarray(np.abs(one - other.conj()) <= _SAME * np.abs(one))
