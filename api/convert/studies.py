@@ -12,6 +12,7 @@ from api.errors import invalid
 from api.pointers import Place, pointer
 from engine.influence import Influence
 from engine.metrics import catalogue
+from engine.prediction import Prediction
 from engine.study import FrequencyStudy, Simulation
 
 
@@ -84,6 +85,12 @@ def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
                 ("phase", study.margins.phase),
                 ("delay", study.margins.delay),
             )
+        } | {"smallest_loop_gain": number(study.margins.smallest_loop_gain)}
+    if study.nyquist is not None:
+        body["nyquist"] = {
+            "encirclements": study.nyquist.encirclements,
+            "open_loop_unstable_poles": study.nyquist.open_loop,
+            "closed_loop_unstable_poles": study.nyquist.closed_loop,
         }
     return body
 
@@ -117,4 +124,26 @@ def influence_to_wire(influence: Influence) -> dict[str, Any]:
             for metric, row in influence.coefficients.items()
         },
         "strongest": {"by_parameter": dict(influence.by_parameter), "by_metric": dict(influence.by_metric)},
+    }
+
+
+def prediction_to_wire(prediction: Prediction) -> dict[str, Any]:
+    """Return one set of changes with every metric as predicted and as it is."""
+    return {
+        "changes": {
+            parameter: {"initial": number(change.initial), "final": number(change.final)}
+            for parameter, change in prediction.changes.items()
+        },
+        "metrics": {
+            name: {
+                "value": number(metric.value),
+                "law": str(metric.law),
+                "straight": number(metric.straight),
+                "exact": measured_to_wire(metric.exact),
+                "error": number(metric.error),
+                "relative_error": number(metric.relative_error),
+                "verdict": str(metric.verdict),
+            }
+            for name, metric in prediction.metrics.items()
+        },
     }

@@ -114,6 +114,26 @@ def overrides_from_wire(given: Mapping[str, Any], diagram: Diagram, *, place: Pl
     return values
 
 
+def changes_from_wire(given: Mapping[str, Any], diagram: Diagram, *, place: Place) -> dict[str, float]:
+    """Return parameter path -> new SI value; a relative change is taken from the value of the document.
+
+    Raises
+    ------
+    Problem
+        422 as for overrides, and for a relative change of a parameter that is 0.
+    """
+    absolute: dict[str, Any] = {}
+    for path, value in given.items():
+        info = diagram.parameters.get(path)
+        if info is None or not isinstance(value, Mapping) or "change" not in value:
+            absolute[path] = value
+        elif info.value == 0:
+            raise invalid(f"{path} must not be 0 to be changed relatively, got 0: give the new value", *place, path)
+        else:
+            absolute[path] = info.value * (1 + value["change"])
+    return overrides_from_wire(absolute, diagram, place=place)
+
+
 def numbers(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return a real array in which what is not finite or beyond 1e100 is NaN: :func:`listed` makes that null.
 

@@ -165,11 +165,20 @@ class Crossing(Reply):
 
 
 class Margins(Reply):
-    """Every crossing of the loop."""
+    """Every crossing of the loop where its gain is ``smallest_loop_gain`` or more."""
 
     gain: list[Crossing]
     phase: list[Crossing]
     delay: list[Crossing]
+    smallest_loop_gain: Number = None
+
+
+class NyquistReply(Reply):
+    """The Nyquist criterion: closed-loop unstable poles = open-loop unstable poles - encirclements of -1."""
+
+    encirclements: int
+    open_loop_unstable_poles: int
+    closed_loop_unstable_poles: int
 
 
 class Pole(Reply):
@@ -191,6 +200,7 @@ class FrequencyVariant(Reply):
     imag: Curve
     metrics: dict[str, MetricReply]
     margins: Margins | None = None
+    nyquist: NyquistReply | None = None
     poles: list[Pole]
 
 
@@ -225,13 +235,40 @@ class Strongest(Reply):
     by_metric: dict[str, str | None]
 
 
+class ChangeReply(Reply):
+    """A parameter before and after, in SI."""
+
+    initial: Number
+    final: Number
+
+
+class PredictedMetric(Reply):
+    """A metric as its derivatives predict it: by the power law M Π (p'/p)^E, or on the straight line."""
+
+    value: Number
+    law: Literal["power", "straight"]
+    straight: Number
+    exact: MetricReply
+    error: Number
+    relative_error: Number
+    verdict: VerdictWord
+
+
+class PredictionReply(Reply):
+    """One set of changes and what it does."""
+
+    changes: dict[str, ChangeReply]
+    metrics: dict[str, PredictedMetric]
+
+
 class InfluenceReply(StudyReply):
-    """Elasticities and influence coefficients."""
+    """Elasticities and influence coefficients; predictions where changes were named."""
 
     base: dict[str, MetricReply]
     elasticities: dict[str, dict[str, ElasticityReply]]
     coefficients: dict[str, dict[str, CoefficientReply]]
     strongest: Strongest
+    predictions: list[PredictionReply] | None = None
 
 
 class FitReply(Reply):

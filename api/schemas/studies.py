@@ -8,7 +8,7 @@ from pydantic import Field
 
 from api.schemas.signals import Inputs, SignalDocument
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Band, Document, Overrides, Path, Port
+from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Band, Change, Document, Overrides, Path, Port
 
 Names = Annotated[list[str], Field(max_length=100)]
 
@@ -54,4 +54,11 @@ class InfluenceRequest(Document):
     parameters: list[Path] = Field(min_length=1, max_length=200)
     metrics: list[str] = Field(min_length=1, max_length=100)
     change: float = Field(default=0.1, gt=-1.0, description="relative change for the coefficients of eq. (4)")
+    predict: list[Annotated[dict[Path, Change], Field(min_length=1, max_length=50)]] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=50,
+        description="changes, each of one or more parameters at once, for which every metric is predicted from its "
+        'derivatives: parameter path -> new value, or {"change": relative change}',
+    )
     keep: bool = False

@@ -110,6 +110,27 @@ Identifier = Annotated[str, Field(min_length=1, max_length=64)]
 Overrides = Annotated[dict[Path, Quantity], Field(description="parameter path -> value", max_length=200)]
 
 
+def _change(value: Any) -> Any:
+    if is_number(value) or is_quantity(value):
+        return value
+    if isinstance(value, dict) and set(value) == {"change"} and is_number(value["change"]) and value["change"] != 0:
+        return value
+    raise _wrong('a new value (number or {"value", "unit"}) or {"change": relative change, not 0}', value)
+
+
+_CHANGE_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "required": ["change"],
+    "additionalProperties": False,
+    "properties": {"change": {"type": "number", "description": "relative, not 0", "examples": [0.1]}},
+}
+Change = TypeAliasType(
+    "Change",
+    Annotated[Any, PlainValidator(_change), WithJsonSchema({"anyOf": [_NUMBER, QUANTITY_SCHEMA, _CHANGE_SCHEMA]})],
+)
+"""A new value, or a relative change of the present one."""
+
+
 def _auto_or_quantity(value: Any) -> Any:
     if value == "auto" or is_number(value) or is_quantity(value):
         return value

@@ -79,3 +79,42 @@ def test_a_wrong_influence_study_is_refused_at_its_place(client, case) -> None:
     reply = influence(client, **fields)
     assert reply.status_code == 422, reply.text
     assert any(entry["pointer"].startswith(pointer) for entry in reply.json()["errors"]), reply.text
+
+
+def test_a_prediction_stands_beside_the_exact_value_with_its_error(client) -> None:
+    kp = influence(client).json()["coefficients"]["rise_time"]["kp"]
+    reply = influence(client, predict=[{"kp": {"change": 0.1}}, {"kp": {"change": 0.1}, "controller.ki": 0.0025}])
+    assert reply.status_code == 200, reply.text
+    body = reply.json()
+    InfluenceReply.model_validate(body)
+    alone, together = body["predictions"]
+    metric = alone["metrics"]["rise_time"]
+    assert alone["changes"]["kp"]["final"] == pytest.approx(1.1 * alone["changes"]["kp"]["initial"], rel=1e-12)
+    # the change of eq. (4) is 10 % as well
+    assert metric["exact"]["value"] == pytest.approx(kp["final"], rel=1e-12)
+    elasticity = body["elasticities"]["rise_time"]["kp"]["value"]
+    assert metric["law"] == "power"
+    assert metric["value"] == pytest.approx(kp["initial"] * 1.1**elasticity, rel=1e-9)
+    assert metric["straight"] == pytest.approx(kp["initial"] * (1 + 0.1 * elasticity), rel=1e-9)
+    assert metric["error"] == pytest.approx(metric["value"] - metric["exact"]["value"], rel=1e-9)
+    assert set(together["changes"]) == {"kp", "controller.ki"}
+    assert "predictions" not in influence(client).json()
+
+
+WRONG_CHANGES = {
+    "unknown parameter": ([{"ghost": 1.0}], "/predict/0/ghost"),
+    "bound parameter": ([{"kp": 1.0}, {"motor.mass": 1.0}], "/predict/1/motor.mass"),
+    "no change": ([{"kp": {"change": 0}}], "/predict/0/kp"),
+    "no parameter": ([{}], "/predict/0"),
+    "no set of changes": ([], "/predict"),
+    "wrong unit": ([{"m": {"value": 1.0, "unit": "V"}}], "/predict/0/m"),
+    "wrong kind": ([{"kp": "a lot"}], "/predict/0/kp"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_CHANGES)
+def test_a_wrong_change_is_refused_at_its_place(client, case) -> None:
+    changes, pointer = WRONG_CHANGES[case]
+    reply = influence(client, predict=changes)
+    assert reply.status_code == 422, reply.text
+    assert any(entry["pointer"].startswith(pointer) for entry in reply.json()["errors"]), reply.text

@@ -221,6 +221,9 @@ def test_the_open_loop_has_the_margins_of_the_reference(client) -> None:
     assert metrics["phase_margin"]["value"] == pytest.approx(PHASE_MARGIN, rel=1e-9)
     assert metrics["phase_margin"]["unit"] == "rad"
     assert GAIN_MARGIN in [pytest.approx(crossing["value"], rel=1e-9) for crossing in variant["margins"]["gain"]]
+    assert variant["margins"]["smallest_loop_gain"] == 1e-3
+    # stable with a stable open loop: the curve does not go round -1
+    assert variant["nyquist"] == {"encirclements": 0, "open_loop_unstable_poles": 0, "closed_loop_unstable_poles": 0}
     # L is signed so that 1 + L = 0 is the characteristic equation: at low frequencies it is large and positive real-ish
     response = np.array(variant["real"]) + 1j * np.array(variant["imag"])
     assert np.abs(response) == pytest.approx(np.array(variant["magnitude"]))
