@@ -23,7 +23,7 @@ from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
 from engine.diagram import Diagram
 from engine.signals import make
-from engine.study import frequency_response, simulate
+from engine.study import MetricRequest, frequency_response, measure, simulate
 from engine.verdicts import Verdict
 
 DOCUMENT = Path(__file__).parents[2] / "examples" / "systems" / "many_loops.json"
@@ -59,6 +59,12 @@ PASCAL, METRE = 1e-7, 1e3  # in units of pressure and of the spool
 FLOW_GAIN = 1.0 / METRE
 AREA = 20e-4
 
+
+def band_stop(frequency: float) -> tuple[Polynomial, Polynomial]:
+    """Depth 0.04, width 1."""
+    return [1.0, 0.04 * frequency, frequency**2], [1.0, frequency, frequency**2]
+
+
 # Numerator and denominator, highest power of s first. pi: (kp s + ki)/s; pid: kp + ki/s + kd s/(1 + s/w).
 QUOTIENTS: Mapping[str, tuple[Polynomial, Polynomial]] = {
     "smoothing": swing(30.0, 0.9),
@@ -70,7 +76,7 @@ QUOTIENTS: Mapping[str, tuple[Polynomial, Polynomial]] = {
     "velocity_law": ([35.0, 100.0], [1.0, 0.0]),
     "lead": ([600.0 / 120.0, 600.0], [1.0, 600.0]),
     "acceleration_law": ([5e4 * PASCAL, 3e7 * PASCAL], [1.0, 0.0]),
-    "notch": ([1.0, 0.04 * 700.0, 700.0**2], [1.0, 700.0, 700.0**2]),
+    "notch": band_stop(700.0),
     "pressure_law": ([6e-11 * METRE / PASCAL, 2e-9 * METRE / PASCAL], [1.0, 0.0]),
     # (1 + r1 c1 s)/((r1 + r2)/r2 + r1 c1 s) with r1 = r2, r1 c1 = 1 ms, and the amplifier of 2 behind it
     "network": ([2e-3, 2.0], [1e-3, 2.0]),
@@ -144,9 +150,10 @@ def row(terms: str, names: Sequence[str]) -> npt.NDArray[np.float64]:
 
 
 @cache
-def axis(opened: str | None = None) -> control.StateSpace:
+def axis(opened: str | None = None, notch: float = 700.0) -> control.StateSpace:
     """Return the axis from (reference, load, cut) to `SEEN`, or with the input of a law cut: its error is the last output."""
-    blocks = [control.ss(control.tf(*quotient)) for quotient in QUOTIENTS.values()]
+    quotients = {**QUOTIENTS, "notch": band_stop(notch)}
+    blocks = [control.ss(control.tf(*quotient)) for quotient in quotients.values()]
     everything = control.append(*blocks, control.ss(MOTOR_A, MOTOR_B, MOTOR_C, MOTOR_D))
     wires = WIRES if opened is None else {**WIRES, opened: "+cut"}
     back = np.array([row(wires[name], OUTPUTS) for name in INPUTS])
@@ -161,9 +168,9 @@ def static(gains: npt.NDArray[np.float64]) -> control.StateSpace:
     return control.ss([], [], [], gains)
 
 
-def loop(law: str, frequencies: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+def loop(law: str, frequencies: npt.ArrayLike, *, notch: float = 700.0) -> npt.NDArray[np.complex128]:
     """L(jω) of python-control's opened axis: 1 + L = 0 is the characteristic equation."""
-    response = axis(law)(1j * np.atleast_1d(frequencies), squeeze=False)
+    response = axis(law, notch)(1j * np.atleast_1d(frequencies), squeeze=False)
     return np.asarray(-response[-1, EXTERNAL.index("cut")])
 
 
@@ -236,6 +243,23 @@ def test_margins_of_every_loop(diagram: Diagram, law: str, endpoint: str) -> Non
         lambda w: abs(1 + loop(law, w)[0]), bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-6}
     )
     assert study.metrics["sensitivity_peak"].value == pytest.approx(1 / found.fun, rel=1e-9)
+
+
+def test_the_elasticity_of_a_margin_in_a_parameter_three_loops_down(diagram: Diagram) -> None:
+    # d ln(phase margin of the velocity loop)/d ln(notch frequency), against Richardson's extrapolation of differences
+    # of python-control's phase margin.
+    path = f"{ACCELERATION}.notch.frequency"
+    request = MetricRequest(metric="phase_margin", open_at=LOOPS["velocity_law"])
+    ((measured, gradient),) = measure(diagram, [request], gradient=[path])
+    assert gradient is not None
+
+    def phase_margin(notch: float) -> float:
+        w = brentq(lambda w: abs(loop("velocity_law", w, notch=notch)[0]) - 1, 20.0, 60.0, xtol=1e-13, rtol=1e-14)
+        return float(np.angle(-loop("velocity_law", w, notch=notch)[0]))
+
+    coarse, fine = ((phase_margin(700.0 + h) - phase_margin(700.0 - h)) / (2 * h) for h in (14.0, 7.0))
+    assert measured.value == pytest.approx(phase_margin(700.0), rel=1e-9)
+    assert gradient.values[0] == pytest.approx((4 * fine - coarse) / 3, rel=1e-5)
 
 
 def test_every_loop_is_well_damped(diagram: Diagram) -> None:
