@@ -11,7 +11,7 @@ from importlib.metadata import version
 from rich.console import Console
 
 from bench import batch, cold_start, latency, loop, throughput
-from bench.table import Job, render
+from bench.table import Job, markdown, render
 
 SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000}
 SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000}
@@ -38,19 +38,24 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--small", action="store_true", help="the same jobs in seconds; the times say nothing")
-    sizes = SMALL if parser.parse_args().small else SIZES
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown, as in README.md")
+    options = parser.parse_args()
+    sizes = SMALL if options.small else SIZES
     warnings.simplefilter("ignore")  # the peers' own
     title = (
         f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}, {platform.machine()}. "
         "Ratio: time over that of the job's first row. Errors are relative."
     )
-    console = Console()
+    console = Console(stderr=options.markdown)
     with console.status("measuring ...") as status:
         measured = []
         for job in jobs(**sizes):
             measured.append(job)
             status.update(f"measured: {job.title}")
-    Console(width=max(console.width, 150)).print(render(measured, title=title))
+    if options.markdown:
+        print(markdown(measured, title=title))
+    else:
+        Console(width=max(console.width, 150)).print(render(measured, title=title))
 
 
 if __name__ == "__main__":

@@ -27,27 +27,42 @@ class Job:
     clock: str = "CPU"
 
 
+HEADINGS = ("ms", "clock", "ratio", "worst error", "remark")
+
+
 def render(jobs: Iterable[Job], *, title: str) -> Table:
-    """Return the table of all jobs."""
+    """Return the table of all jobs, for a terminal."""
     table = Table(title=title, title_justify="left", show_lines=False)
     table.add_column("job / contender", overflow="fold")
-    for heading in ("ms", "clock", "ratio", "worst error"):
+    for heading in HEADINGS[:-1]:
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("remark", overflow="fold")
+    table.add_column(HEADINGS[-1], overflow="fold")
     for job in jobs:
         table.add_section()
         table.add_row(f"[bold]{job.title}[/bold]")
-        base = job.rows[0].milliseconds
         for row in job.rows:
-            table.add_row(
-                f"  {row.who}",
-                "-" if row.milliseconds is None else _short(row.milliseconds),
-                "" if row.milliseconds is None else job.clock,
-                "-" if row.milliseconds is None or base is None else f"{_short(row.milliseconds / base)}x",
-                "-" if row.error is None else f"{row.error:.0e}",
-                row.remark,
-            )
+            table.add_row(f"  {row.who}", *_cells(job, row))
     return table
+
+
+def markdown(jobs: Iterable[Job], *, title: str) -> str:
+    """Return the same table as text for a page."""
+    lines = [title, "", f"| | {' | '.join(HEADINGS)} |", "|---|--:|--:|--:|--:|---|"]
+    for job in jobs:
+        lines.append(f"| **{job.title}** |" + " |" * len(HEADINGS))
+        lines += [f"| {row.who} | {' | '.join(_cells(job, row))} |" for row in job.rows]
+    return "\n".join(lines)
+
+
+def _cells(job: Job, row: Row) -> tuple[str, ...]:
+    base = job.rows[0].milliseconds
+    return (
+        "-" if row.milliseconds is None else _short(row.milliseconds),
+        "" if row.milliseconds is None else job.clock,
+        "-" if row.milliseconds is None or base is None else f"{_short(row.milliseconds / base)}x",
+        "-" if row.error is None else f"{row.error:.0e}",
+        row.remark,
+    )
 
 
 def _short(value: float) -> str:

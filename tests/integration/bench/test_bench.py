@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from bench import batch, batched_numpy, cold_start, inner_velocity_loop, latency, loop, throughput
-from bench.table import Job, Row, render
+from bench.table import Job, Row, markdown, render
 from engine.linear.screening import Screening
 
 
@@ -59,6 +59,7 @@ def test_the_table_shows_ratios_to_the_first_row():
     text = console.file.getvalue()
     assert "150x" in text
     assert "not installed" in text
+    assert "| b | 300 | CPU | 150x | - |  |" in markdown([job], title="")
 
 
 def test_batched_numpy_agrees_with_the_screening_on_stability_and_static_error():
