@@ -166,7 +166,7 @@ def _simulate_nonlinear(
         ends = [last + 5 * periods] + [_moves_until(response.output(name), last) for name in names if not periods]
         length = min(_rounded(max(ends)) or 1.0, response.outcome.end)
     time = np.linspace(0.0, length, samples)
-    curves = {name: response.output(name).sample(time) for name in names}
+    curves = {name: np.clip(response.output(name).sample(time), *response.limits(name)) for name in names}
     for values in curves.values():
         values[(time > response.outcome.end * (1 + 1e-12)) | ~(np.abs(values) <= LARGEST)] = np.nan
     outcome = response.outcome

@@ -100,9 +100,19 @@ class NonlinearElement(Element):
         return ()
 
     @classmethod
+    def unrest(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return what is 0 for each state when the block is at rest: the rates, unless the state only follows in jumps."""
+        return cls.rates(m, mode, values)
+
+    @classmethod
     @abstractmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the outputs; one that is held (see :meth:`held`) may be anything."""
+
+    @classmethod
+    def limits(cls, values: Values) -> Sequence[tuple[Any, Any]]:
+        """Return (least, greatest) of each output, for outputs that never leave them; none by default."""
+        return ()
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
@@ -123,6 +133,11 @@ class NonlinearElement(Element):
     def held(cls, mode: Mode) -> tuple[int, int] | None:
         """Return (output, input) where the output is whatever keeps that input from moving, None in other modes."""
         return None
+
+    @classmethod
+    def target(cls, mode: Mode, values: Values) -> Scalar:
+        """Return the value at which :meth:`held` keeps the input."""
+        return 0.0
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
@@ -154,7 +169,10 @@ class NonlinearElement(Element):
 
     @classmethod
     def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:
-        """Return the linear block that stands for the law around ``m`` where its slopes do not, else None."""
+        """Return the linear block that stands for the law around ``m`` where its slopes do not, else None.
+
+        ``values`` are as in :meth:`realize`.
+        """
         return None
 
     @classmethod
@@ -186,7 +204,7 @@ def stacked(signals: Signals, shape: tuple[int, ...]) -> Array:
     return result
 
 
-def slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Slopes:
+def slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values, *, resting: bool = False) -> Slopes:
     """Return the exact slopes of a law at real instants, by the complex step.
 
     Parameters
@@ -197,6 +215,8 @@ def slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Value
     mode : int
     values : mapping
         Real values.
+    resting : bool
+        Slopes of :meth:`NonlinearElement.unrest` in place of the rates.
     """
     n, p, q = len(m.x), len(m.z), len(element.ports(values).outputs)
     count = np.shape(m.t)[-1]
@@ -205,7 +225,8 @@ def slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Value
     z = [m.z[k] + step[n + k] for k in range(p)]
     moved = Moment(t=m.t, x=x, z=z)
     shape = (n + p, count)
-    f = stacked(element.rates(moved, mode, values), shape).imag / STEP
+    rates = element.unrest if resting else element.rates
+    f = stacked(rates(moved, mode, values), shape).imag / STEP
     g = stacked(element.outputs(moved, mode, values), shape).imag / STEP
     f, g = f.transpose(1, 2, 0), g.transpose(1, 2, 0)
     assert f.shape[1:] == (n, n + p)
@@ -222,6 +243,12 @@ def linearized(element: type[NonlinearElement], m: Moment, mode: Mode, values: V
     own = element.small_signal(m, mode, {name: _flat(value) for name, value in values.items()})
     if own is not None:
         return own
+    with np.errstate(all="ignore"):  # a slope that does not exist, as that of 0/0, counts as 0
+        found = _by_slopes(element, m, mode, values)
+    return Realization(**{name: np.nan_to_num(getattr(found, name), posinf=0.0, neginf=0.0) for name in "abcd"})
+
+
+def _by_slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Realization:
     n, p = len(m.x), len(m.z)
     lanes = max(np.shape(entry)[0] for entry in (*m.x, *m.z, *_numbers(values)) if np.ndim(entry))
     if lanes == 1 and not any(np.iscomplexobj(v) for v in (*m.x, *m.z, *_numbers(values))):

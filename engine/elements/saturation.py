@@ -5,6 +5,9 @@ y = min(max(u, lower), upper)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
 from engine.errors import DiagramError
@@ -44,6 +47,11 @@ class Saturation(NonlinearElement):
         if mode == 0:
             return [m.z[0]]
         return [values["upper"] if mode > 0 else values["lower"]]
+
+    @classmethod
+    def limits(cls, values: Values) -> Sequence[tuple[Any, Any]]:
+        """Return the limits."""
+        return [(values["lower"], values["upper"])]
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

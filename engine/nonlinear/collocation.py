@@ -77,10 +77,12 @@ def scheme(stages: int = STAGES) -> Scheme:
         [np.polynomial.legendre.legint(row, lbnd=-1) / 2 for row in np.eye(stages)]
     )  # ∫ P_k from θ = 0, as Legendre coefficients
     integral = _vander(points, stages) @ primitives.T
+    to_nodes = _vander(NODES, stages) @ _to_coefficients(stages)
+    to_nodes[[0, -1]] = np.eye(stages + 1)[[0, -1]]  # both ends are start and last stage themselves
     return Scheme(
         points=points,
         a=integral @ fit,
-        to_nodes=_vander(NODES, stages) @ _to_coefficients(stages),
+        to_nodes=to_nodes,
         tail=_to_coefficients(stages)[-2:],
     )
 

@@ -52,6 +52,7 @@ CROWD: Final = 100
 """So many events within the millionth part of the time simulated are an accumulation."""
 
 _TOGETHER = 1e-12
+_EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
 _SMOOTH = 6  # a kink that went through so many delays is smoother than the polynomials can see
 
 
@@ -73,6 +74,7 @@ class Outcome:
     events: int
     steps: int
     smooth: bool
+    limits: tuple[Real, Real]
 
     @property
     def end(self) -> float:
@@ -80,8 +82,11 @@ class Outcome:
         return float(self.record.edges[-1][0].real)
 
     def output(self, index: int) -> Curve:
-        """Return output ``index`` as a curve."""
-        return self.record.curve(self.record.y, index)
+        """Return output ``index`` as a curve; rounding does not take it beyond its limits."""
+        found = self.record.curve(self.record.y, index)
+        low, high = (bound[index] for bound in self.limits)
+        excess = np.clip(found.values.real, low, high) - found.values.real
+        return Curve(edges=found.edges, values=found.values + excess) if np.any(excess) else found
 
     def input(self, index: int) -> Curve:
         """Return input ``index`` as a curve."""
@@ -145,6 +150,7 @@ class Integration:
         self._recent: deque[float] = deque(maxlen=CROWD)
         self._numbers = itertools.count()
         self._stops: list[_Stop] = []
+        self._first_scale = np.zeros(system.states)
         self._width = math.inf
         self._horizon = 0.0
         for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
@@ -184,7 +190,7 @@ class Integration:
             verdict, advice = Verdict.DOUBTFUL, error.message
         return Outcome(
             record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
-            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth,
+            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth, limits=self.system.limits,
         )  # fmt: skip
 
     def _advance(self, horizon: float) -> None:
@@ -267,14 +273,12 @@ class Integration:
             width = 0.5 * gap if width < 0.99 * gap else gap
         order = len(self._stepper.method.points)
         while True:
-            self._limits()
+            self._limits(width)
             step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
             if step is not None and step.miss <= 1.0:
                 break
             width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / order)))
             self._stepper.forget()
-            if width < 1e-14 * max(self._horizon, self.now):
-                self._fail()
         grown = width * min(4.0, max(0.3, 0.85 * max(step.miss, 1e-12) ** (-1 / order)))
         # a step cut short by a stop says nothing about those after it, unless it was hard all the same
         self._width = max(self._width, grown) if width == gap and grown > width and self._width < math.inf else grown
@@ -295,8 +299,10 @@ class Integration:
         fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
         return 4.0 / fastest if fastest > 0 else math.inf
 
-    def _limits(self) -> None:
+    def _limits(self, width: float) -> None:
         self.steps += 1
+        if width < 1e-14 * max(self._horizon, self.now):
+            self._fail()
         if self.steps > MAX_STEPS:
             self._stop(f"after {MAX_STEPS} steps")
         if self._clock is not None and self._clock() - self._began > self._wall:
@@ -307,8 +313,8 @@ class Integration:
         raise StoppedError(Verdict.TOO_SHORT, msg)
 
     def _fail(self) -> None:
-        size = float(np.abs(self._board.x[0].real).max(initial=0.0))
-        if size > 1e12 * max(1.0, float(np.median(self._stepper.scale))):
+        size = np.abs(self._board.x[0].real) / np.where(self._first_scale > 0, self._first_scale, np.inf)
+        if float(size.max(initial=0.0)) > _EXPLODED:
             raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {self.now:.6g} s")
         msg = f"the equations have no solution that can be followed beyond t = {self.now:.6g} s"
         raise StoppedError(Verdict.DOUBTFUL, msg)
@@ -316,6 +322,8 @@ class Integration:
     def _accept(self, step: Step, end: float, lanes: Array | None, event: Crossing | None = None) -> None:
         """Append a step to the record and move to its end; one that ends with an event carries its guard."""
         self._stepper.accept(step, whole=event is None)
+        if not self._first_scale.any():
+            self._first_scale = self._stepper.scale
         self.error = max(self.error, step.error)
         board = self._board
         nodes = step.nodes

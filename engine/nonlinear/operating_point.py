@@ -47,7 +47,7 @@ def operating_point(
     system: NonlinearSystem,
     constants: Mapping[str, float] | None = None,
     *,
-    start: Real | None = None,
+    start: Array | None = None,
     modes: tuple[Mode, ...] | None = None,
 ) -> OperatingPoint:
     """Return the state of rest that Newton's method finds from the initial state.
@@ -57,7 +57,7 @@ def operating_point(
     system : NonlinearSystem
     constants : mapping of input name to float, optional
         Constant inputs; 0 where left out.
-    start : ndarray, shape (n,), optional
+    start : ndarray, shape (lanes, n), optional
         Where to begin, in place of the initial state.
     modes : tuple of int, optional
         Modes to begin with, those of a response that has come to ``start``; else the laws choose.
@@ -67,9 +67,11 @@ def operating_point(
     Directions in which the state may lie anywhere (a position that nothing holds) stay where they are. Where no rest
     is found, the initial state itself is returned, ``rests`` being False.
     """
+    system = system.resting
     real = system.value
     inputs = np.array([float((constants or {}).get(name, 0.0)) for name in system.inputs])
-    begin = real.start[0] if start is None else start
+    origin = system.start if start is None else start
+    begin = origin[0].real
     x = begin
     modes = first = _modes(real, begin, inputs) if modes is None else modes
     rests = False
@@ -87,7 +89,7 @@ def operating_point(
         modes = _modes(real, x, inputs, modes)
     if not rests:
         x, modes = begin, first
-    return _complete(system, x, modes, inputs, rests=rests)
+    return _complete(system, origin, x, inputs, modes=modes, rests=rests)
 
 
 def _modes(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, ...] | None = None) -> tuple[Mode, ...]:
@@ -157,17 +159,16 @@ def _slope(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]
 
 
 def _complete(
-    system: NonlinearSystem, x: Real, modes: tuple[Mode, ...], inputs: Real, *, rests: bool
+    system: NonlinearSystem, origin: Array, x: Real, inputs: Real, *, modes: tuple[Mode, ...], rests: bool
 ) -> OperatingPoint:
-    """Return the point with its channels, the lanes following where it rests."""
+    """Return the point with its channels, the lanes following from those of where it began."""
     lanes: Array = np.repeat(x[None], system.lanes, axis=0)
     if system.complex:
-        lanes = lanes.astype(complex)
-        if rests:
+        lanes = lanes + 1j * origin.imag
+        if rests and len(x):
             moved = _rates(system, lanes, inputs, modes).imag
             slope, scale = _slope(system.value, x, inputs, modes)
-            if len(x):
-                lanes += 1j * (np.linalg.lstsq(slope, -(moved / scale).T, rcond=1e-12)[0].T * scale)
+            lanes = lanes + 1j * (np.linalg.lstsq(slope, -(moved / scale).T, rcond=1e-12)[0].T * scale)
     at = _still(system, lanes, inputs, modes)
     flow = system.flow(at)
     y, _ = system.read(at, flow.v)

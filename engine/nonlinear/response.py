@@ -62,6 +62,11 @@ class Response:
         """Return an output as a curve."""
         return self.outcome.output(self.outputs.index(name))
 
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return what an output never leaves."""
+        index = self.outputs.index(name)
+        return float(self.outcome.limits[0][index]), float(self.outcome.limits[1][index])
+
 
 def respond(
     system: NonlinearSystem,
@@ -146,7 +151,7 @@ def _judged(
     rest = None
     if outcome.end > last:
         point = operating_point(
-            system, {name: float(s.final() or 0.0) for name, s in signals.items()}, start=outcome.state[0].real,
+            system, {name: float(s.final() or 0.0) for name, s in signals.items()}, start=outcome.state,
             modes=outcome.modes,
         )  # fmt: skip
         rest = point.y if point.rests else None

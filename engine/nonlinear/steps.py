@@ -26,6 +26,7 @@ Real = npt.NDArray[np.float64]
 
 _ROUNDING = 30 * 2.3e-16
 _FEEBLE = 1e-13
+_NOISE = 1e-12
 _OUTPUTS = 0.02  # Chebyshev coefficients of an output are cheaper to miss than those of a state, which feed back
 
 
@@ -119,6 +120,8 @@ class Stepper:
             )
             if stages is None:
                 return None
+            for state in real.pinned(instants(stages)):
+                stages[:, state] = start[state]
             return self.judge(np.concatenate([start[None], stages]), drive, modes)
         except (np.linalg.LinAlgError, EngineError):
             return None
@@ -184,7 +187,11 @@ class Stepper:
         flow = system.flow(at)
         y, z = system.read(at, flow.v)
         width = (times[:, -1] - times[:, 0])[:, None, None]
-        return Nodes(at=at, flow=flow, y=y, z=z, slope=differentiation_matrix() @ flow.e / width)
+        slope = differentiation_matrix() @ flow.e / width
+        # what differentiation makes of rounding is no motion
+        noise = _NOISE * np.abs(flow.e).max(axis=1, keepdims=True) / np.abs(width)
+        slope[np.abs(slope) <= noise] = 0.0
+        return Nodes(at=at, flow=flow, y=y, z=z, slope=slope)
 
     def lanes(self, step: Step, start: Array, begin: Array, end: Array) -> tuple[Array, Nodes]:
         """Return the step with its infinitesimals: start and stages (lanes, s + 1, n), and its nodes.

@@ -200,10 +200,11 @@ class Switchboard:
         held = law.inputs.start + pair[1]
         row = self.system.holds(self.modes).index((law.outputs.start + pair[0], held))
         impulse = tangent.fm[0] @ np.linalg.inv(tangent.gain[0])[:, row]
+        target = law.element.target(self.modes[number], law.values)
         self.x = self.x.copy()
         for _ in range(3):
             e, _ = self.system.channels(self.instant())
-            self.x = self.x - impulse * e[:, 0, held, None]
+            self.x = self.x - impulse * (e[:, 0, held, None] - target)
         places = np.flatnonzero(tangent.hold[0, row])
-        if len(places) == 1 and not np.any(self.real.matrices["d31"][0, held]):
+        if len(places) == 1 and not np.any(target) and not np.any(self.real.matrices["d31"][0, held]):
             self.x[:, places[0]] = 0.0  # the input is this state itself

@@ -51,6 +51,11 @@ class Law:
     states: slice
     inputs: slice
     outputs: slice
+    resting: bool = False
+
+    def rates(self, m: Moment, mode: Mode) -> Signals:
+        """Return the rates of the states; where ``resting``, what is 0 at rest."""
+        return (self.element.unrest if self.resting else self.element.rates)(m, mode, self.values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,6 +151,26 @@ class NonlinearSystem:
             return self
         real = {name: np.ascontiguousarray(m[:1].real) for name, m in self.matrices.items()}
         return NonlinearSystem(real, [replace(law, values=law.real) for law in self.laws], self.inputs, self.outputs)
+
+    @cached_property
+    def limits(self) -> tuple[Real, Real]:
+        """Least and greatest values (outputs,) of those outputs that are outputs of a law with limits; infinite else."""
+        count = len(self.outputs)
+        low, high = np.full(count, -np.inf), np.full(count, np.inf)
+        others = [self.matrices[name][0].real for name in ("c1", "d11", "d12")]
+        for law in self.laws:
+            for k, (least, greatest) in enumerate(law.element.limits(law.real)):
+                unit = np.eye(self.matrices["d13"].shape[-1])[law.outputs.start + k]
+                for row in np.flatnonzero((self.matrices["d13"][0].real == unit).all(axis=1)):
+                    if not any(np.any(m[row]) for m in others):
+                        low[row], high[row] = least, greatest
+        return low, high
+
+    @cached_property
+    def resting(self) -> NonlinearSystem:
+        """The same with rates that are 0 at rest and only there: states that follow in jumps (samples) included."""
+        laws = [replace(law, resting=True) for law in self.laws]
+        return NonlinearSystem(self.matrices, laws, self.inputs, self.outputs)
 
     def member(self, index: int) -> NonlinearSystem:
         """Return one lane (one member of a batch) as a system of its own."""
@@ -267,11 +292,13 @@ class NonlinearSystem:
             rate = (tangent.hold[None] @ flow.f[..., None])[..., 0] + drift
             held = held - np.linalg.solve(tangent.gain[None], rate[..., None])[..., 0]
         flow = self._rates(at, held)
-        for row in np.flatnonzero(~np.any(drift.real, axis=(0, 1))):
-            places = np.flatnonzero(np.any(tangent.hold[:, row] != 0, axis=0))
-            if len(places) == 1:  # the input is this state itself: it rests exactly
-                flow.f[..., places[0]] = 0.0
+        flow.f[..., _pinned(tangent, drift)] = 0.0
         return flow
+
+    def pinned(self, at: Instants) -> list[int]:
+        """Return the states that are held inputs themselves, and so rest exactly; at real instants."""
+        inputs = [j for _, j in self.holds(at.modes)]
+        return _pinned(self.tangent(at), at.du @ self._rows["d31"][..., inputs]) if inputs else []
 
     def _rates(self, at: Instants, held: Array | None) -> Flow:
         e, v = self.channels(at, held)
@@ -283,7 +310,7 @@ class NonlinearSystem:
         f[..., : self.linear_states] = linear
         for law, mode in zip(self.laws, at.modes, strict=True):
             if law.states.stop > law.states.start:
-                own = law.element.rates(self.moment(law, at.t, at.x, e), mode, law.values)
+                own = law.rates(self.moment(law, at.t, at.x, e), mode)
                 for k, state in enumerate(range(law.states.start, law.states.stop)):
                     f[..., state] = own[k]
         return Flow(f=f, e=e, v=v)
@@ -299,7 +326,7 @@ class NonlinearSystem:
         fx, fe = np.zeros((count, n, n)), np.zeros((count, n, ne))
         gx, ge = np.zeros((count, nv, n)), np.zeros((count, nv, ne))
         for law, mode in zip(real.laws, at.modes, strict=True):
-            part = slopes(law.element, real.moment(law, at.t, at.x, e), mode, law.values)
+            part = slopes(law.element, real.moment(law, at.t, at.x, e), mode, law.values, resting=law.resting)
             fx[:, law.states, law.states] = part.fx
             fe[:, law.states, law.inputs] = part.fz
             gx[:, law.outputs, law.states] = part.gx
@@ -365,6 +392,15 @@ class NonlinearSystem:
         """Return the names of the outputs of some laws."""
         laws = [self.laws[number] for number in group]
         return tuple(f"{law.label}.{port}" for law in laws for port in law.element.ports(law.real).outputs)
+
+
+def _pinned(tangent: Tangent, drift: Array) -> list[int]:
+    found = []
+    for row in np.flatnonzero(~np.any(drift.real, axis=(0, 1))):
+        places = np.flatnonzero(np.any(tangent.hold[:, row] != 0, axis=0))
+        if len(places) == 1:
+            found.append(int(places[0]))
+    return found
 
 
 def _entries(values: Values) -> list[Any]:
