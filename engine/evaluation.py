@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.commanded import CommandParameter, Motions
 from engine.errors import DiagramError
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import merged, path
@@ -66,15 +67,24 @@ class Evaluation:
         Parameter values (SI) by path that replace the document's.
     gradient : sequence of str, optional
         Parameters whose derivatives are wanted; each is a lane.
+    commands : sequence of CommandParameter, optional
+        Numbers of commands whose derivatives are wanted, in place of ``gradient``; each is a lane.
     """
 
     def __init__(
-        self, diagram: Diagram, overrides: Mapping[str, float] | None = None, gradient: Sequence[str] = ()
+        self,
+        diagram: Diagram,
+        overrides: Mapping[str, float] | None = None,
+        gradient: Sequence[str] = (),
+        commands: Sequence[CommandParameter] = (),
     ) -> None:
         self.diagram = diagram
         self.overrides = dict(overrides or {})
         self.gradient = tuple(gradient)
-        self._scales = np.array([self._scale(name) for name in self.gradient])
+        self.commands = tuple(commands)
+        self._scales = np.array(
+            [command.scale for command in self.commands] or [self._scale(name) for name in self.gradient]
+        )
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
@@ -97,8 +107,13 @@ class Evaluation:
         return info.value
 
     def derivatives(self, value: Array) -> npt.NDArray[np.float64]:
-        """Return d value / d p for every parameter of the gradient, shape (lanes,), from a value of shape (lanes,)."""
-        return np.asarray(np.broadcast_to(slopes(value), (len(self.gradient),)) / self._scales)
+        """Return d value / d p for every lane, shape (lanes,), from a value of shape (lanes,)."""
+        return np.asarray(np.broadcast_to(slopes(value), (len(self._scales),)) / self._scales)
+
+    @property
+    def lanes(self) -> tuple[str | CommandParameter, ...]:
+        """What the lanes are the derivatives by."""
+        return self.commands or self.gradient
 
     def _realize(self, open_at: str | None) -> LaneSystem:
         if not self.gradient:
@@ -206,7 +221,11 @@ class Evaluation:
             self._responses[key] = self._respond(signals, outputs)
         return self._responses[key]
 
+    def _motions(self, signals: Mapping[str, Signal]) -> Motions | None:
+        return Motions(signals=signals, lanes=self.commands) if self.commands else None
+
     def _respond(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
+        motions = self._motions(signals)
         inputs = [self.input_index(name) for name in signals]
         verdicts: dict[str, Verdict] = {}
         slowest = np.inf
@@ -224,9 +243,11 @@ class Evaluation:
             part = path(self.system, inputs, [self.output_index(name) for name in decaying], self._poles_of)
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
-                values = np.einsum("poi,i->po", static_gain(part), np.array([float(end or 0.0) for end in ends]))
+                settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
+                values = np.asarray((static_gain(part) @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
             joint = _whole(part, signals, slowest, [finals[name] for name in decaying])
+            joint = motions.moved(joint, part) if motions else joint
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
         columns = {name: k for k, name in enumerate(decaying)}
@@ -248,6 +269,7 @@ class Evaluation:
         verdict = response.verdicts[output]
         final = response.finals[output]
         start, end = _span(signals)
+        motions = self._motions(signals)
         y = error = error_final = None
         roles = self.diagram.input_roles
         reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
@@ -258,7 +280,9 @@ class Evaluation:
             y = trajectory.output(column)
             error = y * -1.0 if reference is None else trajectory.input(reference).minus(y)
         if error is not None and verdict is Verdict.OK:
-            target = 0.0 if reference is None else list(signals.values())[reference].final()
+            target: Array | float | None = 0.0 if reference is None else list(signals.values())[reference].final()
+            if motions and reference is not None and target is not None:
+                target = motions.finals()[:, reference]
             if final is not None and target is not None:
                 error_final = target - final
             elif _has_settled(error.values[:, :, 0].real):
@@ -266,6 +290,7 @@ class Evaluation:
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict,
+            moving_start=motions.start() if motions else None, moving_end=motions.end() if motions else None,
         )  # fmt: skip
 
     def _limited(self, signals: Mapping[str, Signal], output: str, duration: float) -> Trajectory | None:
@@ -274,7 +299,8 @@ class Evaluation:
         part = path(self.system, inputs, [self.output_index(output)], self._poles_of)
         if float(self._poles_of(part.value).values.real.max(initial=0.0)) * duration > np.log(LARGEST):
             return None
-        return respond(part, list(signals.values()), duration)
+        found, motions = respond(part, list(signals.values()), duration), self._motions(signals)
+        return motions.moved(found, part) if motions else found
 
 
 def _whole(

@@ -16,6 +16,7 @@ from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetri
 from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
+    from engine.commanded import CommandParameter
     from engine.diagram import Diagram
     from engine.metrics import Metric
     from engine.signals import Signal
@@ -61,7 +62,7 @@ def measure(
     requests: Sequence[MetricRequest],
     *,
     overrides: Mapping[str, float] | None = None,
-    gradient: Sequence[str] = (),
+    gradient: Sequence[str | CommandParameter] = (),
 ) -> list[tuple[Measured, Gradient | None]]:
     """Return each metric, and its derivatives with respect to the parameters of ``gradient``.
 
@@ -71,8 +72,8 @@ def measure(
     requests : sequence of MetricRequest
     overrides : mapping, optional
         Parameter values, SI.
-    gradient : sequence of str, optional
-        Parameter paths. The derivative is exact (no step size); None where the metric has no value.
+    gradient : sequence of str or CommandParameter, optional
+        Parameter paths, and numbers of commands. The derivative is exact (no step size); None where the metric has no value.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def measure(
         ]
     groups = _lanes(diagram, overrides, gradient)
     columns = [findings(group, requests) for group in groups]
-    order = [name for group in groups for name in group.gradient]
+    order = [lane for group in groups for lane in group.lanes]
     place = [order.index(name) for name in gradient]
     result: list[tuple[Measured, Gradient | None]] = []
     for row, request in enumerate(requests):
@@ -103,16 +104,21 @@ def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
     """Return the derivatives of one metric for the parameters of one evaluation; NaN where the metric then vanishes."""
     if isinstance(finding, Found):
         return evaluation.derivatives(finding.value)
-    return np.full(len(evaluation.gradient), np.nan)
+    return np.full(len(evaluation.lanes), np.nan)
 
 
-def _lanes(diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str]) -> list[Evaluation]:
+def _lanes(
+    diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str | CommandParameter]
+) -> list[Evaluation]:
     """Return evaluations that together carry the gradient; parameters at 0 may bring states of their own."""
     base = Evaluation(diagram, overrides)
-    zero = [name for name in gradient if base.value_of(name) == 0]
-    plain = [name for name in gradient if name not in zero]
+    names = [lane for lane in gradient if isinstance(lane, str)]
+    commands = [lane for lane in gradient if not isinstance(lane, str)]
+    zero = [name for name in names if base.value_of(name) == 0]
+    plain = [name for name in names if name not in zero]
     groups = ([plain] if plain else []) + [[name] for name in zero]
-    return [Evaluation(diagram, overrides, group) for group in groups]
+    found = [Evaluation(diagram, overrides, group) for group in groups]
+    return [*found, Evaluation(diagram, overrides, commands=commands)] if commands else found
 
 
 def findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:

@@ -80,6 +80,8 @@ class TimeSubject:
         Of the path from the input to this output.
     band : (float, float) or None
         Angular frequencies between which a spectrum is looked at, rad/s.
+    moving_start, moving_end : ndarray or None
+        Start and end of the command with what the lanes carry; None where no lane moves them.
     """
 
     y: Curve | None
@@ -92,12 +94,18 @@ class TimeSubject:
     duration: float | None
     verdict: Verdict
     band: tuple[float, float] | None = None
+    moving_start: Array | None = None
+    moving_end: Array | None = None
 
     @property
     def curve(self) -> Curve:
         """The output; only asked for where it exists."""
         assert self.y is not None
         return self.y
+
+    def since_start(self, instant: Array) -> Array:
+        """Return how long after the start of the command an instant is, s."""
+        return np.asarray(instant - (self.start if self.moving_start is None else self.moving_start))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -262,7 +270,7 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
             candidates.append(last)
     zero = subject.curve.edges[0]
     entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
-    return Found(value=entry - subject.start, at=float(entry[0].real), one_sided=_grazes(subject, half))
+    return Found(value=subject.since_start(entry), at=float(entry[0].real), one_sided=_grazes(subject, half))
 
 
 def _grazes(subject: TimeSubject, half: Array) -> bool:
@@ -318,12 +326,19 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae"])
         error = error.until(subject.duration)
     error = error.since(subject.start)
     if kind == "ise":
-        return Found(value=error.squared().integral())
+        return Found(value=_since_start(subject, error.squared()))
     error = error.absolute()
     if kind == "itae":
-        shifted = Curve(edges=error.edges - subject.start, values=error.values)
+        shifted = Curve(edges=subject.since_start(error.edges), values=error.values)
         return Found(value=shifted.times_time().integral())
-    return Found(value=error.integral())
+    return Found(value=_since_start(subject, error))
+
+
+def _since_start(subject: TimeSubject, curve: Curve) -> Array:
+    """Return the integral of a curve that has been cut at the command's start, which may move."""
+    if subject.moving_start is None:
+        return curve.integral()
+    return np.asarray(curve.integral() - curve.values[0, 0].real * (subject.moving_start - subject.start))
 
 
 def highest_magnitude(subject: PathSubject) -> Finding:

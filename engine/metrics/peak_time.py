@@ -34,7 +34,7 @@ class PeakTime(TimeMetric):
             return peak
         if peak.at is None or _barely(subject, float(peak.value[0].real)):
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output approaches its final value without a peak")
-        return Found(value=subject.curve.turning(peak.at) - subject.start, at=peak.at)
+        return Found(value=subject.since_start(subject.curve.turning(peak.at)), at=peak.at)
 
 
 def _barely(subject: TimeSubject, peak: float) -> bool:

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
+import numpy as np
+
 from engine.metrics._base import Absent, Found, TimeMetric, unsettled
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.linear.curve import Curve
+    from engine.linear.system import Array
     from engine.metrics._base import Finding, TimeSubject
 
 
@@ -35,4 +39,13 @@ class ResidualVibration(TimeMetric):
         if subject.end is None:
             return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that ends")
         rest = subject.curve.since(subject.end)
-        return Found(value=(rest.largest()[0] - rest.smallest()[0]) / 2, at=subject.end)
+        highest, lowest = (_of_rest(subject, rest, found) for found in (rest.largest(), rest.smallest()))
+        return Found(value=(highest - lowest) / 2, at=subject.end)
+
+
+def _of_rest(subject: TimeSubject, rest: Curve, found: tuple[Array, float]) -> Array:
+    """Return an extremum; one at the end of the command moves along the curve when that end moves."""
+    value, instant = found
+    if subject.moving_end is None or subject.end is None or instant != subject.end:
+        return value
+    return np.asarray(value + rest.slope.values[0, 0].real * (subject.moving_end - subject.end))

@@ -18,7 +18,11 @@ START = Param(name="start", symbol="t₀", unit="s", default=0.0, lower=0.0, doc
 
 
 class Signal(ABC):
-    """A command u(t), t >= 0, right-continuous. Signals are frozen dataclasses made by `make`."""
+    """A command u(t), t >= 0, right-continuous. Signals are frozen dataclasses made by `make`.
+
+    What a command computes is analytic in its numbers and in t, decisions look at real parts: so that an infinitesimal in
+    one of them comes out as the derivative.
+    """
 
     kind: ClassVar[str]
     title: ClassVar[str]

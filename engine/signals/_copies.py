@@ -56,7 +56,8 @@ class Copies:
             # rounding must not move an instant to the other side of a jump of the command
             for instant in breaks:
                 near = np.abs(np.real(local - instant)) <= _SAME * np.maximum(np.abs(np.real(t)), 1e-300)
-                local = np.where(near, instant + 1j * np.imag(local) if np.iscomplexobj(local) else instant, local)
+                snapped = np.real(instant) + 1j * np.imag(local) if np.iscomplexobj(local) else np.real(instant)
+                local = np.where(near, snapped, local)
             copy = self.command.value(local)
             total = total + np.where(np.real(local) >= 0, amplitude * copy, 0.0)
         return np.asarray(total)

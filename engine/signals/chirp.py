@@ -44,7 +44,7 @@ class Chirp(Signal):
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
         rate = (self.end_frequency - self.start_frequency) / self.duration
-        active = (t >= 0) & (t < self.duration)
+        active = (np.real(t) >= 0) & (np.real(t) < np.real(self.duration))
         inside = np.where(active, t, 0.0)
         return np.where(active, self.amplitude * np.sin((self.start_frequency + 0.5 * rate * inside) * inside), 0.0)
 

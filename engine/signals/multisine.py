@@ -56,7 +56,7 @@ class Multisine(Signal):
         k = np.arange(1, self.harmonics.size + 1)
         phases = -np.pi * k * (k - 1) / k.size
         waves = np.sin(np.multiply.outer(t, self.harmonics * self.fundamental) + phases)
-        return np.where(t >= 0, self.amplitude * waves.sum(axis=-1), 0.0)
+        return np.where(np.real(t) >= 0, self.amplitude * waves.sum(axis=-1), 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return time 0, where the excitation begins."""

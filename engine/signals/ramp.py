@@ -35,7 +35,7 @@ class Ramp(Signal):
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        return self.slope * np.maximum(t - self.start, 0.0)
+        return self.slope * np.where(np.real(t) >= np.real(self.start), t - self.start, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return the start."""

@@ -52,7 +52,14 @@ class Sampled(Signal):
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        return np.asarray(np.interp(t, self.time, self.values), dtype=np.float64)
+        real = np.asarray(np.interp(np.real(t), self.time, self.values), dtype=np.float64)
+        if not np.iscomplexobj(t) or self.time.size == 1:
+            return real
+        # an instant that carries an infinitesimal moves along its straight line
+        piece = np.clip(np.searchsorted(self.time, np.real(t), side="right") - 1, 0, self.time.size - 2)
+        inside = (np.real(t) >= self.time[0]) & (np.real(t) < self.time[-1])
+        slope = np.where(inside, (np.diff(self.values) / np.diff(self.time))[piece], 0.0)
+        return np.asarray(real + 1j * slope * np.imag(t))
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return time 0 and all points."""

@@ -43,7 +43,7 @@ class Sine(Signal):
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        return np.where(t >= 0, self.amplitude * np.sin(self.frequency * t + self.phase), 0.0)
+        return np.where(np.real(t) >= 0, self.amplitude * np.sin(self.frequency * t + self.phase), 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return time 0, where the sine begins."""

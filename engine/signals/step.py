@@ -35,7 +35,7 @@ class Step(Signal):
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        return np.where(t >= self.start, self.amplitude, 0.0)
+        return np.where(np.real(t) >= np.real(self.start), self.amplitude, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return the start."""
