@@ -47,7 +47,7 @@ proof: setup  ## the random-system properties at full size (long; the same code 
 
 # One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
-	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench
+	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench $(if $(MARKDOWN),--markdown)
 
 openapi: setup  ## write openapi/openapi.json from the code
 	@mkdir -p openapi && $(BIN)/servotune openapi > openapi/.new && mv openapi/.new openapi/openapi.json

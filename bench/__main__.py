@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import platform
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
+from pathlib import Path
 
 from rich.console import Console
 
@@ -43,7 +45,7 @@ def main() -> None:
     sizes = SMALL if options.small else SIZES
     warnings.simplefilter("ignore")  # the peers' own
     title = (
-        f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}, {platform.machine()}. "
+        f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}; {os.cpu_count()} cores of {_processor()}. "
         "Ratio: time over that of the job's first row. Errors are relative."
     )
     console = Console(stderr=options.markdown)
@@ -56,6 +58,16 @@ def main() -> None:
         print(markdown(measured, title=title))
     else:
         Console(width=max(console.width, 150)).print(render(measured, title=title))
+
+
+def _processor() -> str:
+    """Return the name of the processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
 
 
 if __name__ == "__main__":

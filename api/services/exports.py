@@ -49,4 +49,4 @@ def _realized(
         matrices = realized(diagram, open_at=open_at)
     except EngineError as error:
         raise invalid(error.message, "open_at") from error
-    return stored, matrices, warnings_to_wire(diagram.warnings, place=())
+    return stored, matrices, warnings_to_wire((*diagram.warnings, *diagram.linearization), place=())

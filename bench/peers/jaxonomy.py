@@ -16,9 +16,9 @@ Real = npt.NDArray[np.float64]
 
 
 class Jaxonomy:
-    """The loop block by block; new gains are a batch of one, which is compiled once and not again for every value."""
+    """The loop block by block; new gains are a batch of one."""
 
-    remark = "curve and 4 step metrics; compiled before, no margins; derivatives of scalar costs only"
+    remark = "curve and 4 step metrics; compiles at every call, no margins"
 
     def __init__(self) -> None:
         self._jaxonomy = importlib.import_module("jaxonomy")

@@ -103,3 +103,21 @@ def test_a_python_control_model_goes_there_and_back(service) -> None:
         np.testing.assert_allclose(back(1j * FREQUENCIES), given(1j * FREQUENCIES), rtol=1e-12)
         file = loadmat(io.BytesIO(client.systems.matlab(system, open_at="stage.x")))
         assert file["D"].shape == (3, 2)
+
+
+def test_a_nonlinear_system_says_that_it_is_linearised(client) -> None:
+    """A saturation within its limits has slope 1: x' = -x + 2 sat(u)."""
+    document = {
+        "name": "limited",
+        "blocks": {
+            "u": {"kind": "input"},
+            "limit": {"kind": "saturation", "lower": -3.0, "upper": 3.0},
+            "lag": {"kind": "transfer_function", "numerator": [2.0], "denominator": [1.0, 1.0]},
+        },
+        "connections": [{"from": "u", "to": "limit"}, {"from": "limit", "to": "lag"}],
+        "outputs": {"y": "lag"},
+    }
+    system = client.post("/v1/systems", json=document).json()["id"]
+    found = client.get(f"/v1/systems/{system}/state-space").json()
+    assert any("linearised" in warning["detail"] for warning in found["warnings"])
+    assert (np.array(found["C"]) @ np.array(found["B"])).tolist() == [[2.0]]
