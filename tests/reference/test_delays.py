@@ -336,3 +336,57 @@ def test_how_a_delay_moves_the_metrics_of_its_loop() -> None:
         expect(measured, value)
         assert gradient is not None
         assert gradient.values == pytest.approx(slope, rel=1e-9)
+
+
+def late_integrator(**approximation: Any) -> Diagram:
+    """e^{-0.1 s}/s in unity feedback."""
+    return system(
+        {
+            "r": block("input"),
+            "e": block("sum", signs="+-"),
+            "late": block("delay", time="=lateness", **approximation),
+            "plant": block("integrator"),
+        },
+        ["r -> e.in1", "plant -> e.in2", "e -> late", "late -> plant"],
+        {"y": "plant", "late": "late"},
+        {"lateness": 0.1},
+    )
+
+
+@pytest.mark.parametrize(("order", "margin"), [(1, 20.0), (2, 15.826), (3, 15.7101)])
+def test_pade_where_it_is_asked_for_and_only_there(order: int, margin: float) -> None:
+    # the gain margins that python-control 0.10.2 gives with pade(0.1, n); exact is 5 pi = 15.70796
+    approximate = late_integrator(approximation="pade", order=order)
+    got = frequency_response(approximate, open_at="e").metrics["gain_margin"]
+    assert got.value == pytest.approx(margin, rel=3e-5)
+    expect(frequency_response(late_integrator(), open_at="e").metrics["gain_margin"], 5 * math.pi)
+    # it answers before the delay, which is why it is not the default
+    curves = simulate(approximate, signals={"r": step()}, duration=0.2, samples=21, metrics=[]).curves
+    assert curves["late"][0] == pytest.approx((-1) ** order, abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 7, 10])
+def test_pade_is_the_quotient_of_its_definition(order: int) -> None:
+    frequency = np.geomspace(0.1, 100 * order, 40)
+    diagram = system(
+        {"u": block("input"), "late": block("delay", time=0.1, approximation="pade", order=order)},
+        ["u -> late"],
+        {"y": "late"},
+    )
+    got = frequency_response(diagram, source="u", target="y", frequencies=frequency, metrics=[]).response
+    for w, value in zip(frequency, got, strict=True):
+        with mpmath.workdps(40):  # its linear system is badly conditioned
+            top, bottom = mpmath.pade(mpmath.taylor(mpmath.exp, 0, 2 * order), order, order)
+        x = mpmath.mpc(0, -0.1 * w)
+        assert value == pytest.approx(
+            complex(mpmath.polyval(top, x, asc=True) / mpmath.polyval(bottom, x, asc=True)), abs=1e-9
+        )
+
+
+def test_how_the_approximant_moves_with_the_delay() -> None:
+    # order 1: (1 - sT/2)/(1 + sT/2)/s has its phase crossing at 2/T, where |L| = T/2
+    request = MetricRequest(metric="gain_margin", open_at="e")
+    ((measured, gradient),) = measure(late_integrator(approximation="pade", order=1), [request], gradient=["lateness"])
+    expect(measured, 20.0)
+    assert gradient is not None
+    assert gradient.values == pytest.approx([-200.0], rel=1e-9)
