@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.study import measure
 from engine.verdicts import Measured, Verdict
+from optimizers.measuring import measured as measured_goals
 from optimizers.problem import Goal, Problem, Sense
 
 TOLERANCE = 1e-6
@@ -57,8 +57,7 @@ def certify(problem: Problem, variables: Mapping[str, float]) -> Certificate:
         For each goal, in the order of the problem, the scenario that serves it worst.
     """
     rows = [
-        [measured for measured, _ in measure(problem.diagram, problem.requests, overrides={**scenario, **variables})]
-        for scenario in problem.scenarios
+        [measured for measured, _ in measured_goals(problem, variables, scenario)] for scenario in problem.scenarios
     ]
     return certificate_of(problem, rows)
 

@@ -18,9 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.linear.screening import Screened, Screening
-from engine.study import Gradient, measure
+from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
+from optimizers.measuring import measured as measured_goals
+from optimizers.measuring import screened as screened_requests
 from optimizers.problem import Problem, Sense, Vector
 
 UNSTABLE = 1e3
@@ -69,7 +71,7 @@ class Evaluator:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.evaluations = 0
-        self._screening = Screening(problem.diagram, problem.requests)
+        self._screening = Screening(problem.diagram, screened_requests(problem))
         self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
@@ -77,12 +79,7 @@ class Evaluator:
     def before(self) -> list[list[Measured]]:
         """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
         return [
-            [
-                measured
-                for measured, _ in measure(
-                    self.problem.diagram, self.problem.requests, overrides={**scenario, **self.problem.before}
-                )
-            ]
+            [measured for measured, _ in measured_goals(self.problem, self.problem.before, scenario)]
             for scenario in self.problem.scenarios
         ]
 
@@ -105,10 +102,8 @@ class Evaluator:
         """Return every goal with its derivatives by the variables, by the exact path: [scenario][goal]."""
         key = tuple(point[axis.parameter] for axis in self.problem.axes)
         if key not in self._proven:
-            names = [axis.parameter for axis in self.problem.axes]
             self._proven[key] = [
-                measure(self.problem.diagram, self.problem.requests, overrides={**scenario, **point}, gradient=names)
-                for scenario in self.problem.scenarios
+                measured_goals(self.problem, point, scenario, gradient=True) for scenario in self.problem.scenarios
             ]
         return self._proven[key]
 
@@ -131,9 +126,9 @@ class Evaluator:
         for scenario in np.flatnonzero(unsure.any(axis=1)):
             asked = np.flatnonzero(unsure[scenario])
             names = [axis.parameter for axis in axes]
-            found = measure(
-                self.problem.diagram, [self.problem.requests[g] for g in asked],
-                overrides={**self.problem.scenarios[scenario], **dict(zip(names, point.tolist(), strict=True))}, gradient=names,
+            found = measured_goals(self.problem,
+                dict(zip(names, point.tolist(), strict=True)), self.problem.scenarios[scenario], goals=asked.tolist(),
+                gradient=True,
             )  # fmt: skip
             for goal, (measured, gradient) in zip(asked, found, strict=True):
                 values[scenario, goal] = self._number(int(goal), measured)
@@ -197,10 +192,7 @@ class Evaluator:
         for b, s in zip(*np.nonzero(unknown.any(axis=2)), strict=True):
             asked = np.flatnonzero(unknown[b, s])
             overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
-            found = measure(
-                self.problem.diagram, [self.problem.requests[g] for g in asked],
-                overrides={**self.problem.scenarios[s], **overrides},
-            )  # fmt: skip
+            found = measured_goals(self.problem, overrides, self.problem.scenarios[s], goals=asked.tolist())
             for goal, (measured, _) in zip(asked, found, strict=True):
                 values[b, s, goal] = self._number(int(goal), measured)
             doubtful[b, s, asked] = False
@@ -237,8 +229,13 @@ class Evaluator:
         """Return parameter arrays (S * B,), scenario by scenario, for points (B, V)."""
         batch, scenarios = len(points), self.problem.scenarios
         columns: dict[str, npt.NDArray[np.number]] = {
-            axis.parameter: np.tile(points[:, i], len(scenarios)) for i, axis in enumerate(self.problem.axes)
+            axis.parameter: np.tile(points[:, i], len(scenarios))
+            for i, axis in enumerate(self.problem.axes)
+            if axis.parameter not in self.problem.commands
         }
+        if not columns:  # only commands vary: any number of the system, held where it is, gives the batch its length
+            held = next(info for info in self.problem.diagram.parameters.values() if not info.bound)
+            columns[held.path] = np.full(batch * len(scenarios), held.value)
         for name in self._keys:
             own = self.problem.diagram.parameters[name].value
             columns[name] = np.repeat([scenario.get(name, own) for scenario in scenarios], batch)

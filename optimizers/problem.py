@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from engine.errors import EngineError, Path
 from engine.metrics import catalogue as metric_catalogue
 from engine.study import MetricRequest
+from optimizers.commands import PREFIX, CommandPath, commands_at, info_of
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram, ParameterInfo
@@ -44,7 +45,10 @@ class Sense(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """A parameter that may be chosen; what is None is taken from the parameter itself (start: its present value)."""
+    """A parameter that may be chosen; what is None is taken from the parameter itself (start: its present value).
+
+    A parameter is one of the system's, or a number of a command: ``signals.<experiment>.<port>.<parameter>``.
+    """
 
     parameter: str
     lower: float | None = None
@@ -138,6 +142,7 @@ class Problem:
     scenarios: tuple[Scenario, ...] = ({},)
     axes: tuple[Axis, ...] = field(init=False)
     requests: tuple[MetricRequest, ...] = field(init=False)
+    commands: Mapping[str, CommandPath] = field(init=False)
 
     def __post_init__(self) -> None:
         if not self.variables:
@@ -155,7 +160,8 @@ class Problem:
         _refuse_repeats([variable.parameter for variable in self.variables], "variables", "parameter")
         for index, experiment in enumerate(self.experiments):
             _check_ports(self.diagram, experiment, ("experiments", index))
-        axes = tuple(_axis(self.diagram, variable, ("variables", i)) for i, variable in enumerate(self.variables))
+        object.__setattr__(self, "commands", _command_paths(self.diagram, self.variables, self.experiments))
+        axes = tuple(_axis(self, variable, ("variables", i)) for i, variable in enumerate(self.variables))
         experiments = {experiment.name: experiment for experiment in self.experiments}
         requests = tuple(_request(self.diagram, goal, experiments, ("goals", i)) for i, goal in enumerate(self.goals))
         for index, scenario in enumerate(self.scenarios):
@@ -170,8 +176,35 @@ class Problem:
 
     @cached_property
     def before(self) -> dict[str, float]:
-        """The variables' present values in the system, whether within the bounds or not."""
-        return {axis.parameter: self.diagram.parameters[axis.parameter].value for axis in self.axes}
+        """The variables' present values in the system and its commands, whether within the bounds or not."""
+        return {axis.parameter: self.info(axis.parameter, ()).value for axis in self.axes}
+
+    def info(self, path: str, at: Path) -> ParameterInfo:
+        """Return what is known of a parameter of the system or of a command.
+
+        Raises
+        ------
+        ProblemError
+            If there is none of that path; ``at`` is where it is named.
+        """
+        place = self.commands.get(path)
+        if place is None:
+            return _parameter(self.diagram, path, at)
+        try:
+            return info_of(path, place, self.experiments)
+        except EngineError as error:
+            raise ProblemError(error.message, at=at) from error
+
+    def experiments_at(self, values: Mapping[str, float]) -> tuple[Experiment, ...]:
+        """Return the experiments with their commands at these values of the variables.
+
+        Raises
+        ------
+        SignalError
+            If a command refuses its value.
+        """
+        found = commands_at(values, self.commands, self.experiments)
+        return tuple(replace(experiment, signals=found[experiment.name]) for experiment in self.experiments)
 
     def values(self, position: Sequence[float] | Vector) -> dict[str, float]:
         """Return the parameter values (SI) at a position in the unit cube."""
@@ -199,9 +232,29 @@ def _parameter(diagram: Diagram, name: str, at: Path) -> ParameterInfo:
         raise ProblemError(f"parameter must be one of the system's, got {name!r}", at=at) from None
 
 
-def _axis(diagram: Diagram, variable: Variable, at: Path) -> Axis:
+def _command_paths(
+    diagram: Diagram, variables: Sequence[Variable], experiments: Sequence[Experiment]
+) -> dict[str, CommandPath]:
+    """Return the variables that are numbers of commands, with their places."""
+    found: dict[str, CommandPath] = {}
+    for index, variable in enumerate(variables):
+        path = variable.parameter
+        if path in diagram.parameters or not path.startswith(PREFIX):
+            continue
+        at = ("variables", index, "parameter")
+        place = CommandPath.of(path, experiments)
+        if place is None:
+            known = [f"{PREFIX}{e.name}.{port}.…" for e in experiments for port in e.signals]
+            raise ProblemError(f"parameter must begin with one of {_list(known)}, got {path!r}", at=at)
+        if diagram.nonlinear:
+            raise ProblemError(f"{path} can be varied in a linear system only, got a nonlinear one", at=at)
+        found[path] = place
+    return found
+
+
+def _axis(problem: Problem, variable: Variable, at: Path) -> Axis:
     name = variable.parameter
-    info = _parameter(diagram, name, (*at, "parameter"))
+    info = problem.info(name, (*at, "parameter"))
     if info.bound:
         raise ProblemError(
             f"{name} must be a number to be varied, got an expression (vary the parameters it is made of)",
@@ -234,9 +287,11 @@ def _check_range(info: ParameterInfo, lower: float, upper: float, at: Path) -> N
         got = "a range of zero width" if lower == upper else f"{upper:g}"
         raise ProblemError(f"upper must be > lower {lower:g} {info.unit}, got {got}", at=(*at, "upper"))
     for key, bound in (("lower", lower), ("upper", upper)):
-        if info.lower is not None and bound < info.lower:
+        excluded = info.lower_open and info.path.startswith(PREFIX) and bound == info.lower
+        if info.lower is not None and (bound < info.lower or excluded):
+            sign = ">" if excluded else ">="
             raise ProblemError(
-                f"{key} of {info.path} must be >= {info.lower:g} {info.unit}, got {bound:g}", at=(*at, key)
+                f"{key} of {info.path} must be {sign} {info.lower:g} {info.unit}, got {bound:g}", at=(*at, key)
             )
         if info.upper is not None and bound > info.upper:
             raise ProblemError(

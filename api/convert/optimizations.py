@@ -13,9 +13,11 @@ from api.errors import invalid
 from api.pointers import Place
 from api.schemas.jobs import ExperimentDocument, GoalDocument, OptimizationRequest, VariableDocument
 from engine.diagram import Diagram
+from engine.errors import SignalError
 from engine.metrics import catalogue
 from engine.verdicts import Verdict
 from optimizers.certificate import Proof
+from optimizers.commands import CommandPath, info_of
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from optimizers.result import GoalReport, GridMap, Result
 
@@ -30,12 +32,13 @@ def problem_from_wire(document: OptimizationRequest, diagram: Diagram, *, read_c
     ProblemError
         For everything else that cannot be optimised.
     """
+    experiments = tuple(
+        _experiment(e, diagram, ("experiments", i), read_channel) for i, e in enumerate(document.experiments)
+    )
     return Problem(
         diagram=diagram,
-        variables=tuple(_variable(v, diagram, ("variables", i)) for i, v in enumerate(document.variables)),
-        experiments=tuple(
-            _experiment(e, diagram, ("experiments", i), read_channel) for i, e in enumerate(document.experiments)
-        ),
+        variables=tuple(_variable(v, diagram, experiments, ("variables", i)) for i, v in enumerate(document.variables)),
+        experiments=experiments,
         goals=tuple(_goal(goal, diagram, ("goals", i)) for i, goal in enumerate(document.goals)),
         scenarios=tuple(
             overrides_from_wire(scenario, diagram, place=("scenarios", i))
@@ -44,9 +47,17 @@ def problem_from_wire(document: OptimizationRequest, diagram: Diagram, *, read_c
     )
 
 
-def _variable(document: VariableDocument, diagram: Diagram, place: Place) -> Variable:
+def _variable(
+    document: VariableDocument, diagram: Diagram, experiments: Sequence[Experiment], place: Place
+) -> Variable:
     info = diagram.parameters.get(document.parameter)
+    command = CommandPath.of(document.parameter, experiments)
     unit = info.unit if info is not None else ""
+    if info is None and command is not None:
+        try:
+            unit = info_of(document.parameter, command, experiments).unit
+        except SignalError as error:
+            raise invalid(error.message, *place, "parameter") from error
     lower, upper, start = (
         optional_si(getattr(document, key), unit, name=f"{key} of {document.parameter}", place=(*place, key))
         for key in ("lower", "upper", "start")

@@ -79,8 +79,9 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor:
 def _curves(problem: Problem, overrides: Mapping[str, float]) -> dict[str, Any]:
     """Return the curves of every experiment in the system as it is (the first scenario's parameters included)."""
     values = {**problem.scenarios[0], **overrides}
+    values = {path: value for path, value in values.items() if path not in problem.commands}
     curves: dict[str, Any] = {}
-    for experiment in problem.experiments:
+    for experiment in problem.experiments_at(overrides):
         found = simulate(
             problem.diagram,
             signals=experiment.signals,

@@ -1,0 +1,74 @@
+"""The goals of a problem as exact measurements at given values of its variables, whether of the system or of commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from engine.commanded import CommandParameter
+from engine.errors import SignalError
+from engine.study import Gradient, MetricRequest, measure, unit_of
+from engine.verdicts import Measured, Verdict
+
+if TYPE_CHECKING:
+    from optimizers.problem import Experiment, Problem, Scenario
+
+
+def measured(
+    problem: Problem,
+    values: Mapping[str, float],
+    scenario: Scenario,
+    *,
+    goals: Sequence[int] | None = None,
+    gradient: bool = False,
+) -> list[tuple[Measured, Gradient | None]]:
+    """Return the metrics of goals on the exact path, with their derivatives by the variables where asked for.
+
+    Parameters
+    ----------
+    problem : Problem
+    values : mapping of str to float
+        The variables, SI.
+    scenario : mapping of str to float
+        Parameters of the system, SI.
+    goals : sequence of int, optional
+        Which goals; all by default.
+    gradient : bool
+        Derivatives by the variables, in the order of the problem's axes.
+    """
+    chosen = range(len(problem.goals)) if goals is None else goals
+    overrides = {path: value for path, value in {**scenario, **values}.items() if path not in problem.commands}
+    try:
+        experiments = {experiment.name: experiment for experiment in problem.experiments_at(values)}
+    except SignalError as error:  # numbers that are each within their bounds, but not together
+        return [(_refused(problem, goal, error), None) for goal in chosen]
+    requests = [_request_at(problem, goal, experiments) for goal in chosen]
+    lanes = [_lane(problem, axis.parameter, experiments) for axis in problem.axes] if gradient else []
+    return measure(problem.diagram, requests, overrides=overrides, gradient=lanes)
+
+
+def screened(problem: Problem) -> tuple[MetricRequest, ...]:
+    """Return the requests as the screening sees them: a command that varies is left to the exact path."""
+    varied = {place.experiment for place in problem.commands.values()}
+    return tuple(
+        replace(request, signals={}) if goal.experiment in varied else request
+        for goal, request in zip(problem.goals, problem.requests, strict=True)
+    )
+
+
+def _request_at(problem: Problem, goal: int, experiments: Mapping[str, Experiment]) -> MetricRequest:
+    request, name = problem.requests[goal], problem.goals[goal].experiment
+    return replace(request, signals=experiments[name].signals) if request.signals and name else request
+
+
+def _lane(problem: Problem, path: str, experiments: Mapping[str, Experiment]) -> str | CommandParameter:
+    place = problem.commands.get(path)
+    if place is None:
+        return path
+    return CommandParameter(signal=experiments[place.experiment].signals[place.port], path=place.parameter)
+
+
+def _refused(problem: Problem, goal: int, error: SignalError) -> Measured:
+    unit = unit_of(problem.diagram, problem.requests[goal])
+    return Measured(value=None, unit=unit, verdict=Verdict.ILL_POSED, advice=error.message)
