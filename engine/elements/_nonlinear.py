@@ -135,7 +135,7 @@ class NonlinearElement(Element):
         return None
 
     @classmethod
-    def target(cls, mode: Mode, values: Values) -> Scalar:
+    def target(cls, mode: Mode, values: Values) -> Any:
         """Return the value at which :meth:`held` keeps the input."""
         return 0.0
 

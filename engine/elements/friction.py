@@ -55,16 +55,16 @@ class Friction(NonlinearElement):
             doc="the same for negative velocities; absent: as for positive ones",
         ),
     )  # fmt: skip
-    example = {"coulomb": 20.0, "viscous": 200.0, "static": 30.0, "stribeck_velocity": 0.01}
+    example = {"coulomb": 20.0, "viscous": 200.0, "static": 30.0, "stribeck_velocity": 0.5}
 
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Refuse static friction below sliding friction."""
         for side, name in ((1, "static"), (-1, "static_negative")):
             sliding, static = _side(side, values)[:2]
-            if np.real(static) < np.real(sliding):
+            if first(static) < first(sliding):
                 raise DiagramError(
-                    f"{name} must be >= the sliding friction ({np.real(sliding):g} N), got {np.real(static):g}",
+                    f"{name} must be >= the sliding friction ({first(sliding):g} N), got {first(static):g}",
                     at=(name,),
                 )
 

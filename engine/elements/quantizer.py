@@ -6,12 +6,13 @@ y = step · round(u / step)
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from engine.elements._base import Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.parameters import Param, Scalar
+from engine.parameters import Param
 
 _AT_EDGE = 1e-9
 
@@ -63,10 +64,9 @@ class Quantizer(NonlinearElement):
         return (0, 0) if mode % 2 else None
 
     @classmethod
-    def target(cls, mode: Mode, values: Values) -> Scalar:
+    def target(cls, mode: Mode, values: Values) -> Any:
         """Return the edge."""
-        edge: Scalar = values["step"] * (0.5 * mode)
-        return edge
+        return values["step"] * (0.5 * mode)
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:

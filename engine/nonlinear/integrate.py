@@ -232,7 +232,17 @@ class Integration:
                     self._sample_again(stop.law)
         self._echo(min((stop.generation if stop.law is None else 0 for stop in due), default=0))
         self._board.switches = 0
-        self._board.settle()
+        if self._jumps() or any(stop.law is not None for stop in due):
+            self._board.settle()
+
+    def _jumps(self) -> bool:
+        """Return whether a signal may jump at this instant; after a mere kink the laws are where they were."""
+        if not self.record.u or self.system.delays.shape[-1]:
+            return True
+        last = self.record.u[-1][-1, 0].real
+        now = np.array([self.now])
+        new = [0.0 if signal is None else float(signal.value(now)[0]) for signal in self._signals]
+        return bool(np.any(np.abs(np.array(new) + self._constants - last) > 1e-12 * np.abs(last)))
 
     def _sample_again(self, number: int) -> None:
         """Note when a law that has taken a sample updates its output, and when it takes the next."""
@@ -252,8 +262,9 @@ class Integration:
 
     def _around(self, t: Array) -> tuple[Array, Array, Array]:
         """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
-        following = min((s.time for s in self._stops if s.time > self.now * (1 + _TOGETHER)), default=math.inf)
-        ahead = min(following - self.now, self._width, 1.0)
+        # what is due now has been taken from the list
+        following = self._stops[0].time - self.now if self._stops else math.inf
+        ahead = min(following, self._width, 1.0) if following > 0 else min(self._width, 1.0)
         u, du = self._command(ahead).near(np.zeros(1), t[:, None])
         return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
 

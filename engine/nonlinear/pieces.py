@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,18 +30,25 @@ class Command:
 
     def at(self, theta: Real) -> tuple[Real, Real]:
         """Return values and slopes in time at ``theta`` of the step, each (len(theta), inputs)."""
-        w = weights(theta)
-        return w @ self.values, (w @ differentiation_matrix()) @ self.values / self.width
+        value, slope, _ = _stencil(theta.tobytes())
+        return value @ self.values, slope @ self.values / self.width
 
     def near(self, theta: Real, times: Array) -> tuple[Array, Array]:
         """Return values and slopes (lanes, N, inputs) at ``times`` (lanes, N), whose real parts lie at ``theta``."""
         values, slope = self.at(theta)
         if not np.iscomplexobj(times):
-            shape = (len(times), *values.shape)
-            return np.broadcast_to(values, shape), np.broadcast_to(slope, shape)
+            return values[None], slope[None]
         moved = 1j * times.imag[:, :, None]
-        bend = (weights(theta) @ differentiation_matrix() @ differentiation_matrix()) @ self.values / self.width**2
+        bend = _stencil(theta.tobytes())[2] @ self.values / self.width**2
         return values + moved * slope, slope + moved * bend
+
+
+@cache
+def _stencil(theta: bytes) -> tuple[Real, Real, Real]:
+    """Return the weights from node values to values, first and second derivatives at a few fixed points of a step."""
+    value = weights(np.frombuffer(theta))
+    slope = value @ differentiation_matrix()
+    return value, slope, slope @ differentiation_matrix()
 
 
 def command(signals: Sequence[Signal | None], start: float, width: float, constants: Real) -> Command:
