@@ -21,7 +21,7 @@ from bench.table import Job, Row
 from engine.linear.screening import Screening
 
 CHUNK = 8192
-PATIENCE = 60.0  # s that one thread may take
+PATIENCE = 20.0  # s that one thread may take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ def screen(count: int, threads: int) -> Throughput:
 
 
 def job(most: int) -> Job:
-    """Measure ``most`` candidates, or as many as take a minute, on two threads and on one."""
+    """Measure ``most`` candidates, or as many as take twenty seconds, on two threads and on one."""
     probe = screen(min(most, 1024), 1)
     count = min(most, max(CHUNK, int(PATIENCE * probe.count / probe.wall)))
     rows = []
