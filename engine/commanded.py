@@ -239,8 +239,8 @@ class _Tangent(Signal):
         return None
 
     def end(self) -> float | None:
-        """Return None: it is not asked for."""
-        return None
+        """Return that of the command."""
+        return self.change.signal.end()
 
     def degree(self) -> int | None:
         """Return that of the command, which a derivative by a parameter does not raise."""

@@ -6,8 +6,9 @@ A first pass on the real parts places the segments: their ends fall on every ins
 command, and its echoes through the delays), and a segment is halved until a polynomial of degree 16 holds outputs,
 delayed signals and (with delays) states to 1e-13. Where the echoes have become smooth a segment may be longer than a
 delay; it is then solved together with what returns to itself. Without delays a command that is constant or linear is
-followed over many equal segments at once. The lanes then replay the same segments; an end that moves with a delay carries
-that delay's infinitesimal, so derivatives with respect to delays are exact too.
+followed over many equal segments at once, and so is what goes on when any command has ended. The lanes then replay the
+same segments; an end that moves with a delay carries that delay's infinitesimal, so derivatives with respect to delays
+are exact too.
 """
 
 from __future__ import annotations
@@ -134,7 +135,9 @@ class _Run:
         self._allocate(max(pieces, 64))
         degrees = [signal.degree() for signal in signals]
         self._steps = all(d == 0 for d in degrees)
-        self._linear = not system.m and all(d is not None and d <= 1 for d in degrees)
+        self._linear = all(d is not None and d <= 1 for d in degrees)
+        ends = [signal.end() for signal in signals]
+        self._rest = max((end for end in ends if end is not None), default=0.0) if None not in ends else np.inf
         self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
         self.state: Array = np.array(system.x0, dtype=self._dtype)
 
@@ -148,15 +151,19 @@ class _Run:
         )
         self.edges = _grown(self.edges[: k + 1], (pieces + 1, self.lanes), self._dtype)
 
-    def exponential(self, width: float) -> bool:
-        """Return whether a segment of this width is propagated by the exponential: exact, but noisy where h A is large."""
-        return self._linear and width * self.size <= _LOUD
+    def strides(self, start: float) -> bool:
+        """Return whether many equal segments are computed at once: no delays, and commands that are straight from here on."""
+        return not self.s.m and (self._linear or start >= self._rest * (1 - 1e-12))
+
+    def exponential(self, start: float, width: float) -> bool:
+        """Return whether a segment is propagated by the exponential: exact, but noisy where h A is large."""
+        return self.strides(start) and width * self.size <= _LOUD
 
     def propagator(self, segment: _Segment) -> Propagator:
         found = self._propagators.get(segment.key)
         if found is None:
-            width = self._basis @ segment.width
-            if self.exponential(float(width[0].real)):
+            start, width = self._basis @ segment.start, self._basis @ segment.width
+            if self.exponential(float(start[0].real), float(width[0].real)):
                 found = Exponential(self.s.a, self.s.b1, width)
             elif self.s.m and float(width[0].real) > self._shortest * (1 + 1e-9):
                 found = DelayedCollocation(self.s, width)
@@ -164,11 +171,6 @@ class _Run:
                 found = Collocation(self.s.a, self._b, width)
             self._propagators[segment.key] = found
         return found
-
-    @property
-    def strides(self) -> bool:
-        """Whether many equal segments are computed at once."""
-        return self._linear
 
     def step(self, segment: _Segment) -> _Nodes:
         """Return what is seen on the nodes of the segments of ``segment``, from the current state."""
@@ -285,17 +287,17 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
     smallest = 0.25 / max(run.size, 1e-300)
     for a, b in gaps(system, signals, horizon):
         gap = b - a
-        whole = float(gap @ basis)
+        begin, whole = float(a @ basis), float(gap @ basis)
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
         position, most = 0.0, 1
         # a trial of twice the width that fails is not repeated soon: it would be most of the work
         waiting, patience, trial = 0, 1, False
         while position < 1.0:
             width = 0.5**level
-            count = min(round((1.0 - position) / width), most) if run.strides else 1
+            count = min(round((1.0 - position) / width), most) if run.strides(begin) else 1
             segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
             nodes = run.step(segment)
-            exponential = run.exponential(width * whole)
+            exponential = run.exponential(begin, width * whole)
             held, roomy = watch.judge(nodes, states=not exponential)
             good = count if held.all() or (exponential and width * whole <= smallest) else int(held.argmin())
             if not good:
