@@ -29,10 +29,10 @@ from api.services.studies import Variant, each, frequencies_of, study_of, varian
 from api.services.systems import subject_of
 from engine.diagram import Diagram
 from engine.errors import SpectrumError
-from engine.spectra.fourier import Real, transform
+from engine.spectra.fourier import Real
 from engine.spectra.harmonics import Harmonics, harmonics_of_samples
 from engine.spectra.sampled import Spectrum, band_mean_square, spectrum, window_of
-from engine.spectra.simulated import energy_in_band, steady_harmonics, telling_frequencies, whole_response
+from engine.spectra.simulated import steady_harmonics, transient
 from engine.study import simulate
 
 
@@ -188,11 +188,11 @@ def _estimate(
 
 def _transform(request: SpectrumRequest, diagram: Diagram, variant: Variant, unit: str) -> dict[str, Any]:
     """Return the exact Fourier integral of a response, with the energy of a band."""
-    curve, final = whole_response(diagram, variant.signals, str(request.output), overrides=variant.overrides)
+    found = transient(diagram, variant.signals, str(request.output), overrides=variant.overrides)
     chosen = frequencies_of(request.frequencies)
-    frequencies = telling_frequencies(curve, final) if chosen is None else chosen
-    body = transform_to_wire(frequencies, transform(curve, frequencies, final=final).value)
+    frequencies = found.telling_frequencies() if chosen is None else chosen
+    body = transform_to_wire(frequencies, found.at(frequencies))
     band = band_from_wire(request.band, place=("band",))
     if band is not None:
-        body["band"] = {"value": number(energy_in_band(curve, final, band)), "unit": energy_unit(unit)}
+        body["band"] = {"value": number(found.energy(*band)), "unit": energy_unit(unit)}
     return body

@@ -46,7 +46,22 @@ def band_energy(curve: Curve, low: float, high: float, *, final: Array | None = 
     UnresolvedError
         When the band times the length of the response needs more than :data:`MOST_POINTS` frequencies.
     """
-    length = _lasting(curve)
+    frequencies, weights = quadrature(low, high, _lasting(curve))
+    found = transform(curve, frequencies, final=final)
+    energy = np.full(curve.edges.shape[1], weights @ np.abs(found.value) ** 2)
+    if not len(found.slopes):
+        return energy
+    return np.asarray(energy + 1j * INFINITESIMAL * (2 * (found.slopes * found.value.conj()).real @ weights))
+
+
+def quadrature(low: float, high: float, length: float) -> tuple[Real, Real]:
+    """Return frequencies (rad/s) and weights with which |Y|² is summed to the energy of a response that lasts ``length`` s.
+
+    Raises
+    ------
+    UnresolvedError
+        When more than :data:`MOST_POINTS` would be needed.
+    """
     panels = max(1, int(np.ceil((high - low) * length / (2 * np.pi * _CYCLES))))
     if panels * _POINTS > MOST_POINTS:
         msg = (
@@ -57,13 +72,7 @@ def band_energy(curve: Curve, low: float, high: float, *, final: Array | None = 
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     edges = np.linspace(low, high, panels + 1)
     half = np.diff(edges)[:, None] / 2
-    frequencies = (edges[:-1, None] + half * (nodes + 1)).ravel()
-    measure = (half * weights).ravel() / np.pi
-    found = transform(curve, frequencies, final=final)
-    energy = np.full(curve.edges.shape[1], measure @ np.abs(found.value) ** 2)
-    if not len(found.slopes):
-        return energy
-    return np.asarray(energy + 1j * INFINITESIMAL * (2 * (found.slopes * found.value.conj()).real @ measure))
+    return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel() / np.pi
 
 
 def _lasting(curve: Curve) -> float:

@@ -28,8 +28,8 @@ from engine.linear.tangent import slopes
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_CHUNK = 1024
-"""So many frequencies at once, so that a long response needs megabytes and not gigabytes."""
+_MOST_NUMBERS = 2_000_000
+"""Complex numbers at once, pieces times frequencies: 32 MB."""
 
 _SAME_WIDTH = 11  # decimals of ln h: halving leaves widths that differ by rounding only
 
@@ -64,8 +64,9 @@ def transform(curve: Curve, frequencies: Real, *, final: Array | None = None) ->
     value = np.zeros(len(frequencies), dtype=np.complex128)
     slope = np.zeros((carried, len(frequencies)), dtype=np.complex128)
     pieces = _Pieces.of(curve)
-    for start in range(0, len(frequencies), _CHUNK):
-        span = slice(start, start + _CHUNK)
+    chunk = max(1, _MOST_NUMBERS // len(curve.values))
+    for start in range(0, len(frequencies), chunk):
+        span = slice(start, start + chunk)
         for group in pieces.alike():
             here = group.integral(frequencies[span], carried)
             value[span] += here.value

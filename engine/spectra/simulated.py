@@ -8,7 +8,7 @@ structure's resonances.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,19 +16,22 @@ import numpy as np
 
 from engine.errors import SpectrumError
 from engine.evaluation import Evaluation
+from engine.linear.chebyshev import interior
+from engine.linear.curve import Curve
 from engine.metrics._base import NEGLIGIBLE
 from engine.signals import changed
-from engine.spectra.energy import band_energy
+from engine.spectra.energy import quadrature
 from engine.spectra.fourier import Complex, Real, transform
 from engine.spectra.harmonics import Harmonics, harmonics_of_curve
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
-    from engine.linear.curve import Curve
-    from engine.linear.system import Array
     from engine.metrics._base import TimeSubject
     from engine.signals import Signal
+
+_LIFETIMES = 18.0
+"""So many time constants of the slowest mode leave e^-36 of its energy."""
 
 _WIDEST = 1e6
 _FAINT = 1e-5
@@ -44,21 +47,123 @@ class Waterfall:
     magnitude: Real
 
 
-def whole_response(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Transient:
+    """The spectrum of a whole response that settles.
+
+    ``at`` gives Y(jω) of the output's departure from its initial value, unit of the output times s, at frequencies > 0 in
+    rad/s. ``length`` is how long the response lasts, s; ``stays_away`` says that it does not return to where it began.
+    """
+
+    at: Callable[[Real], Complex]
+    length: float
+    stays_away: bool
+
+    def energy(self, low: float, high: float) -> float:
+        """Return the energy between two angular frequencies, in (unit of the output)² s.
+
+        Raises
+        ------
+        SpectrumError
+            If the band begins at 0 and the response stays away.
+        UnresolvedError
+            If the band is too wide for the length of the response.
+        """
+        if self.stays_away and low == 0:
+            msg = "band must begin above 0 rad/s for an output that stays away from where it began, got 0"
+            raise SpectrumError(msg, at=("band", 0))
+        frequencies, weights = quadrature(low, high, self.length)
+        return float(weights @ np.abs(self.at(frequencies)) ** 2)
+
+    def telling_frequencies(self, count: int = 400) -> Real:
+        """Return frequencies, even on a log axis, from the length of the response up to where nothing is left."""
+        low = 2 * np.pi / self.length
+        scan = low * np.geomspace(1.0, _WIDEST, count)
+        size = np.abs(self.at(scan))
+        loud = np.flatnonzero(size > _FAINT * size.max())
+        return np.asarray(np.geomspace(low, scan[max(int(loud[-1]), 1)] if loud.size else 10 * low, count))
+
+
+def transient(
     diagram: Diagram, signals: Mapping[str, Signal], output: str, *, overrides: Mapping[str, float] | None = None
-) -> tuple[Curve, Array]:
-    """Return the departure of an output from its initial value, and where it settles.
+) -> Transient:
+    """Return the spectrum of an output's response.
+
+    Where the system is linear and starts from rest and the commands are polynomials in pieces, Y = Σ G(jω) U(jω), both in
+    closed form; otherwise it is the Fourier integral of the response.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    signals : mapping of input name to Signal
+    output : str
+    overrides : mapping, optional
+        Parameter values, SI.
 
     Raises
     ------
     SpectrumError
         If the output does not settle, or a command does not end.
     """
-    subject = _settled(diagram, signals, output, overrides)
-    if subject.final is None:
+    if any(signal.final() is None or signal.end() is None for signal in signals.values()):
         msg = "signal must end for a response to have a Fourier integral, got one that goes on for ever"
         raise SpectrumError(msg, at=("input",))
-    return subject.curve + -subject.initial, subject.final - subject.initial
+    evaluation = Evaluation(diagram, overrides)
+    closed = not diagram.nonlinear and all(signal.degree() is not None for signal in signals.values())
+    if closed and evaluation.poles.verdict is Verdict.OK and not np.any(evaluation.system.x0):
+        return _product(evaluation, signals, output)
+    subject = _settled(diagram, signals, output, overrides)
+    if subject.final is None:
+        msg = f"output must settle to have a spectrum, got {output}, which settles nowhere"
+        raise SpectrumError(msg, at=("output",), verdict=str(Verdict.NOT_SETTLED))
+    curve, final = subject.curve + -subject.initial, subject.final - subject.initial
+    largest = float(np.abs(curve.values[:, :, 0].real).max())
+    away = abs(float(final[0].real)) > NEGLIGIBLE * largest
+    return Transient(
+        at=lambda w: transform(curve, w, final=final if away else None).value,
+        length=curve.end - float(curve.times[0]),
+        stays_away=away,
+    )
+
+
+def _product(evaluation: Evaluation, signals: Mapping[str, Signal], output: str) -> Transient:
+    """Return Σ G U."""
+    paths = {port: evaluation.path(port, output) for port in signals}
+    curves = {port: command_curve(signal) for port, signal in signals.items()}
+
+    def at(w: Real) -> Complex:
+        total = np.zeros(len(w), dtype=np.complex128)
+        for port, signal in signals.items():
+            final, last = float(signal.final() or 0.0), signal.breakpoints()[-1]
+            curve = curves[port]
+            held = final * np.exp(-1j * w * last) / (1j * w)
+            total += paths[port].response(w) * (held if curve is None else held + transform(curve, w).value)
+        return total
+
+    ends = max(float(signal.end() or 0.0) for signal in signals.values())
+    slowest = evaluation.poles.slowest
+    length = ends + float(evaluation.system.delays.sum()) + (_LIFETIMES / slowest if np.isfinite(slowest) else 0.0)
+    length = length or 1.0
+    final = sum(
+        float(path.static[0].real) * float(signals[port].final() or 0.0)
+        for port, path in paths.items()
+        if path.static is not None
+    )
+    # what an output that returns to where it began passes on at rest is rounding beside what it passes on at all
+    scan = 2 * np.pi / length * np.geomspace(1.0, _WIDEST, 50)
+    away = abs(final) > NEGLIGIBLE * float(np.abs(at(scan) * scan).max())
+    return Transient(at=at, length=length, stays_away=away)
+
+
+def command_curve(signal: Signal) -> Curve | None:
+    """Return a command that is a polynomial in pieces as a curve up to its last break; None for a single step."""
+    edges = np.array(signal.breakpoints())
+    if len(edges) < 2:
+        return None
+    inside, to_nodes = interior()
+    width = np.diff(edges)
+    values = signal.value(edges[:-1, None] + width[:, None] * inside) @ to_nodes.T
+    return Curve(edges=edges[:, None], values=values[:, :, None])
 
 
 def _settled(
@@ -110,31 +215,6 @@ def steady_harmonics(
     return harmonics_of_curve(_settled(diagram, signals, output, overrides).curve, fundamental, count)
 
 
-def telling_frequencies(curve: Curve, final: Array, count: int = 400) -> Real:
-    """Return angular frequencies, even on a log axis, from the length of a response up to where nothing is left."""
-    low = 2 * np.pi / (curve.end - float(curve.times[0]))
-    scan = low * np.geomspace(1.0, _WIDEST, count)
-    size = np.abs(transform(curve, scan, final=final).value)
-    loud = np.flatnonzero(size > _FAINT * size.max())
-    return np.asarray(np.geomspace(low, scan[max(int(loud[-1]), 1)] if loud.size else 10 * low, count))
-
-
-def energy_in_band(curve: Curve, final: Array, band: tuple[float, float]) -> float:
-    """Return the energy between two angular frequencies, in (unit of the curve)² s.
-
-    Raises
-    ------
-    SpectrumError
-        If the band begins at 0 and the response does not return to where it began.
-    """
-    largest = float(np.abs(curve.values[:, :, 0].real).max())
-    stays_away = abs(float(final[0].real)) > NEGLIGIBLE * largest
-    if stays_away and band[0] == 0:
-        msg = "band must begin above 0 rad/s for an output that stays away from where it began, got 0"
-        raise SpectrumError(msg, at=("band", 0))
-    return float(band_energy(curve, *band, final=final if stays_away else None)[0].real)
-
-
 def response_spectrum(
     diagram: Diagram,
     signals: Mapping[str, Signal],
@@ -165,8 +245,7 @@ def response_spectrum(
     SpectrumError
         If the path does not settle, or a command does not end.
     """
-    curve, final = whole_response(diagram, signals, output, overrides=overrides)
-    return transform(curve, frequencies, final=final).value
+    return transient(diagram, signals, output, overrides=overrides).at(frequencies)
 
 
 def waterfall(

@@ -15,7 +15,7 @@ from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.signals import changed, make
 from engine.spectra.energy import band_energy
 from engine.spectra.fourier import transform
-from engine.spectra.simulated import response_spectrum, steady_harmonics, waterfall, whole_response
+from engine.spectra.simulated import response_spectrum, steady_harmonics, transient, waterfall
 from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.test_curve import curve_of
 
@@ -42,6 +42,12 @@ def arm(frequency: float = 10.0, damping_ratio: float = 0.0):
             {"position": "tip", "velocity": "speed"},
         )
     )
+
+
+def response(diagram, output: str = "y"):
+    """Return the response of an output to a unit step as a curve."""
+    (port,) = diagram.inputs
+    return Evaluation(diagram).time_response({port: make("step")}, [output]).joint.output(0)
 
 
 def test_transform_of_a_ramp_piece_is_its_closed_form() -> None:
@@ -90,15 +96,17 @@ def test_energy_of_an_exponential_in_a_band_is_its_closed_form(low: float, high:
             {"y": "f"},
         )
     )
-    curve, final = whole_response(diagram, {"u": make("step")}, "y")
+    curve = response(diagram)
     expected = (math.atan(high / 3) - math.atan(low / 3)) / (3 * math.pi)
     assert band_energy(curve, low, high)[0] == pytest.approx(expected, rel=1e-9)
-    assert final[0] == pytest.approx(0.0, abs=1e-15)
+    found = transient(diagram, {"u": make("step")}, "y")
+    assert found.energy(low, high) == pytest.approx(expected, rel=1e-9)
+    assert not found.stays_away
 
 
 def test_energy_of_a_light_resonance_is_found_whatever_the_band() -> None:
     # velocity of the arm after a step, ω = 10, ζ = 0.02: all of the energy, ∫ v² dt = ω/(4ζ), is in the resonance
-    curve, _ = whole_response(arm(10.0, 0.02), {"drive": make("step")}, "velocity")
+    curve = response(arm(10.0, 0.02), "velocity")
     whole = 10.0 / (4 * 0.02)
     assert curve.squared().integral()[0] == pytest.approx(whole, rel=1e-9)
 
@@ -114,9 +122,15 @@ def test_energy_of_a_light_resonance_is_found_whatever_the_band() -> None:
 
 def test_energy_in_a_band_of_a_position_that_stays_away() -> None:
     # y = 2(1 - e^{-3t}): |Y|² = 36/(ω²(9 + ω²))
-    curve, final = whole_response(lag(), {"u": make("step")}, "y")
+    evaluation = Evaluation(lag())
+    found = evaluation.time_response({"u": make("step")}, ["y"])
+    curve, final = found.joint.output(0), found.finals["y"]
     expected = quad(lambda w: 36 / (w**2 * (9 + w**2)) / math.pi, 0.5, 20, epsrel=1e-12)[0]
     assert band_energy(curve, 0.5, 20.0, final=final)[0] == pytest.approx(expected, rel=1e-9)
+    spectrum = transient(lag(), {"u": make("step")}, "y")
+    assert spectrum.energy(0.5, 20.0) == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(SpectrumError, match="band must begin above 0"):
+        spectrum.energy(0.0, 1.0)
 
 
 def test_energy_carries_exact_derivatives() -> None:
@@ -191,3 +205,33 @@ def test_harmonics_of_a_command_of_a_higher_order() -> None:
     found = steady_harmonics(lag(), {"u": make("sine", {"frequency": 6.0})}, "y", fundamental=2.0, count=3)
     np.testing.assert_allclose(found.amplitude, [0, 0, 2 / math.sqrt(1 + 4)], atol=1e-10)
     assert found.thd is None
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        make("step", {"start": 0.3}),
+        make("trapezoid", {"max_velocity": 2.0, "max_acceleration": 9.0, "start": 0.1}),
+        make("s_curve", {"max_velocity": 2.0, "max_acceleration": 9.0, "max_jerk": 80.0}),
+        make("shaped", {"shaper": "ei", "frequency": 7.0, "command": {"kind": "step"}}),
+        make("sampled", {"time": [0.0, 0.2, 1.0], "values": [1.0, -1.0, 0.0]}),
+    ],
+    ids=lambda signal: signal.kind,
+)
+def test_the_product_of_path_and_command_is_the_integral_of_the_response(signal) -> None:
+    # two ways to the same spectrum: G(jω) U(jω), and the Fourier integral of the simulated response
+    diagram, w = arm(10.0, 0.1), np.array([0.4, 3.0, 10.0, 33.0])
+    found = Evaluation(diagram).time_response({"drive": signal}, ["position"])
+    integral = transform(found.joint.output(0), w, final=found.finals["position"]).value
+    product = response_spectrum(diagram, {"drive": signal}, "position", w)
+    np.testing.assert_allclose(product, integral, rtol=1e-8, atol=1e-12)
+
+
+def test_a_smooth_command_that_ends_is_analysed_by_its_response() -> None:
+    # a chirp of constant frequency is a burst: U = ∫₀^T sin(w₀ t) e^{-jωt} dt
+    burst, w0 = make("chirp", {"start_frequency": 6.0, "end_frequency": 6.0, "duration": 2.0}), 6.0
+    w = np.array([1.0, 5.0, 20.0])
+    ends = [(np.exp(1j * (s * w0 - w) * 2.0) - 1) / (1j * (s * w0 - w)) for s in (1, -1)]
+    exact = (ends[0] - ends[1]) / 2j * 2 / (1j * w / 3 + 1)
+    found = response_spectrum(lag(), {"u": burst}, "y", w)
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
