@@ -118,7 +118,8 @@ def solve(
     factors: tuple[Array, Array] | None = None
     last = np.inf
     for _ in range(_NEWTON):
-        residual = start + width * (method.a @ rates(x)) - x
+        f = rates(x)
+        residual = start + width * (method.a @ f) - x
         if factors is None and np.isfinite(residual).all():
             factors = _factors(slope(x) * (scale / scale[:, None]), width, method)
         if factors is None:
@@ -127,6 +128,8 @@ def solve(
         x = x + step
         size = float(np.max(np.abs(step) / scale))
         if size <= 20 * _EPS or (size <= 1e-11 and size <= 1e-3 * last) or (size <= 1e-13 and last <= 1e-12):
+            still = ~f.any(axis=0)
+            x[:, still] = start[still]  # what does not move stays exactly where it is
             return x
         if not math.isfinite(size) or (size > 2 * last and size > 1e-9):
             return None

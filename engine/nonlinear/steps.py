@@ -120,8 +120,6 @@ class Stepper:
             )
             if stages is None:
                 return None
-            for state in real.pinned(instants(stages)):
-                stages[:, state] = start[state]
             return self.judge(np.concatenate([start[None], stages]), drive, modes)
         except (np.linalg.LinAlgError, EngineError):
             return None

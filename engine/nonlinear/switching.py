@@ -18,7 +18,7 @@ from engine.verdicts import Verdict
 
 Array = npt.NDArray[Any]
 
-NEGLIGIBLE = 1e-11
+NEGLIGIBLE = 1e-10
 """A guard below this part of its largest value is 0."""
 
 MAX_SWITCHES = 60

@@ -295,11 +295,6 @@ class NonlinearSystem:
         flow.f[..., _pinned(tangent, drift)] = 0.0
         return flow
 
-    def pinned(self, at: Instants) -> list[int]:
-        """Return the states that are held inputs themselves, and so rest exactly; at real instants."""
-        inputs = [j for _, j in self.holds(at.modes)]
-        return _pinned(self.tangent(at), at.du @ self._rows["d31"][..., inputs]) if inputs else []
-
     def _rates(self, at: Instants, held: Array | None) -> Flow:
         e, v = self.channels(at, held)
         rows = self._rows

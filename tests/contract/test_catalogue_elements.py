@@ -102,9 +102,11 @@ def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, n
     def signals(count: int, scale: float) -> list[np.ndarray]:
         return [np.full((1, 1), scale * (0.7 + 0.31 * k)) for k in range(count)]
 
+    states = [np.full((1, 1), 1.02 * float(v)) for v in element.initial(example(element))]
     m = Moment(
-        t=np.full((1, 1), 0.4), x=signals(len(element.states), 0.5), z=signals(len(ports.inputs), 0.9),
-        slope=signals(len(ports.inputs), -0.3), y=signals(len(ports.outputs), 0.6),
+        t=np.full((1, 1), 0.4),
+        x=[given if np.any(given) else probe for given, probe in zip(states, signals(len(states), 0.5), strict=True)],
+        z=signals(len(ports.inputs), 0.9), slope=signals(len(ports.inputs), -0.3), y=signals(len(ports.outputs), 0.6),
     )  # fmt: skip
     period = element.period(values)
     found = {
@@ -115,6 +117,8 @@ def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, n
         found[f"rates {mode}"] = element.rates(m, mode, values)
         found[f"outputs {mode}"] = element.outputs(m, mode, values)
         found[f"guards {mode}"] = element.guards(m, mode, values)
+        for guard in range(len(found[f"guards {mode}"])):
+            found[f"after {guard} of {mode}"] = element.switch(guard, m, mode, values).x or []
     return {f"{name} {k}": np.asarray(v).ravel() for name, entries in found.items() for k, v in enumerate(entries)}
 
 
