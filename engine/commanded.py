@@ -9,7 +9,7 @@ the command breaks move with it. So a command's parameter is a lane like any oth
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -151,11 +151,15 @@ class Motions:
     def _lane(self, response: Trajectory, at_rest: LaneSystem, lane: CommandParameter) -> tuple[Array, Array, Array]:
         """Return edges, inputs and outputs of one lane."""
         changes = [_Change.of(signal, lane) for signal in self.signals.values()]
-        horizon, plan = float(response.edges[-1, 0]), response.plan
-        smooth = respond(at_rest, [_Tangent(change=change) for change in changes], horizon, plan=plan)
+        horizon = float(response.edges[-1, 0])
+
+        def answer(signals: Sequence[Signal]) -> Trajectory:
+            return respond(at_rest, signals, horizon, plan=response.plan, propagators=response.propagators)
+
+        smooth = answer([_Tangent(change=change) for change in changes])
         u, y = smooth.u, smooth.y
         if any(change.jumps for change in changes):
-            y = y + _slope(respond(at_rest, [_Stairs(change=change) for change in changes], horizon, plan=plan), "y")
+            y = y + _slope(answer([_Stairs(change=change) for change in changes]), "y")
         edge = np.zeros(len(response.edges))
         for change in changes:
             for instant, motion in change.motions:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,10 @@ _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is
 _ROUNDING = 4e-15
 _NOISE = 2e-11  # what rounding may leave of a mode that has died away in a long segment
 _LOUD = 100.0  # from here on the squarings of an exponential leave more noise than a collocation
+
+
+Propagators: TypeAlias = dict[tuple[tuple[float, ...], int], Propagator]
+"""Propagators by the key of their segments."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,7 @@ class Trajectory:
     u: Array
     y: Array
     plan: list[_Segment] = field(repr=False)
+    propagators: Propagators = field(repr=False, default_factory=dict)
 
     def output(self, index: int) -> Curve:
         """Return output ``index`` as a curve."""
@@ -87,7 +92,12 @@ class Trajectory:
 
 
 def respond(
-    system: LaneSystem, signals: Sequence[Signal], horizon: float, *, plan: list[_Segment] | None = None
+    system: LaneSystem,
+    signals: Sequence[Signal],
+    horizon: float,
+    *,
+    plan: list[_Segment] | None = None,
+    propagators: Propagators | None = None,
 ) -> Trajectory:
     """Return the response to ``signals`` from t = 0 to ``horizon``.
 
@@ -101,6 +111,8 @@ def respond(
         End of the response, s.
     plan : list, optional
         Segments of an earlier response of the same real system; placed anew when absent.
+    propagators : dict, optional
+        Those of an earlier response of the very same system, which need not be made again.
 
     Raises
     ------
@@ -112,7 +124,9 @@ def respond(
         if system.dtype is np.float64 and system.lanes == 1:
             return placed
         plan = placed.plan
-    return _Run(system, signals, sum(segment.count for segment in plan)).replay(plan)
+    run = _Run(system, signals, sum(segment.count for segment in plan))
+    run.propagators = {} if propagators is None else propagators
+    return run.replay(plan)
 
 
 class _Run:
@@ -125,7 +139,7 @@ class _Run:
         self.count = 0
         self._b = np.concatenate([system.b1, system.b2], axis=-1)
         self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
-        self._propagators: dict[tuple[tuple[float, ...], int], Propagator] = {}
+        self.propagators: Propagators = {}
         self._dtype = system.dtype
         self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
         self.edges: Array = np.zeros((1, self.lanes))
@@ -160,7 +174,7 @@ class _Run:
         return self.strides(start) and width * self.size <= _LOUD
 
     def propagator(self, segment: _Segment) -> Propagator:
-        found = self._propagators.get(segment.key)
+        found = self.propagators.get(segment.key)
         if found is None:
             start, width = self._basis @ segment.start, self._basis @ segment.width
             if self.exponential(float(start[0].real), float(width[0].real)):
@@ -169,7 +183,7 @@ class _Run:
                 found = DelayedCollocation(self.s, width)
             else:
                 found = Collocation(self.s.a, self._b, width)
-            self._propagators[segment.key] = found
+            self.propagators[segment.key] = found
         return found
 
     def step(self, segment: _Segment) -> _Nodes:
@@ -210,7 +224,9 @@ class _Run:
 
     def trajectory(self, plan: list[_Segment]) -> Trajectory:
         k = self.count
-        return Trajectory(edges=self.edges[: k + 1], u=self.u[:k], y=self.y[:k], plan=plan)
+        return Trajectory(
+            edges=self.edges[: k + 1], u=self.u[:k], y=self.y[:k], plan=plan, propagators=self.propagators
+        )
 
     def _inputs(self, start: Array, width: Array) -> Array:
         """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
