@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.signals import Signal
 
-LIFETIMES = 36.0
-"""A response is followed for so many time constants of its slowest mode: e^-36 = 2e-16 is rounding."""
-
 _AT_REST = 1e-13
 _ROUNDING = 1e-9
 """Relative distances from the final value: nothing to follow any more, and what rounding may leave at most."""
@@ -191,7 +188,7 @@ class Evaluation:
             for name in signals:
                 self.input_index(name)
             steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
-            pace = LIFETIMES / self.poles.slowest if np.isfinite(self.poles.slowest) else 1.0
+            pace = self.poles.lifetime or 1.0
             laws = self.diagram.laws(self.overrides, steps)
             self._simulated[key] = nonlinear.respond(laws, signals, duration, pace)
         return self._simulated[key]
@@ -228,12 +225,12 @@ class Evaluation:
         motions = self._motions(signals)
         inputs = [self.input_index(name) for name in signals]
         verdicts: dict[str, Verdict] = {}
-        slowest = np.inf
+        lifetime = 0.0
         for name in outputs:
             own = self._poles_of(path(self.system, inputs, [self.output_index(name)], self._poles_of).value)
             verdicts[name] = own.verdict
             if own.verdict is Verdict.OK:
-                slowest = min(slowest, own.slowest)
+                lifetime = max(lifetime, own.lifetime)
         decaying = [name for name in outputs if verdicts[name] is Verdict.OK]
         x0 = np.einsum("poi,pi->po", self.system.c1, self.system.x0)
         initials = {name: x0[:, self.output_index(name)] for name in outputs}
@@ -246,7 +243,7 @@ class Evaluation:
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
                 values = np.asarray((static_gain(part) @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
-            joint = _whole(part, signals, slowest, [finals[name] for name in decaying])
+            joint = _whole(part, signals, lifetime, [finals[name] for name in decaying])
             joint = motions.moved(joint, part) if motions else joint
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
@@ -304,13 +301,10 @@ class Evaluation:
 
 
 def _whole(
-    part: LaneSystem, signals: Mapping[str, Signal], slowest: float, finals: Sequence[Array | None]
+    part: LaneSystem, signals: Mapping[str, Signal], lifetime: float, finals: Sequence[Array | None]
 ) -> Trajectory:
-    """Return the response until nothing moves any more.
-
-    Modes in a row, as ten equal lags are, take longer than the slowest of them alone: t^9 e^-t.
-    """
-    horizon, rest = _horizon(part, signals, slowest), np.inf
+    """Return the response until nothing moves any more: a lifetime, and longer where that is not enough."""
+    horizon, rest = _horizon(part, signals, lifetime), np.inf
     while True:
         found = respond(part, list(signals.values()), horizon)
         if any(final is None for final in finals):
@@ -348,13 +342,12 @@ def _has_settled(values: npt.NDArray[np.float64]) -> bool:
     return bool(np.ptp(last) <= 1e-9 * np.abs(values).max())
 
 
-def _horizon(system: LaneSystem, signals: Mapping[str, Signal], slowest: float) -> float:
+def _horizon(system: LaneSystem, signals: Mapping[str, Signal], lifetime: float) -> float:
     """Return when nothing moves any more, s."""
     last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
     delays = float(system.delays[0].real.sum()) if system.m else 0.0
-    life = LIFETIMES / slowest if np.isfinite(slowest) else 0.0
     periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
-    horizon = last + delays + life + 3 * periods
+    horizon = last + delays + lifetime + 3 * periods
     return horizon if horizon > last else last + 1.0
 
 

@@ -33,6 +33,8 @@ _STILL = 1e-14
 _SAME = 4e-16
 """Two places of a piece, of length 1, that are nearer than this are one."""
 
+_MOST_AT_ONCE = 8192  # pieces whose scan fits a cache
+
 _NEAR = 0.02
 """Part of a piece's size from which on a turning point may hide two roots."""
 
@@ -330,6 +332,11 @@ def roots(nodes: Real) -> tuple[npt.NDArray[np.intp], Real]:
     (ndarray of int, ndarray), shapes (roots,)
         Piece and θ, in the order of time.
     """
+    if len(nodes) > _MOST_AT_ONCE:
+        starts = range(0, len(nodes), _MOST_AT_ONCE)
+        parts = [roots(nodes[k : k + _MOST_AT_ONCE]) for k in starts]
+        rows = [row + k for k, (row, _) in zip(starts, parts, strict=True)]
+        return np.concatenate(rows), np.concatenate([theta for _, theta in parts])
     scan = nodes @ _TO_SCAN.T
     negative = scan < 0
     changes = negative[:, :-1] != negative[:, 1:]

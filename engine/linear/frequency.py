@@ -31,6 +31,7 @@ SMALLEST_LOOP_GAIN = 1e-3
 """Crossings of a loop gain below this are not listed."""
 
 _STRAIGHT = 0.01
+_SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
 _SAME = 4e-16
 """Two frequencies that are nearer than this, relative to themselves, are one."""
 
@@ -156,11 +157,12 @@ class FrequencyResponse:
         n, m = s.n, s.m
         triangle, basis = self._schur
         right = basis.conj().T @ np.concatenate([s.b1[0].real, s.b2[0].real], axis=1)
-        x = np.zeros((len(frequencies), n, 1 + m), dtype=complex)
+        x = np.zeros((n, len(frequencies) * (1 + m)), dtype=complex)
         for row in range(n - 1, -1, -1):
-            known = np.einsum("l,klq->kq", triangle[row, row + 1 :], x[:, row + 1 :])
-            x[:, row] = (right[row] + known) / (1j * frequencies - triangle[row, row])[:, None]
-        outer = np.concatenate([s.c1[0].real, s.c2[0].real]) @ basis @ x  # (k, 1 + m, 1 + m)
+            known = (triangle[row, row + 1 :] @ x[row + 1 :]).reshape(-1, 1 + m)
+            x[row] = ((right[row] + known) / (1j * frequencies - triangle[row, row])[:, None]).ravel()
+            x[row][np.abs(x[row]) < _SILENT] = 0.0  # processors are slow with numbers near their smallest
+        outer = (np.concatenate([s.c1[0].real, s.c2[0].real]) @ basis @ x).reshape(1 + m, -1, 1 + m).swapaxes(0, 1)
         through = np.block([[s.d11[0].real, s.d12[0].real], [s.d21[0].real, s.d22[0].real]])
         transfer = outer + through
         if not m:
@@ -286,11 +288,12 @@ class FrequencyResponse:
             middle = np.sqrt(omega[where] * omega[where + 1])
             between = self(middle)
             bent = np.zeros(len(where), dtype=bool)
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 for shift in (0.0, 1.0):  # ln L and ln (1 + L): the sensitivity is sharp where L passes -1
                     ratio = (between + shift) ** 2 / ((values[where] + shift) * (values[where + 1] + shift))
                     bent |= ~(np.abs(np.log(ratio)) < _STRAIGHT)
             bent &= omega[where + 1] / omega[where] > 1 + 1e-9
+            bent &= ~(np.maximum(np.abs(values[where]), np.abs(values[where + 1])) < _SILENT)
             keep = where[bent]
             position = keep + 1
             omega = np.insert(omega, position, middle[bent])

@@ -15,7 +15,9 @@ import numpy as np
 
 from engine.linear.chebyshev import DEGREE, NODES, integration_matrix, weights
 from engine.linear.system import Array, LaneSystem
-from engine.linear.tangent import solve
+from engine.linear.tangent import INFINITESIMAL, solve
+
+_TRACE = 1e-150
 
 
 class Propagator(Protocol):
@@ -60,7 +62,7 @@ def stride(maps: Array, joint: Array, count: int) -> Array:
     starts = joint[:, :, None]
     while starts.shape[2] < count:
         starts = np.concatenate([starts, step @ starts], axis=2)
-        step = step @ step
+        step = without_traces(step @ step)
     states = maps.reshape(lanes, nodes * n, size) @ starts[:, :, :count]
     return np.asarray(states.reshape(lanes, nodes, n, count).transpose(3, 0, 1, 2))
 
@@ -77,10 +79,23 @@ def exponentials(matrices: Array) -> Array:
     identity = np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
     result = identity + scaled / 20
     for k in range(19, 0, -1):
-        result = identity + scaled @ result / k
+        result = identity + without_traces(scaled @ result) / k
     for _ in range(squarings):
-        result = result @ result
+        result = without_traces(result @ result)
     return np.asarray(result)
+
+
+def without_traces(values: Array) -> Array:
+    """Return the array with 0 for what is smaller than 1e-150: processors are slow with numbers near their smallest.
+
+    What comes through hundreds of lags in a row is that small at first. An infinitesimal is 1e-30 times smaller.
+    """
+    if np.iscomplexobj(values):
+        parts = values.view(np.float64)
+        parts[np.abs(parts) < _TRACE * INFINITESIMAL] = 0.0
+    else:
+        values[np.abs(values) < _TRACE] = 0.0
+    return values
 
 
 class Exponential:
