@@ -21,6 +21,9 @@ from storage.jobs.zygote import COMMAND, EXITED, KILL, START
 
 _PIECE = 1 << 20
 
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""A job's matrices are small, and jobs run beside each other: threads of the linear algebra would wait for one another."""
+
 
 class ChildDied(Exception):  # noqa: N818 - said as it is
     """A child ended without a word; the message says how."""
@@ -153,7 +156,11 @@ class Zygote:
                     [sys.executable, "-P", "-m", "storage.jobs.zygote", self._compute_path, str(theirs.fileno())],
                     stdin=subprocess.DEVNULL,
                     pass_fds=[theirs.fileno()],
-                    env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
+                    env={
+                        **_ONE_THREAD,
+                        **os.environ,
+                        "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path),
+                    },
                     start_new_session=True,
                 )
             self._control = ours
