@@ -27,6 +27,7 @@ from engine.linear.path import connected
 from engine.linear.sampled import Drive
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL
+from engine.nonlinear.recorded import simulate_recorded
 from optimizers.confidence import correlations, covariance
 from optimizers.methods.least_squares import Minimum, minimize_squares
 from optimizers.recording import Identification, Unknown, Window
@@ -184,7 +185,20 @@ class _Model:
 
     def simulate(self, x: Samples) -> dict[str, Samples]:
         """Return the whole outputs by name."""
-        return dict(zip(self.problem.recording.outputs, self._drive.respond(self._lanes(x))[0], strict=True))
+        return dict(zip(self.problem.recording.outputs, self._respond(x)[0], strict=True))
+
+    def _respond(self, x: Samples) -> tuple[Samples, Samples]:
+        """Return outputs (outputs, samples) and their derivatives by each unknown (unknowns, outputs, samples)."""
+        diagram = self.problem.diagram
+        if not diagram.nonlinear:
+            return self._drive.respond(self._lanes(x))
+        unknowns = self.problem.unknowns
+        values = {u.parameter: u.value(float(c)) for u, c in zip(unknowns, x, strict=True)}
+        laws = diagram.laws(values, dict.fromkeys(values, INFINITESIMAL))
+        inputs = np.zeros((len(diagram.inputs), self.inputs.shape[1]))
+        inputs[self._from] = self.inputs
+        names = tuple(self.problem.recording.outputs)
+        return simulate_recorded(laws, inputs, self.problem.recording.sample_time, outputs=names)
 
     def errors(self, x: Samples) -> tuple[Samples, Samples]:
         """Return residuals and Jacobian at the coordinates ``x``, infinite where the model has no usable response."""
@@ -193,7 +207,7 @@ class _Model:
         self.evaluations += 1
         unknowns = self.problem.unknowns
         try:
-            values, tangents = self._drive.respond(self._lanes(x))
+            values, tangents = self._respond(x)
         except EngineError:
             # an algebraic loop without a solution or a delay too short to follow: no model at these values
             values, tangents = (

@@ -124,6 +124,7 @@ class SimulationVariant(TypedDict):
     time: list[float]
     outputs: dict[str, list[float]]
     metrics: dict[str, dict[str, Metric]]
+    error_estimate: NotRequired[float | None]
 
 
 class Simulation(TypedDict):

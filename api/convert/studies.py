@@ -61,6 +61,7 @@ def simulation_to_wire(simulation: Simulation) -> dict[str, Any]:
             for output, metrics in simulation.metrics.items()
         },
         "verdict": str(simulation.verdict),
+        "error_estimate": None if simulation.error is None else number(simulation.error),
     }
 
 

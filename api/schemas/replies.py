@@ -149,6 +149,10 @@ class SimulationVariant(Reply):
     outputs: dict[str, Curve]
     metrics: dict[str, dict[str, MetricReply]]
     verdict: VerdictWord
+    error_estimate: float | None = Field(
+        default=None,
+        description="of the curves of a nonlinear system, relative to their largest values; null: exact to rounding",
+    )
 
 
 class SimulationReply(StudyReply):

@@ -24,6 +24,7 @@ from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
 from engine.fit import baselines, compare, passes, worst_interval
 from engine.linear.sampled import simulate_sampled
+from engine.nonlinear.recorded import simulate_recorded
 from optimizers.identification import identify
 from optimizers.recording import Recording
 from optimizers.result import Monitor
@@ -163,7 +164,11 @@ def _simulated(
     """Return the model's answer to the recorded inputs; those not recorded are 0."""
     with at(*place):
         system = diagram.realize(overrides)
+        laws = diagram.laws(overrides) if diagram.nonlinear else None
     rest = np.zeros(recording.samples)
     inputs = np.array([recording.inputs.get(name, rest) for name in diagram.inputs])
     names = tuple(recording.outputs)
+    if laws is not None:
+        values, _ = simulate_recorded(laws, inputs, recording.sample_time, outputs=names)
+        return dict(zip(names, values, strict=True))
     return dict(zip(names, simulate_sampled(system, inputs, recording.sample_time, outputs=names), strict=True))

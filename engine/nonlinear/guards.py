@@ -25,6 +25,11 @@ class Crossing:
     theta: float
 
 
+def crosses(values: Real, tolerance: float) -> npt.NDArray[np.bool_]:
+    """Return for each step whether a guard, (K, 17) at its nodes, becomes positive on it."""
+    return np.asarray((values @ _TO_SCAN.T > tolerance).any(axis=1) | (values[:, [0, -1]] > tolerance).any(axis=1))
+
+
 def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence[float]) -> Crossing | None:
     """Return the first crossing on a step.
 

@@ -13,7 +13,7 @@ A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Klu
 
 from __future__ import annotations
 
-import heapq
+import bisect
 import itertools
 import math
 from collections import deque
@@ -32,6 +32,8 @@ from engine.nonlinear.guards import Crossing, first_crossing
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
 from engine.nonlinear.switching import StoppedError, Switchboard
+from engine.nonlinear.windows import Chain, lines
+from engine.nonlinear.windows import solve as solve_chain
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -47,11 +49,12 @@ TOLERANCE: Final = 1e-11
 LARGEST: Final = 1e100
 """Beyond this a growing response is not followed."""
 
-MAX_STEPS: Final = 50_000
+MAX_STEPS: Final = 200_000
 CROWD: Final = 100
 """So many events within the millionth part of the time simulated are an accumulation."""
 
 _TOGETHER = 1e-12
+_FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
 _EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
 _SMOOTH = 6  # a kink that went through so many delays is smoother than the polynomials can see
 
@@ -93,7 +96,7 @@ class Outcome:
         return self.record.curve(self.record.u, index)
 
 
-@dataclass(order=True)
+@dataclass
 class _Stop:
     """An instant known beforehand: of the generation of an echo, or with a law that samples or updates there."""
 
@@ -103,6 +106,11 @@ class _Stop:
     generation: int = 0
     law: int | None = None
     updates: bool = False
+
+
+def _lateness(stop: _Stop) -> tuple[float, int]:
+    """Return what sorts stops so that the next one comes last, and can be taken off the end."""
+    return -stop.time, -stop.number
 
 
 class Integration:
@@ -115,7 +123,7 @@ class Integration:
         Inputs left out are 0.
     constants : ndarray, shape (inputs,), optional
         Added to the commands.
-    state : ndarray, shape (n,), optional
+    state : ndarray, shape (lanes, n), optional
         Begin here in place of the initial state.
     modes : sequence of int, optional
         Begin with these, which the guards then correct; chosen by the laws where absent.
@@ -130,7 +138,7 @@ class Integration:
         signals: Mapping[str, Signal],
         *,
         constants: Real | None = None,
-        state: Real | None = None,
+        state: Array | None = None,
         modes: Sequence[Mode] | None = None,
         clock: Callable[[], float] | None = None,
         wall_limit: float = math.inf,
@@ -139,7 +147,7 @@ class Integration:
         self.system = system
         self._signals = [signals.get(name) for name in system.inputs]
         self._constants = np.zeros(len(self._signals)) if constants is None else constants
-        self._board = Switchboard(system, system.start if state is None else state[None], modes, self._around)
+        self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
         self.record = Record(edges=[self._board.t])
         self._stepper = Stepper(system, self.record, tolerance, scheme())
         self._clock, self._wall = clock, wall_limit
@@ -152,6 +160,7 @@ class Integration:
         self._stops: list[_Stop] = []
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
+        self._chain, self._pause = _FEWEST, 0
         self._horizon = 0.0
         for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
             self._push(t, generation=0)
@@ -200,25 +209,25 @@ class Integration:
                 self._arrive(due)
             if self.now >= horizon * (1 - 1e-14):
                 return
-            stop = self._stops[0] if self._stops and self._stops[0].time < horizon else None
+            stop = self._stops[-1] if self._stops and self._stops[-1].time < horizon else None
             self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
 
     # instants known beforehand
 
     def _push(self, time: Any, *, generation: int = _SMOOTH, law: int | None = None, updates: bool = False) -> None:
         lanes = np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t
-        heapq.heappush(
-            self._stops,
-            _Stop(time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, generation=generation, law=law,
-                  updates=updates),
+        stop = _Stop(
+            time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, generation=generation, law=law,
+            updates=updates,
         )  # fmt: skip
+        bisect.insort(self._stops, stop, key=_lateness)
 
     def _due(self, horizon: float) -> list[_Stop]:
         """Take the stops at the present instant from the list."""
         grain = _TOGETHER * max(horizon, self.now)
         found = []
-        while self._stops and self._stops[0].time <= self.now + grain:
-            found.append(heapq.heappop(self._stops))
+        while self._stops and self._stops[-1].time <= self.now + grain:
+            found.append(self._stops.pop())
         return found
 
     def _arrive(self, due: Sequence[_Stop]) -> None:
@@ -263,7 +272,7 @@ class Integration:
     def _around(self, t: Array) -> tuple[Array, Array, Array]:
         """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
         # what is due now has been taken from the list
-        following = self._stops[0].time - self.now if self._stops else math.inf
+        following = self._stops[-1].time - self.now if self._stops else math.inf
         ahead = min(following, self._width, 1.0) if following > 0 else min(self._width, 1.0)
         u, du = self._command(ahead).near(np.zeros(1), t[:, None])
         return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
@@ -282,6 +291,8 @@ class Integration:
             width = min(width, self._first_width())
         if 0.5 * gap < width < gap:
             width = 0.5 * gap if width < 0.99 * gap else gap
+        if width == gap and self._many():
+            return
         order = len(self._stepper.method.points)
         while True:
             self._limits(width)
@@ -301,6 +312,42 @@ class Integration:
             self._accept(step, until, lanes)
         else:
             self._accept(step, self.now + width, None)
+
+    def _many(self) -> bool:
+        """Take the steps between many kinks of the commands at once; return whether that has led on."""
+        if self.system.delays.shape[-1] or len(self._stops) < self._chain or not self.system.states:
+            return False
+        self._pause -= 1
+        ahead = self._stops[: -self._chain - 1 : -1]
+        inside = ahead[-1].time < self._horizon and all(stop.law is None for stop in ahead)
+        if not inside or self._pause > 0 or np.any(self._board.t.imag):
+            return False
+        times = np.array([self.now, *(stop.time for stop in ahead)])
+        straight = lines(self._signals, times, self._constants) if np.all(np.diff(times) > 0) else None
+        chain = None if straight is None else solve_chain(self._stepper, self._board, straight)
+        if chain is None:
+            self._chain, self._pause = max(_FEWEST, self._chain // 2), _PAUSE
+            return False
+        taken = len(chain.path)
+        del self._stops[len(self._stops) - taken + 1 :]
+        if taken == self._chain:
+            self._chain = min(2 * self._chain, _MOST)
+        self._take(chain)
+        return True
+
+    def _take(self, chain: Chain) -> None:
+        """Append a chain of steps to the record and move to its end."""
+        self.steps += len(chain.path)
+        self._limits(math.inf)
+        lanes, board = self.system.lanes, self._board
+        flat = {name: part[0].real.reshape(-1, part.shape[-1]) for name, part in (("e", chain.e), ("y", chain.y))}
+        self._stepper.remember(chain.x.reshape(-1, chain.x.shape[-1]), flat)
+        self._stepper.forget()
+        self.error = max(self.error, chain.error)
+        self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
+        board.t, board.x = self.record.edges[-1].astype(board.t.dtype), chain.end.copy()
+        e, v = chain.e[:, -1], chain.v[:, -1]
+        board.arrived(e, v, self._stepper.quiet_slope(e, float(chain.lines.widths[-1])))
 
     def _first_width(self) -> float:
         """Return a first step from the fastest mode at this instant."""

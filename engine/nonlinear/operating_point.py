@@ -94,7 +94,7 @@ def operating_point(
 
 def _modes(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, ...] | None = None) -> tuple[Mode, ...]:
     """Return the modes that fit a state, coming from the modes ``before``."""
-    run = Integration(real, {}, constants=inputs, state=x, modes=before)
+    run = Integration(real, {}, constants=inputs, state=x[None], modes=before)
     try:
         return run.rest()
     except StoppedError:

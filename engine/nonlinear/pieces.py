@@ -94,6 +94,11 @@ class Record:
         self.u.append(u.swapaxes(0, 1))
         self.z.append(z.swapaxes(0, 1))
 
+    def extend(self, ends: Real, lanes: int, y: Array, u: Array) -> None:
+        """Add pieces that end at ``ends`` (K,), without infinitesimals; arrays (lanes, K, 17, ·)."""
+        for k, end in enumerate(ends):
+            self.append(np.full(lanes, end), y[:, k], u[:, k], np.zeros((lanes, y.shape[2], 0)))
+
     def curve(self, values: list[Array], index: int) -> Curve:
         """Return one signal of all pieces."""
         lanes = len(self.edges[0])

@@ -19,7 +19,7 @@ from engine.nonlinear.system import Flow, Instants, NonlinearSystem
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
@@ -27,7 +27,6 @@ Real = npt.NDArray[np.float64]
 _ROUNDING = 30 * 2.3e-16
 _FEEBLE = 1e-13
 _NOISE = 1e-12
-_OUTPUTS = 0.02  # Chebyshev coefficients of an output are cheaper to miss than those of a state, which feed back
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +74,9 @@ class Stepper:
         What the polynomial of a step may miss, relative to the largest value of each state so far.
     method : Scheme
     """
+
+    share = 0.02
+    """Coefficients of an output are cheaper to miss than those of a state, which feed back."""
 
     def __init__(self, system: NonlinearSystem, record: Record, tolerance: float, method: Scheme) -> None:
         self.system, self.real = system, system.value
@@ -147,35 +149,53 @@ class Stepper:
             guards.extend((number, k, np.broadcast_to(g, (1, len(NODES)))[0]) for k, g in enumerate(found))
         states = self._missed_states(path, nodes, drive.width)
         signals = {name: self._missed(name, values) for name, values in _watched(nodes).items()}
-        worst = max(states, *(_OUTPUTS * missed for missed in signals.values()))
+        worst = max(states, *(self.share * missed for missed in signals.values()))
         return Step(
             width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, signals["y"]),
             miss=worst / self.tolerance if math.isfinite(worst) else math.inf,
         )  # fmt: skip
 
     def _missed_states(self, path: Real, nodes: Nodes, width: float) -> float:
-        if not path.shape[1]:
-            return 0.0
-        x = np.abs(nodes.at.x[0]).max(axis=0)
-        floor = _ROUNDING * (x + width * np.abs(nodes.flow.f[0]).max(axis=0)) / self.tolerance
-        size = np.maximum(np.maximum(self.scale, x), floor)
-        size = np.maximum(size, _FEEBLE * size.max())
-        missed = np.abs(self.method.tail @ path).sum(axis=0)
-        return float(np.max(missed / np.where(size > 0, size, 1.0)))
+        return float(self.missed_by(path[None], nodes.at.x, nodes.flow.f, np.array([width]))[0])
+
+    def missed_by(self, path: Real, x: Real, f: Real, widths: Real) -> Real:
+        """Return what the polynomials of K steps miss of their states, (K,), relative to the largest values.
+
+        Starts and stages ``path`` (K, s + 1, n), states and rates at the nodes (K, 17, n).
+        """
+        if not path.shape[2]:
+            return np.zeros(len(path))
+        largest = np.abs(x).max(axis=1)
+        floor = _ROUNDING * (largest + widths[:, None] * np.abs(f).max(axis=1)) / self.tolerance
+        size = np.maximum(np.maximum(self.scale, largest), floor)
+        size = np.maximum(size, _FEEBLE * size.max(axis=1, keepdims=True))
+        missed = np.abs(self.method.tail @ path).sum(axis=1)
+        return np.asarray(np.max(missed / np.where(size > 0, size, 1.0), axis=1))
 
     def _missed(self, name: str, values: Real) -> float:
-        if not values.shape[1]:
-            return 0.0
-        size = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0))
-        size = np.maximum(size, _FEEBLE * size.max())
-        return float(np.max(tail(values) / np.where(size > 0, size, 1.0)))
+        return float(np.max(tail(values) / self.size_of(name, np.abs(values).max(axis=0)), initial=0.0))
+
+    def size_of(self, name: str, largest: Real) -> Real:
+        """Return how large signals are, (signals,), now that they have been as large as ``largest``."""
+        size = np.maximum(self._largest.get(name, 0.0), largest)
+        size = np.maximum(size, _FEEBLE * size.max(initial=0.0))
+        return np.where(size > 0, size, 1.0)
+
+    def quiet(self, slope: Array, e: Array, widths: Array) -> Array:
+        """Return slopes (K, 17, channels) without what differentiation makes of rounding, which is no motion."""
+        noise = _NOISE * np.abs(e).max(axis=1, keepdims=True) / np.abs(widths)[:, None, None]
+        return np.where(np.abs(slope) <= noise, 0.0, slope)
 
     def accept(self, step: Step, *, whole: bool) -> None:
         """Remember how large the signals of a step are; a ``whole`` one is the guess of the next."""
-        self.scale = np.maximum(self.scale, np.abs(step.nodes.at.x[0]).max(axis=0, initial=0.0))
-        for name, values in _watched(step.nodes).items():
-            self._largest[name] = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0, initial=0.0))
+        self.remember(step.nodes.at.x[0].real, _watched(step.nodes))
         self._last = (step.path, step.width) if whole else None
+
+    def remember(self, x: Real, signals: Mapping[str, Real]) -> None:
+        """Note how large states and signals are, arrays (N, ·)."""
+        self.scale = np.maximum(self.scale, np.abs(x).max(axis=0, initial=0.0))
+        for name, values in signals.items():
+            self._largest[name] = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0, initial=0.0))
 
     def _nodes(
         self, system: NonlinearSystem, path: Array, times: Array, drive: Command, modes: Sequence[Mode]
@@ -184,12 +204,13 @@ class Stepper:
         at = Instants(t=times, x=self.method.to_nodes @ path, u=u, du=du, w=self.delayed(times), modes=modes)
         flow = system.flow(at)
         y, z = system.read(at, flow.v)
-        width = (times[:, -1] - times[:, 0])[:, None, None]
-        slope = differentiation_matrix() @ flow.e / width
-        # what differentiation makes of rounding is no motion
-        noise = _NOISE * np.abs(flow.e).max(axis=1, keepdims=True) / np.abs(width)
-        slope[np.abs(slope) <= noise] = 0.0
+        widths = times[:, -1] - times[:, 0]
+        slope = self.quiet(differentiation_matrix() @ flow.e / widths[:, None, None], flow.e, widths)
         return Nodes(at=at, flow=flow, y=y, z=z, slope=slope)
+
+    def quiet_slope(self, e: Array, width: float) -> Array:
+        """Return the slopes in time of signals ``e`` (lanes, 17, channels) on one step."""
+        return self.quiet(differentiation_matrix() @ e / width, e, np.full(len(e), width))
 
     def lanes(self, step: Step, start: Array, begin: Array, end: Array) -> tuple[Array, Nodes]:
         """Return the step with its infinitesimals: start and stages (lanes, s + 1, n), and its nodes.

@@ -278,7 +278,8 @@ class NonlinearSystem:
         if not pairs:
             return self._rates(at, None)
         tangent = self.tangent(at.real)
-        if np.any(np.diagonal(tangent.gain, axis1=1, axis2=2) == 0):
+        spread = np.linalg.svd(tangent.gain, compute_uv=False)
+        if not np.all(spread[:, -1] > 0):
             names = ", ".join(
                 law.label for law, mode in zip(self.laws, at.modes, strict=True) if law.element.held(mode)
             )

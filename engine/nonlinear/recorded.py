@@ -1,0 +1,95 @@
+"""Response of a nonlinear system to a recorded input that is linear between its samples.
+
+The input is taken to have had its first value for ever: the response starts where the system then rests, or at its
+initial state where it does not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import UnresolvedError
+from engine.linear.tangent import slopes
+from engine.nonlinear.integrate import Integration
+from engine.nonlinear.operating_point import operating_point
+from engine.signals import make
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.nonlinear.system import NonlinearSystem
+
+Samples = npt.NDArray[np.float64]
+
+TOLERANCE: Final = 1e-9
+"""A recording is never as exact as this."""
+WALL_LIMIT: Final = 120.0
+
+
+def simulate_recorded(
+    system: NonlinearSystem,
+    inputs: Samples,
+    sample_time: float,
+    *,
+    outputs: Sequence[str] | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    wall_limit: float = WALL_LIMIT,
+) -> tuple[Samples, Samples]:
+    """Return the outputs at the samples of a recorded input, with their derivatives along every lane.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    inputs : ndarray, shape (inputs, samples)
+        Values at t = 0, h, 2h, ...; linear in between; each had its first value before t = 0.
+    sample_time : float
+        h in s.
+    outputs : sequence of str, optional
+        By default all of the system's.
+    clock, wall_limit : callable, float
+        The computation is given up when ``clock`` has gone on by ``wall_limit`` seconds.
+
+    Returns
+    -------
+    values : ndarray, shape (outputs, samples)
+        Infinite where the response grows beyond what can be followed.
+    tangents : ndarray, shape (lanes, outputs, samples)
+
+    Raises
+    ------
+    UnresolvedError
+        Where the response cannot be followed to its end.
+    """
+    names = system.outputs if outputs is None else tuple(outputs)
+    instants: Samples = sample_time * np.arange(inputs.shape[1], dtype=np.float64)
+    point = operating_point(system, dict(zip(system.inputs, inputs[:, 0].tolist(), strict=True)))
+    given = {
+        name: make("sampled", {"time": instants.tolist(), "values": row.tolist()})
+        for name, row in zip(system.inputs, inputs, strict=True)
+        if np.any(row)
+    }
+    run = Integration(
+        system, given, tolerance=TOLERANCE, clock=clock, wall_limit=wall_limit,
+        state=point.x if point.rests else None, modes=point.modes if point.rests else None,
+    )  # fmt: skip
+    outcome = run.advance(float(instants[-1]))
+    values = np.full((len(names), len(instants)), np.inf)
+    tangents = np.zeros((system.lanes, *values.shape))
+    if outcome.verdict is Verdict.UNSTABLE:
+        return values, tangents
+    if outcome.verdict is not Verdict.OK:
+        raise UnresolvedError(outcome.advice)
+    edges = np.array(outcome.record.times)
+    piece = np.clip(np.searchsorted(edges, instants, side="right") - 1, 0, len(edges) - 2)
+    for row, name in enumerate(names):
+        curve = outcome.output(system.outputs.index(name))
+        values[row] = curve.sample(instants)
+        for k, (number, instant) in enumerate(zip(piece, instants, strict=True)):
+            theta = (instant - edges[number]) / (edges[number + 1] - edges[number])
+            if system.complex:
+                tangents[:, row, k] = slopes(curve.at(int(number), float(np.clip(theta, 0.0, 1.0)), float(instant)))
+    return values, tangents
