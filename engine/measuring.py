@@ -78,7 +78,8 @@ def measure(
     Raises
     ------
     DiagramError
-        When a request names an unknown metric, input, output, endpoint or parameter.
+        When a request names an unknown metric, input, output, endpoint or parameter, or the gradient a number of a command
+        and the system is nonlinear.
     """
     if not gradient:
         found = findings(Evaluation(diagram, overrides), requests)
@@ -118,6 +119,9 @@ def _lanes(
     plain = [name for name in names if name not in zero]
     groups = ([plain] if plain else []) + [[name] for name in zero]
     found = [Evaluation(diagram, overrides, group) for group in groups]
+    if commands and diagram.nonlinear:
+        msg = f"a derivative by {commands[0].path} of a command must be that of a linear system, got a nonlinear one"
+        raise DiagramError(msg, at=("parameters",))
     return [*found, Evaluation(diagram, overrides, commands=commands)] if commands else found
 
 

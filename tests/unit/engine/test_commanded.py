@@ -9,7 +9,7 @@ import pytest
 
 from engine.commanded import CommandParameter
 from engine.diagram import compile_system
-from engine.errors import SignalError
+from engine.errors import DiagramError, SignalError
 from engine.measuring import MetricRequest, measure
 from engine.signals import changed, make
 from tests.unit.engine.diagrams import block, document
@@ -35,9 +35,20 @@ def arm(delay: float | None = None):
 
 TRAPEZOID = {"kind": "trapezoid", "distance": 2.0, "max_velocity": 1.5, "max_acceleration": 6.0, "start": 0.2}
 S_CURVE = {"kind": "s_curve", "distance": 2.0, "max_velocity": 1.5, "max_acceleration": 6.0, "max_jerk": 50.0}
-SHAPED = {"kind": "shaped", "shaper": "zvd", "frequency": 9.0, "damping_ratio": 0.08, "command": {"kind": "step", "start": 0.1}}
+SHAPED = {
+    "kind": "shaped",
+    "shaper": "zvd",
+    "frequency": 9.0,
+    "damping_ratio": 0.08,
+    "command": {"kind": "step", "start": 0.1},
+}
 EI = {"kind": "shaped", "shaper": "ei", "frequency": 9.0, "damping_ratio": 0.08, "command": TRAPEZOID}
-DELAYED = {"kind": "programmed_delay", "delay": 0.23, "share": 0.45, "command": {"kind": "step", "amplitude": 2.0, "start": 0.1}}
+DELAYED = {
+    "kind": "programmed_delay",
+    "delay": 0.23,
+    "share": 0.45,
+    "command": {"kind": "step", "amplitude": 2.0, "start": 0.1},
+}
 
 CASES = [
     ({"kind": "step", "amplitude": 2.0, "start": 0.3}, ["amplitude", "start"]),
@@ -150,3 +161,21 @@ def test_refuses_what_is_no_number(path, message) -> None:
 def test_knows_what_it_is() -> None:
     parameter = CommandParameter(signal=made(EI), path="command.max_velocity")
     assert (parameter.value, parameter.param.name, parameter.param.scale) == (1.5, "max_velocity", "log")
+
+
+def test_a_nonlinear_system_has_no_such_derivative_yet() -> None:
+    diagram = compile_system(
+        document(
+            {
+                "u": block("input"),
+                "limit": block("saturation", upper=1.0),
+                "lag": block("transfer_function", numerator=[1], denominator=[1, 1]),
+            },
+            ["u -> limit", "limit -> lag"],
+            {"y": "lag"},
+        )
+    )
+    signal = make("step")
+    request = MetricRequest(metric="peak", signals={"u": signal}, output="y")
+    with pytest.raises(DiagramError, match="must be that of a linear system"):
+        measure(diagram, [request], gradient=[CommandParameter(signal=signal, path="amplitude")])
