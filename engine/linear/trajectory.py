@@ -257,32 +257,35 @@ class _Run:
         edges = self.edges[: k + 1, 0].real
         t0, h = float(start[0].real), float(width[0].real)
         nodes = start[:, None] + width[:, None] * NODES  # (lanes, N + 1)
-        for i in range(s.m):
-            echo = self._echo(start - s.delays[:, i], width)
-            if echo is not None:
-                out[:, :, i] = self.z[echo, :, :, i].T
-                continue
-            past = nodes - s.delays[:, i, None]
-            inward = (t0 + h * (NODES + 1e-9 * (0.5 - NODES))) - float(s.delays[0, i].real)
-            known = (inward >= edges[0]) & (NODES * h <= float(s.delays[0, i].real) * (1 + 1e-9))
-            if not known.any():
-                continue
-            piece = np.clip(np.searchsorted(edges, inward, side="right") - 1, 0, k - 1)
-            theta = (past - self.edges[piece].T) / (self.edges[piece + 1] - self.edges[piece]).T
-            values = np.einsum("pjl,jlp->pj", weights(theta), self.z[piece, :, :, i])
-            out[:, known, i] = values[:, known]
+        echo = self._echoes(start, width)
+        heard = np.flatnonzero(echo >= 0)
+        out[:, :, heard] = self.z[echo[heard], :, :, heard].transpose(2, 1, 0)
+        apart = np.flatnonzero(echo < 0)
+        if not len(apart):
+            return out
+        delays = s.delays[:, apart].T  # (channels, lanes)
+        past = nodes - delays[:, :, None]
+        inward = (t0 + h * (NODES + 1e-9 * (0.5 - NODES))) - delays[:, :1].real
+        known = (inward >= edges[0]) & (NODES * h <= delays[:, :1].real * (1 + 1e-9))
+        piece = np.clip(np.searchsorted(edges, inward, side="right") - 1, 0, k - 1)  # (channels, N + 1)
+        begin, end = self.edges[piece].swapaxes(1, 2), self.edges[piece + 1].swapaxes(1, 2)
+        past_z = self.z[piece, :, :, apart[:, None]]
+        values = np.einsum("cpjl,cjlp->cpj", weights((past - begin) / (end - begin)), past_z)
+        out[:, :, apart] = np.where(known[:, None, :], values, 0.0).transpose(1, 2, 0)
         return out
 
-    def _echo(self, start: Array, width: Array) -> int | None:
-        """Return the piece that is exactly the interval asked for: one delay ago the segments were often the same."""
-        edges, h = self.edges[: self.count + 1, 0].real, float(width[0].real)
-        piece = int(np.searchsorted(edges, float(start[0].real) + h / 2, side="right")) - 1
-        if not 0 <= piece < self.count:
-            return None
-        apart = np.concatenate([self.edges[piece] - start, self.edges[piece + 1] - start - width])
-        near = 1e-12 * h
-        moved = 1e-12 * float(np.abs(start.imag).max(initial=0.0)) if np.iscomplexobj(start) else 0.0
-        return piece if np.abs(apart.real).max() <= near and np.abs(apart.imag).max() <= moved else None
+    def _echoes(self, start: Array, width: Array) -> npt.NDArray[np.intp]:
+        """Return, for each delay, the piece that is exactly the interval asked for, one delay ago; -1 where none is."""
+        edges, h = self.edges[: self.count + 1], float(width[0].real)
+        begin = (start[:, None] - self.s.delays).T  # (channels, lanes)
+        piece = np.searchsorted(edges[:, 0].real, begin[:, 0].real + h / 2, side="right") - 1
+        inside = (piece >= 0) & (piece < self.count)
+        there = np.where(inside, piece, 0)
+        apart = np.concatenate([edges[there] - begin, edges[there + 1] - begin - width], axis=1)
+        same = inside & (np.abs(apart.real).max(axis=1) <= 1e-12 * h)
+        if np.iscomplexobj(start):
+            same &= np.abs(apart.imag).max(axis=1) <= 1e-12 * float(np.abs(start.imag).max(initial=0.0))
+        return np.where(same, piece, -1)
 
 
 def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.complex128]) -> Array:
@@ -298,6 +301,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
     plan: list[_Segment] = []
+    dearer = 1 + system.m / 10  # what a step costs with many delays
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
     smallest = 0.25 / max(run.size, 1e-300)
@@ -331,8 +335,8 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
             watch.accept(good)
             run.append(replace(segment, count=good), nodes)
             plan.append(replace(segment, count=good))
-            if run.count > MAX_SEGMENTS or len(plan) > MAX_STEPS:
-                raise _unresolved("it is too lightly damped or too stiff", horizon)
+            if run.count > MAX_SEGMENTS or len(plan) * dearer > MAX_STEPS:
+                raise _unresolved("it is too lightly damped, too stiff or has too many delays", horizon)
             position += good * width
             most = min(2 * most, MOST_AT_ONCE)
             if trial:

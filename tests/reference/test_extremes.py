@@ -1,0 +1,100 @@
+"""Systems at the edge of what can be asked: each answers soon, or says soon why it does not."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine.diagram import Diagram
+from engine.errors import DiagramError
+from engine.study import MetricRequest, measure, simulate
+from engine.verdicts import Verdict
+from tests.reference.measuring import expect, step
+from tests.reference.systems import block, system, transfer_function
+
+
+def row(count: int, kind: str, last: dict[str, Any], **values: Any) -> Diagram:
+    """u -> count equal blocks -> plant -> y."""
+    names = [f"b{i}" for i in range(count)]
+    blocks = {"u": block("input"), **{name: block(kind, **values) for name in names}, "plant": block(**last)}
+    chain = ["u", *names, "plant"]
+    return system(blocks, [f"{a} -> {b}" for a, b in itertools.pairwise(chain)], {"y": "plant"})
+
+
+def test_five_hundred_blocks() -> None:
+    gain = 1.001
+    diagram = row(498, "gain", {"kind": "transfer_function", "numerator": [1], "denominator": [1, 1]}, gain=gain)
+    found = simulate(diagram, signals={"u": step()}, outputs=["y"]).metrics["y"]
+    expect(found["settling_time"], math.log(50))
+    expect(found["peak"], gain**498)
+
+
+def test_eighty_lags_in_a_row() -> None:
+    # mean and half the second moment of the gamma distribution with n = 80
+    lag = {"numerator": [1], "denominator": [1, 1]}
+    diagram = row(79, "transfer_function", {"kind": "transfer_function", **lag}, **lag)
+    requests = [MetricRequest(metric=name, signals={"u": step()}, output="y") for name in ("iae", "itae", "overshoot")]
+    (iae, _), (itae, _), (overshoot, _) = measure(diagram, requests)
+    expect(iae, 80)
+    expect(itae, 80 * 81 / 2)
+    expect(overshoot, 0)
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "rule"),
+    [
+        ([1, 0, 0], [1, 1], "numerator must be at most of the order"),
+        ([1], [], "denominator must have a coefficient other than 0"),
+        ([1], [0, 0], "denominator must have a coefficient other than 0"),
+        ([math.nan], [1, 1], "must be finite"),
+        ([1e300], [1e-300, 1], "must be finite"),
+    ],
+)
+def test_polynomials_that_are_none(numerator: list[float], denominator: list[float], rule: str) -> None:
+    with pytest.raises(DiagramError, match=rule):
+        simulate(transfer_function(numerator, denominator), signals={"u": step()})
+
+
+@pytest.mark.parametrize(
+    ("values", "rule"),
+    [
+        ({"time": -1.0}, "time must be >= 0 s, got -1"),
+        ({"time": math.inf}, "time must be finite, got inf"),
+        ({"time": 1.0, "approximation": "taylor"}, "approximation must be one of exact, pade, got 'taylor'"),
+        ({"time": 1.0, "approximation": "pade", "order": 0}, "order must be a whole number"),
+    ],
+)
+def test_delays_that_are_none(values: dict[str, Any], rule: str) -> None:
+    with pytest.raises(DiagramError, match=rule):
+        system({"u": block("input"), "late": block("delay", **values)}, ["u -> late"], {"y": "late"})
+
+
+def test_what_cannot_be_resolved_says_so() -> None:
+    # a damping ratio of 1e-9 needs some 10^10 periods
+    request = MetricRequest(metric="settling_time", signals={"u": step()}, output="y")
+    ((measured, _),) = measure(transfer_function([1], [1, 2e-9, 1]), [request])
+    assert (measured.value, measured.verdict) == (None, Verdict.DOUBTFUL)
+    assert "too lightly damped" in measured.advice
+
+
+def test_a_delay_of_a_quarter_of_an_hour_in_a_loop() -> None:
+    # (1/2) e^{-1000 s}/(s + 1): the steps settle at 1/3 by halves; the first reaches 1/2 before any echo comes
+    diagram = system(
+        {
+            "r": block("input"),
+            "e": block("sum", signs="+-"),
+            "late": block("delay", time=1000.0),
+            "lag": block("transfer_function", numerator=[0.5], denominator=[1, 1]),
+        },
+        ["r -> e.in1", "lag -> e.in2", "e -> late", "late -> lag"],
+        {"y": "lag"},
+    )
+    done = simulate(diagram, signals={"r": step()}, outputs=["y"], duration=4000.0, samples=9)
+    assert not done.curves["y"][done.time < 1000].any()
+    assert done.curves["y"][[3, 5, 7]] == pytest.approx([1 / 2, 1 / 4, 3 / 8], abs=1e-12)
+    expect(done.metrics["y"]["overshoot"], 0.5)
+    assert np.isfinite(done.curves["y"]).all()
