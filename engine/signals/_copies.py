@@ -6,6 +6,7 @@ u(t) = Σ_i amplitudes[i] c(t - times[i])
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,27 +48,41 @@ class Copies:
         inner = getattr(self.command, "copies", None)
         return len(self.times) * (inner.count if isinstance(inner, Copies) else 1)
 
+    @cached_property
+    def _instants(self) -> Array:
+        """The instants at which each copy breaks, shape (copies, breaks); those that rounding sets apart are made one."""
+        instants = np.add.outer(self.times, np.array(self.command.breakpoints()))
+        order = np.argsort(np.real(instants), axis=None, kind="stable")
+        found = instants.ravel()[order]
+        for k in range(1, len(found)):
+            if np.real(found[k] - found[k - 1]) <= _SAME * np.real(found[k]):
+                found[k] = found[k - 1]
+        merged = np.empty_like(found)
+        merged[order] = found
+        return np.asarray(merged.reshape(instants.shape))
+
     def value(self, t: Array) -> Array:
         """Return u at the instants ``t`` (s), of the same shape."""
+        breaks = np.real(np.array(self.command.breakpoints()))
+        now = np.real(t)
         total = 0.0 * t
-        breaks = np.array(self.command.breakpoints())
-        for time, amplitude in zip(self.times, self.amplitudes, strict=True):
+        for time, amplitude, instants in zip(self.times, self.amplitudes, np.real(self._instants), strict=True):
             local = t - time
-            # rounding must not move an instant to the other side of a jump of the command
-            for instant in breaks:
-                near = np.abs(np.real(local - instant)) <= _SAME * np.maximum(np.abs(np.real(t)), 1e-300)
-                snapped = np.real(instant) + 1j * np.imag(local) if np.iscomplexobj(local) else np.real(instant)
-                local = np.where(near, snapped, local)
-            copy = self.command.value(local)
-            total = total + np.where(np.real(local) >= 0, amplitude * copy, 0.0)
+            inside = np.real(local)
+            if np.any(np.abs(inside[..., None] - breaks) <= 4 * _SAME * np.abs(now)[..., None]):
+                # rounding must not move an instant to the other side of a jump of the command
+                for instant, edge in zip(instants, breaks, strict=True):
+                    before = np.nextafter(edge, -np.inf)
+                    inside = np.where(now >= instant, np.maximum(inside, edge), np.minimum(inside, before))
+                local = inside + 1j * np.imag(local) if np.iscomplexobj(local) else inside
+            total = total + np.where(inside >= 0, amplitude * self.command.value(local), 0.0)
         return np.asarray(total)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return the instants at which a copy or one of its derivatives jumps, coinciding ones once."""
-        instants = np.add.outer(self.times, np.array(self.command.breakpoints())).ravel()
-        instants = instants[np.argsort(np.real(instants), kind="stable")]
-        apart = np.diff(np.real(instants), prepend=-1.0) > _SAME * np.real(instants)
-        found: tuple[float, ...] = tuple(instants[apart].tolist())
+        instants = self._instants.ravel()
+        _, first = np.unique(np.real(instants), return_index=True)
+        found: tuple[float, ...] = tuple(instants[first].tolist())
         return found
 
     def final(self) -> float | None:

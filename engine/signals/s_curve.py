@@ -36,7 +36,7 @@ class SCurve(Signal):
     title = "S-curve"
     equation = "u⃛ = ±max_jerk or 0 in seven phases, |ü| ≤ max_acceleration, |u̇| ≤ max_velocity; u from 0 to distance"
     source = (
-        "L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008, sec. 3.4"
+        "L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008, sec. 3.4."
     )
     parameters = (
         Param(name="distance", symbol="h", default=1.0, doc="where the movement ends; it begins at 0"),

@@ -31,7 +31,7 @@ class Shaped(Signal):
     equation = "u(t) = Σ A_i · command(t − t_i); A_i, t_i of ZV, ZVD, ZVDD or EI"
     source = (
         "N. Singer, W. Seering, ASME J. Dyn. Syst. Meas. Control 112 (1990) 76-82; "
-        "W. Singhose, W. Seering, N. Singer, ASME J. Mech. Des. 116 (1994) 654-659 (EI)"
+        "W. Singhose, W. Seering, N. Singer, ASME J. Mech. Des. 116 (1994) 654-659 (EI)."
     )
     parameters = (
         Param(

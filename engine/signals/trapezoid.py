@@ -33,7 +33,7 @@ class Trapezoid(Signal):
     title = "Trapezoidal velocity"
     equation = "ü = ±max_acceleration until |u̇| = max_velocity, then 0, then the same in reverse; u from 0 to distance"
     source = (
-        "L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008, sec. 3.2"
+        "L. Biagiotti, C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, Springer 2008, sec. 3.2."
     )
     parameters = (
         Param(name="distance", symbol="h", default=1.0, doc="where the movement ends; it begins at 0"),
