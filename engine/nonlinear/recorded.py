@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import UnresolvedError
+from engine.linear.chebyshev import weights
 from engine.linear.tangent import slopes
 from engine.nonlinear.integrate import Integration
 from engine.nonlinear.operating_point import operating_point
@@ -88,8 +89,8 @@ def simulate_recorded(
     for row, name in enumerate(names):
         curve = outcome.output(system.outputs.index(name))
         values[row] = curve.sample(instants)
-        for k, (number, instant) in enumerate(zip(piece, instants, strict=True)):
-            theta = (instant - edges[number]) / (edges[number + 1] - edges[number])
-            if system.complex:
-                tangents[:, row, k] = slopes(curve.at(int(number), float(np.clip(theta, 0.0, 1.0)), float(instant)))
+        if system.complex:
+            local = (instants[:, None] - curve.edges[piece]) / (curve.edges[piece + 1] - curve.edges[piece])
+            inside = np.clip(local.real, 0.0, 1.0) + 1j * local.imag
+            tangents[:, row] = slopes(np.einsum("tlj,tjl->lt", weights(inside), curve.values[piece]))
     return values, tangents

@@ -1,0 +1,71 @@
+"""Recorded inputs: many short steps at once give what single steps give, infinitesimals included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.diagram import compile_system
+from engine.linear.tangent import INFINITESIMAL
+from engine.nonlinear import integrate
+from engine.nonlinear.recorded import simulate_recorded
+from optimizers.identification import identify
+from optimizers.problem import Variable
+from optimizers.recording import Identification, Recording
+from tests.unit.engine.diagrams import block, document
+
+H = 0.005
+
+
+def drive():
+    """Return a mass with friction of two directions on a spring, behind a saturation."""
+    return compile_system(
+        document(
+            {"u": block("input"), "s": block("saturation", lower=-6.0, upper=6.0), "n": block("sum", signs="+--"),
+             "v": block("integrator", gain=0.5), "x": block("integrator"), "k": block("gain", gain=30.0),
+             "f": block("friction", coulomb=1.0, static=1.3, viscous=2.0, coulomb_negative=1.6)},
+            ["u -> s", "s -> n.in1", "f -> n.in2", "k -> n.in3", "n -> v", "v -> x", "x -> k", "v -> f"],
+            {"x": "x", "v": "v"},
+        )
+    )  # fmt: skip
+
+
+def command(samples: int) -> np.ndarray:
+    t = H * np.arange(samples)
+    return (8 * np.sin(3 * t) * np.sin(0.4 * t) + 0.3 * np.random.default_rng(1).standard_normal(samples))[None]
+
+
+def test_many_steps_at_once_are_the_single_ones(monkeypatch):
+    parameters = {
+        "f.coulomb": INFINITESIMAL,
+        "f.viscous": INFINITESIMAL,
+        "v.gain": INFINITESIMAL,
+        "s.upper": INFINITESIMAL,
+    }
+    made, inputs = drive(), command(240)
+    values, slopes = simulate_recorded(made.laws(None, parameters), inputs, H)
+    monkeypatch.setattr(integrate, "_FEWEST", 10**6)
+    single, single_slopes = simulate_recorded(made.laws(None, parameters), inputs, H)
+    np.testing.assert_allclose(values, single, atol=1e-8 * np.abs(single).max())
+    for lane in range(4):
+        np.testing.assert_allclose(slopes[lane], single_slopes[lane], atol=1e-6 * np.abs(single_slopes[lane]).max())
+    h = 1e-6
+    for lane, name in enumerate(list(parameters)[:2]):
+        value = made.parameters[name].value
+        up, down = (simulate_recorded(made.laws({name: value + s * h}), inputs, H)[0] for s in (1, -1))
+        np.testing.assert_allclose(slopes[lane], (up - down) / (2 * h), atol=2e-3 * np.abs(slopes[lane]).max())
+
+
+def test_friction_is_identified_from_a_recording():
+    made, inputs = drive(), command(300)
+    truth = {"f.coulomb": 0.8, "f.viscous": 2.6}
+    measured, _ = simulate_recorded(made.laws(truth), inputs, H)
+    recording = Recording(
+        inputs={"u": inputs[0]}, outputs={"x": measured[0], "v": measured[1]}, sample_time=H,
+    )  # fmt: skip
+    problem = Identification(
+        diagram=made, recording=recording, split=0.8,
+        parameters=(Variable(parameter="f.coulomb", lower=0.1, upper=1.25), Variable(parameter="f.viscous", lower=0.1)),
+    )  # fmt: skip
+    found = identify(problem, rng=np.random.default_rng(0))
+    assert {name: estimate.value for name, estimate in found.parameters.items()} == pytest.approx(truth, rel=1e-5)
