@@ -108,7 +108,8 @@ class Exponential:
         joint = np.zeros((lanes, n + 2 * m, n + 2 * m), dtype=np.result_type(a, b, width))
         h = np.asarray(width)[:, None, None]
         # inputs in units (powers of two) that make B as large as A: the exponential would lose what a larger norm costs
-        size = max(float(np.abs(a[0]).max(initial=0.0)), 1e-300)
+        # (an integrator alone has no A to compare with: then as large as the segment is short)
+        size = float(np.abs(a[0]).max(initial=0.0)) or 1.0 / float(np.real(width).max())
         strength = np.maximum(np.abs(b[0]).max(axis=0, initial=0.0), 1e-300)
         self._units = 2.0 ** np.round(np.log2(strength / size))
         joint[:, :n, :n] = h * a
