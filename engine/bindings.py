@@ -108,7 +108,7 @@ class Bindings:
         valid = np.ones(members, dtype=bool)
         for index in change.checked:
             param = self.slots[index].param
-            valid &= np.isfinite(values[index]) if param is None else param.admits(values[index])
+            valid &= np.isfinite(np.asarray(values[index])) if param is None else param.admits(values[index])
         return valid
 
     def override_many(self, values: Mapping[int, Scalar], change: Change) -> list[Scalar]:

@@ -43,12 +43,9 @@ class _NotAnalyticError(ValueError):
     """A function is asked for a value where it has none, or no derivative; the text says which."""
 
 
-def _positive(value: Scalar, name: str) -> Scalar:
-    if isinstance(value, np.ndarray):
-        return np.where(value.real > 0, value, np.nan)
+def _check_positive(value: complex, name: str) -> None:
     if value.real <= 0:
         raise _NotAnalyticError(f"{name} needs a value > 0, got {value.real:g}")
-    return value
 
 
 def _sqrt(value: Scalar) -> Scalar:
@@ -60,16 +57,16 @@ def _sqrt(value: Scalar) -> Scalar:
         return value
     if value.real < 0:
         raise _NotAnalyticError(f"sqrt needs a value >= 0, got {value.real:g}")
-    value = _positive(value, "the derivative of sqrt")
+    _check_positive(value, "the derivative of sqrt")
     return cmath.sqrt(value) if isinstance(value, complex) else math.sqrt(value)
 
 
 def _log(value: Scalar) -> Scalar:
     if isinstance(value, Traced):
         return value.apply(Op.LOG)
-    value = _positive(value, "log")
     if isinstance(value, np.ndarray):
-        return np.asarray(np.log(value))
+        return np.asarray(np.log(np.where(value.real > 0, value, np.nan)))
+    _check_positive(value, "log")
     return cmath.log(value) if isinstance(value, complex) else math.log(value)
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Scale = Literal["linear", "log"]
 Shape = Literal["scalar", "list", "roots", "matrix", "text", "integer", "names", "signal"]
-Scalar: TypeAlias = Union[float, complex, npt.NDArray[Any], "Traced"]  # noqa: UP007 - a string has no |
+Scalar: TypeAlias = Union[float, complex, npt.NDArray[Any], "Traced"]  # a string has no |
 """One value, one with an infinitesimal in its imaginary part, a batch of values (B,), or one that traces its making."""
 
 

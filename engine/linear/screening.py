@@ -93,7 +93,9 @@ class Screening:
         values = np.full((batch, count), np.nan, dtype=complex if complex_lanes else float)
         if self._diagram.nonlinear:  # there is no exponential to march with: every value is found one by one
             every = np.ones((batch, count), dtype=bool)
-            return Screened(values=values, doubtful=every, growth=np.full(batch, np.nan), valid=np.ones(batch, dtype=bool))
+            return Screened(
+                values=values, doubtful=every, growth=np.full(batch, np.nan), valid=np.ones(batch, dtype=bool)
+            )
         doubtful = np.tile(~np.array(self.measurable, dtype=bool), (batch, 1))
         growth = np.full(batch, np.nan)
         valid = np.zeros(batch, dtype=bool)
