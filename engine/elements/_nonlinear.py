@@ -75,6 +75,8 @@ class NonlinearElement(Element):
     states: ClassVar[tuple[str, ...]] = ()
     modes: ClassVar[tuple[Mode, ...]] = (0,)
     """The modes; one stands for all others where they are numbered through (intervals, levels)."""
+    curved: ClassVar[bool] = False
+    """Whether :meth:`surface` is no linear function, so that it may lose its slope while it is held."""
     note: ClassVar[str] = ""
     """What stands for the slope where the law has none: said wherever the element is linearised."""
 
@@ -130,18 +132,18 @@ class NonlinearElement(Element):
         return Change(mode=mode)
 
     @classmethod
-    def held(cls, mode: Mode) -> tuple[int, int] | None:
-        """Return (output, input) where the output is whatever keeps that input from moving, None in other modes."""
+    def held(cls, mode: Mode) -> int | None:
+        """Return the output that is whatever keeps :meth:`surface` at 0, None in modes that hold nothing."""
         return None
 
     @classmethod
-    def target(cls, mode: Mode, values: Values) -> Any:
-        """Return the value at which :meth:`held` keeps the input."""
-        return 0.0
+    def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
+        """Return what a mode that holds keeps at 0: a function of the inputs, by default the first of them."""
+        return m.z[0]
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return what follows where the output of :meth:`held` has no influence on the rate of the input.
+        """Return what follows where the output of :meth:`held` has no influence on the rate of the surface.
 
         ``mode`` is the one before the law began to hold.
         """
@@ -234,6 +236,15 @@ def slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Value
     return Slopes(fx=f[..., :n], fz=f[..., n:], gx=g[..., :n], gz=g[..., n:])
 
 
+def surface_slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Array:
+    """Return the exact slopes (N, inputs) of what a law holds, as :func:`slopes` does."""
+    p = len(m.z)
+    step = 1j * STEP * np.eye(p)[:, :, None]
+    moved = Moment(t=m.t, x=m.x, z=[m.z[k] + step[k] for k in range(p)])
+    found = np.broadcast_to(element.surface(moved, mode, values), (p, np.shape(m.t)[-1]))
+    return np.asarray(found.imag.T / STEP)
+
+
 def linearized(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Realization:
     """Return the law's slopes around ``m``, arrays (lanes, 1), as a block; lanes become the batch axis.
 
@@ -310,4 +321,5 @@ __all__ = [
     "magnitude",
     "slopes",
     "stacked",
+    "surface_slopes",
 ]

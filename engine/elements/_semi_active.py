@@ -1,6 +1,6 @@
 """What switched semi-active laws share: a current that is on while a product of two signals is positive.
 
-i = i_on (s > 0), i_off (s < 0);   smoothly: i = i_off + (i_on - i_off) (1 + tanh(s/transition))/2
+i = i_on (s > 0), i_off (s < 0), between them where it is driven back to s = 0 from either side;   smoothly: i = i_off + (i_on - i_off) (1 + tanh(s/transition))/2
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
+from engine.errors import DiagramError
 from engine.parameters import Param
 
 OFF = Param(name="off", symbol="i_off", unit="A", default=0.0, doc="current while the damper is to be soft")
@@ -26,13 +27,23 @@ def transition(unit: str) -> Param:
     )  # fmt: skip
 
 
+_SLIDES = 2
+
+
 class SwitchedCurrent(NonlinearElement):
     """A current that follows the sign of a product; each law says of which."""
 
     note = "a law that switches has no slope: its current is taken as constant"
-    modes: ClassVar[tuple[Mode, ...]] = (0, 1)
+    modes: ClassVar[tuple[Mode, ...]] = (0, 1, _SLIDES)
+    curved = True
     entering: ClassVar[tuple[str, str]]
     example = {"off": 0.1, "transition": 0.4}
+
+    @classmethod
+    def check(cls, given: frozenset[str], values: Values) -> None:
+        """Refuse currents in the wrong order."""
+        if values["on"].real < values["off"].real:
+            raise DiagramError(f"on must be >= off ({values['off'].real:g} A), got {values['on'].real:g}", at=("on",))
 
     @classmethod
     def ports(cls, values: Values) -> Ports:
@@ -55,16 +66,38 @@ class SwitchedCurrent(NonlinearElement):
         off, on = values["off"], values["on"]
         if np.any(values["transition"]):
             return [off + (on - off) * 0.5 * (1 + np.tanh(cls.product(m) / values["transition"]))]
-        return [0.0 * m.z[0] + (on if mode else off)]
+        return [0.0 * m.z[0] + (on if mode == 1 else off)]
+
+    @classmethod
+    def held(cls, mode: Mode) -> int | None:
+        """Return that sliding holds the product."""
+        return 0 if mode == _SLIDES else None
+
+    @classmethod
+    def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
+        """Return the product."""
+        return cls.product(m)
+
+    @classmethod
+    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return the other current, as the product passes through 0; off where sliding has lost its direction."""
+        return Change(mode=1 if mode == 0 else 0)
+
+    @classmethod
+    def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
+        """Return that sliding ends where a signal jumps."""
+        return Change(mode=0 if mode == _SLIDES else mode)
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return how far the product has changed its sign."""
+        """Return how far the product has changed its sign, or the mean current is beyond the two currents."""
         if np.any(values["transition"]):
             return []
+        if mode == _SLIDES:
+            return [m.y[0] - values["on"], values["off"] - m.y[0]] if m.y else []
         return [-cls.product(m) if mode else cls.product(m)]
 
     @classmethod
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return the other current."""
-        return Change(mode=1 - mode)
+        """Return sliding, which shows where the product goes; from it to one of the currents."""
+        return Change(mode=(1, 0)[guard] if mode == _SLIDES else _SLIDES)

@@ -91,9 +91,9 @@ class Friction(NonlinearElement):
         return [mode * force + viscous * v]
 
     @classmethod
-    def held(cls, mode: Mode) -> tuple[int, int] | None:
+    def held(cls, mode: Mode) -> int | None:
         """Return that sticking holds the velocity."""
-        return (0, 0) if mode == _STICK else None
+        return 0 if mode == _STICK else None
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:

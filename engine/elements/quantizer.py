@@ -59,14 +59,14 @@ class Quantizer(NonlinearElement):
         return [values["step"] * (mode // 2)]
 
     @classmethod
-    def held(cls, mode: Mode) -> tuple[int, int] | None:
+    def held(cls, mode: Mode) -> int | None:
         """Return that an edge holds the input."""
-        return (0, 0) if mode % 2 else None
+        return 0 if mode % 2 else None
 
     @classmethod
-    def target(cls, mode: Mode, values: Values) -> Any:
-        """Return the edge."""
-        return values["step"] * (0.5 * mode)
+    def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
+        """Return how far the input is from the edge."""
+        return m.z[0] - values["step"] * (0.5 * mode)
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:

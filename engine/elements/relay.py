@@ -64,9 +64,9 @@ class Relay(NonlinearElement):
         return [values["high"] if mode > 0 else values["low"]]
 
     @classmethod
-    def held(cls, mode: Mode) -> tuple[int, int] | None:
+    def held(cls, mode: Mode) -> int | None:
         """Return that sliding holds the input."""
-        return (0, 0) if mode == 0 else None
+        return 0 if mode == 0 else None
 
     @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:

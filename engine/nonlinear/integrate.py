@@ -14,6 +14,7 @@ A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Klu
 from __future__ import annotations
 
 import bisect
+import contextlib
 import itertools
 import math
 from collections import deque
@@ -26,6 +27,7 @@ import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
 from engine.errors import UnresolvedError
+from engine.linear.chebyshev import NODES
 from engine.linear.curve import Curve
 from engine.nonlinear.collocation import scheme
 from engine.nonlinear.guards import Crossing, first_crossing
@@ -161,6 +163,7 @@ class Integration:
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
         self._chain, self._pause = _FEWEST, 0
+        self._loosened = -math.inf
         self._horizon = 0.0
         for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
             self._push(t, generation=0)
@@ -197,10 +200,20 @@ class Integration:
             verdict, advice = stop.verdict, stop.advice
         except UnresolvedError as error:
             verdict, advice = Verdict.DOUBTFUL, error.message
+        if not self.record.y:
+            self._stand()
         return Outcome(
             record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
             error=self.error, events=self.events, steps=self.steps, smooth=self.smooth, limits=self.system.limits,
         )  # fmt: skip
+
+    def _stand(self) -> None:
+        """Record the beginning as a piece of its own, where the response could not be followed from there at all."""
+        at = self._board.instant()
+        with contextlib.suppress(UnresolvedError):
+            y, z = self.system.read(at, self.system.channels(at)[1])
+            nodes = [np.repeat(part, len(NODES), axis=1) for part in (y, at.u, z)]
+            self.record.append(self._board.t + 1e-12 * max(self._horizon, 1e-300), *nodes)
 
     def _advance(self, horizon: float) -> None:
         while True:
@@ -295,7 +308,12 @@ class Integration:
             return
         order = len(self._stepper.method.points)
         while True:
-            self._limits(width)
+            if width < 1e-14 * max(self._horizon, self.now):
+                if self.now > self._loosened and self._board.loosen():
+                    self._loosened, self._width = self.now, math.inf
+                    return
+                self._fail()
+            self._limits()
             step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
             if step is not None and step.miss <= 1.0:
                 break
@@ -338,16 +356,19 @@ class Integration:
     def _take(self, chain: Chain) -> None:
         """Append a chain of steps to the record and move to its end."""
         self.steps += len(chain.path)
-        self._limits(math.inf)
+        self._limits()
         lanes, board = self.system.lanes, self._board
-        flat = {name: part[0].real.reshape(-1, part.shape[-1]) for name, part in (("e", chain.e), ("y", chain.y))}
+        linear = chain.x[None, :, :, : self.system.linear_states]
+        parts = (("e", chain.e), ("y", chain.y), ("u", chain.u), ("v", chain.v), ("x", linear))
+        flat = {name: part[0].real.reshape(-1, part.shape[-1]) for name, part in parts}
         self._stepper.remember(chain.x.reshape(-1, chain.x.shape[-1]), flat)
         self._stepper.forget()
         self.error = max(self.error, chain.error)
         self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
         board.t, board.x = self.record.edges[-1].astype(board.t.dtype), chain.end.copy()
         e, v = chain.e[:, -1], chain.v[:, -1]
-        board.arrived(e, v, self._stepper.quiet_slope(e, float(chain.lines.widths[-1])))
+        slope = self._stepper.quiet_slope(e, float(chain.lines.widths[-1]))
+        board.arrived(e, v, slope, noise=self._stepper.noise(), states=self._stepper.scale)
 
     def _first_width(self) -> float:
         """Return a first step from the fastest mode at this instant."""
@@ -357,10 +378,8 @@ class Integration:
         fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
         return 4.0 / fastest if fastest > 0 else math.inf
 
-    def _limits(self, width: float) -> None:
+    def _limits(self) -> None:
         self.steps += 1
-        if width < 1e-14 * max(self._horizon, self.now):
-            self._fail()
         if self.steps > MAX_STEPS:
             self._stop(f"after {MAX_STEPS} steps")
         if self._clock is not None and self._clock() - self._began > self._wall:
@@ -396,7 +415,8 @@ class Integration:
             board.t, last = np.full(1, end), step.path[-1:]
         board.x = last.copy()
         self.record.append(board.t, nodes.y, nodes.at.u, nodes.z)
-        board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope)
+        noise, states = self._stepper.noise(), self._stepper.scale
+        board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope, noise=noise, states=states)
         if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
             raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {end:.6g} s")
 

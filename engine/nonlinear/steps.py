@@ -31,13 +31,17 @@ _NOISE = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nodes:
-    """What a step does at its Chebyshev nodes, arrays (lanes, 17, ·); ``slope`` of the laws' inputs in time."""
+    """What a step does at its Chebyshev nodes, arrays (lanes, 17, ·); ``slope`` of the laws' inputs in time.
+
+    The first ``linear`` states belong to the linear part.
+    """
 
     at: Instants
     flow: Flow
     y: Array
     z: Array
     slope: Array
+    linear: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,6 +87,8 @@ class Stepper:
         self.record, self.tolerance, self.method = record, tolerance, method
         self.scale = np.zeros(system.states)
         self._largest: dict[str, Real] = {}
+        parts = {"y": ("c1", "d11", "d13"), "z": ("c2", "d21", "d23"), "e": ("c3", "d31", "d33")}
+        self._rows = {name: [np.abs(self.real.matrices[m][0]) for m in of] for name, of in parts.items()}
         self._last: tuple[Real, float] | None = None
 
     def forget(self) -> None:
@@ -148,7 +154,9 @@ class Stepper:
             found = law.element.guards(seen, modes[number], law.real)
             guards.extend((number, k, np.broadcast_to(g, (1, len(NODES)))[0]) for k, g in enumerate(found))
         states = self._missed_states(path, nodes, drive.width)
-        signals = {name: self._missed(name, values) for name, values in _watched(nodes).items()}
+        watched = _watched(nodes)
+        loud = self.loudness({name: np.abs(values).max(axis=0) for name, values in watched.items()})
+        signals = {name: float(np.max(tail(watched[name]) / loud[name], initial=0.0)) for name in ("e", "y", "z")}
         worst = max(states, *(self.share * missed for missed in signals.values()))
         return Step(
             width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, signals["y"]),
@@ -172,14 +180,25 @@ class Stepper:
         missed = np.abs(self.method.tail @ path).sum(axis=1)
         return np.asarray(np.max(missed / np.where(size > 0, size, 1.0), axis=1))
 
-    def _missed(self, name: str, values: Real) -> float:
-        return float(np.max(tail(values) / self.size_of(name, np.abs(values).max(axis=0)), initial=0.0))
+    def noise(self) -> Real:
+        """Return what rounding makes of the laws' inputs, (channels,)."""
+        of_states, of_inputs, of_laws = self._rows["e"]
+        terms = of_states @ self._largest["x"] + of_inputs @ self._largest["u"] + of_laws @ self._largest["v"]
+        return np.asarray(_ROUNDING * terms)
 
-    def size_of(self, name: str, largest: Real) -> Real:
-        """Return how large signals are, (signals,), now that they have been as large as ``largest``."""
-        size = np.maximum(self._largest.get(name, 0.0), largest)
-        size = np.maximum(size, _FEEBLE * size.max(initial=0.0))
-        return np.where(size > 0, size, 1.0)
+    def loudness(self, largest: Mapping[str, Real]) -> dict[str, Real]:
+        """Return how large laws' inputs, outputs and delayed signals are, now that all are as large as ``largest``.
+
+        A difference of large signals is not known better than they are.
+        """
+        size = {name: np.maximum(self._largest.get(name, 0.0), values) for name, values in largest.items()}
+        found = {}
+        for name, (of_states, of_inputs, of_laws) in self._rows.items():
+            terms = of_states @ size["x"] + of_inputs @ size["u"] + of_laws @ size["v"]
+            own = np.maximum(size[name], _ROUNDING * terms / self.tolerance)
+            own = np.maximum(own, _FEEBLE * own.max(initial=0.0))
+            found[name] = np.where(own > 0, own, 1.0)
+        return found
 
     def quiet(self, slope: Array, e: Array, widths: Array) -> Array:
         """Return slopes (K, 17, channels) without what differentiation makes of rounding, which is no motion."""
@@ -206,7 +225,7 @@ class Stepper:
         y, z = system.read(at, flow.v)
         widths = times[:, -1] - times[:, 0]
         slope = self.quiet(differentiation_matrix() @ flow.e / widths[:, None, None], flow.e, widths)
-        return Nodes(at=at, flow=flow, y=y, z=z, slope=slope)
+        return Nodes(at=at, flow=flow, y=y, z=z, slope=slope, linear=system.linear_states)
 
     def quiet_slope(self, e: Array, width: float) -> Array:
         """Return the slopes in time of signals ``e`` (lanes, 17, channels) on one step."""
@@ -242,4 +261,7 @@ class Stepper:
 
 
 def _watched(nodes: Nodes) -> dict[str, Real]:
-    return {"e": nodes.flow.e[0].real, "y": nodes.y[0].real, "z": nodes.z[0].real}
+    return {
+        "e": nodes.flow.e[0].real, "y": nodes.y[0].real, "z": nodes.z[0].real, "v": nodes.flow.v[0].real,
+        "u": nodes.at.u[0].real, "x": nodes.at.x[0, :, : nodes.linear].real,
+    }  # fmt: skip

@@ -7,6 +7,7 @@ move the input's rate, it is let go again. Changes of mode in one instant that d
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ MAX_SWITCHES = 60
 """So many changes of mode in one instant do not end by themselves."""
 
 _JUMP = 1e-9
+_AT_REST = 1e-12
+_SMALL = 1e-6
 
 
 class StoppedError(Exception):
@@ -71,11 +74,16 @@ class Switchboard:
         self._before: tuple[Array, Array, Array | None] | None = None
         self._scale: dict[tuple[int, Mode, int], float] = {}
         self._largest = np.zeros(system.matrices["c3"].shape[-2])
+        self._noise, self._states = np.zeros_like(self._largest), np.zeros(system.states)
 
     # what the step before has left
 
-    def arrived(self, e: Array, v: Array, slope: Array) -> None:
-        """Note the channels (lanes, 17, channels) of the step that ends at the present instant, and their slopes."""
+    def arrived(self, e: Array, v: Array, slope: Array, *, noise: Array, states: Array) -> None:
+        """Note the channels (lanes, 17, channels) of the step that ends at the present instant, and their slopes.
+
+        ``noise`` (channels,) is what rounding makes of the laws' inputs, ``states`` (n,) how large the states have been.
+        """
+        self._noise, self._states = noise, states
         self._before = e[:, -1:], v[:, -1:], slope[:, -1:]
         self._largest = np.maximum(self._largest, np.abs(e[0].real).max(axis=0, initial=0.0))
 
@@ -83,7 +91,10 @@ class Switchboard:
         """Return what counts as 0 for a guard that has these values on a step."""
         key = (number, self.modes[number], guard)
         self._scale[key] = max(self._scale.get(key, 0.0), float(np.abs(values).max()))
-        return NEGLIGIBLE * self._scale[key]
+        return max(NEGLIGIBLE * self._scale[key], self._rounding(number))
+
+    def _rounding(self, number: int) -> float:
+        return float(self._noise[self.system.laws[number].inputs].max(initial=0.0))
 
     # the present instant
 
@@ -135,6 +146,18 @@ class Switchboard:
             if not self._correct():
                 return
 
+    def loosen(self) -> bool:
+        """Let laws go that hold a curved surface, which has lost its slope here; return whether there were some."""
+        found = False
+        for number, law in enumerate(self.system.laws):
+            mode = self.modes[number]
+            if law.element.curved and law.element.held(mode) is not None:
+                at = self.instant()
+                e, v = self.system.channels(at)
+                change = law.element.unheld(self.system.seen(number, at, e, v), mode, law.values)
+                self.modes[number], found = change.mode, True
+        return found
+
     def _put(self, number: int, states: Sequence[Any] | None) -> None:
         law = self.system.laws[number]
         if states is not None and law.states.stop > law.states.start:
@@ -178,7 +201,8 @@ class Switchboard:
             found = law.element.guards(seen, mode, law.values)
             size = float(self._largest[law.inputs].max(initial=0.0))
             for k, guard in enumerate(found):
-                if float(np.ravel(guard)[0].real) > NEGLIGIBLE * self._scale.get((number, mode, k), size):
+                least = max(NEGLIGIBLE * self._scale.get((number, mode, k), size), self._rounding(number))
+                if float(np.ravel(guard)[0].real) > least:
                     self._change(number, k, seen)
                     return True
         return False
@@ -186,25 +210,38 @@ class Switchboard:
     def _entered(self, number: int, before: Mode) -> None:
         """Make a law, so far in the mode ``before``, that begins to hold an input really hold it, or let it go."""
         law = self.system.laws[number]
-        pair = law.element.held(self.modes[number])
-        if pair is None:
+        output = law.element.held(self.modes[number])
+        if output is None:
             return
         at = self.instant()
-        if not self.real.holdable(number, at.real):
+        moved = self._impulse(number, at) if self.real.holdable(number, at.real) else None
+        if moved is None:
             e, v = self.system.channels(at)
             change = law.element.unheld(self.system.seen(number, at, e, v), before, law.values)
             self.modes[number] = change.mode
             self._put(number, change.x)
             return
+        self.x = moved
         tangent = self.real.tangent(at.real)
-        held = law.inputs.start + pair[1]
-        row = self.system.holds(self.modes).index((law.outputs.start + pair[0], held))
-        impulse = tangent.fm[0] @ np.linalg.inv(tangent.gain[0])[:, row]
-        target = law.element.target(self.modes[number], law.values)
-        self.x = self.x.copy()
-        for _ in range(3):
-            e, _ = self.system.channels(self.instant())
-            self.x = self.x - impulse * (e[:, 0, held, None] - target)
+        row = self.system.holds(self.modes).index((law.outputs.start + output, number))
         places = np.flatnonzero(tangent.hold[0, row])
-        if len(places) == 1 and not np.any(target) and not np.any(self.real.matrices["d31"][0, held]):
-            self.x[:, places[0]] = 0.0  # the input is this state itself
+        if len(places) == 1:
+            place = int(places[0])
+            seen_as = abs(float(tangent.hold[0, row, place]) * float(self.x[0, place].real))
+            if seen_as <= _AT_REST * float(self._largest[law.inputs].max(initial=0.0)):
+                self.x[:, place] = 0.0  # what is held is this state itself
+
+    def _impulse(self, number: int, at: Instants) -> Array | None:
+        """Return the states with what a law begins to hold at exactly 0; None where that is no small correction."""
+        law = self.system.laws[number]
+        tangent = self.real.tangent(at.real)
+        row = [held for _, held in self.system.holds(self.modes)].index(number)
+        impulse = tangent.fm[0] @ np.linalg.inv(tangent.gain[0])[:, row]
+        x = self.x
+        for _ in range(3):
+            now = replace(at, x=x[:, None])
+            e, v = self.system.channels(now)
+            away = law.element.surface(self.system.seen(number, now, e, v), self.modes[number], law.values)
+            x = x - impulse * away
+        allowed = _SMALL * np.maximum(self._states, np.abs(self.x[0].real))
+        return x if np.all(np.abs((x - self.x)[0].real) <= allowed) else None

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from engine.elements._base import Values
-from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals, slopes, stacked
+from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals, slopes, stacked, surface_slopes
 from engine.errors import Path, UnresolvedError
 from engine.nonlinear.loops import solve_loop
 
@@ -95,16 +95,17 @@ class Flow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tangent:
-    """Slopes of a system at N instants: of the rates ``f`` and law inputs ``e`` by states ``x``, held outputs ``m``.
+    """Slopes of a system at N instants: of the rates ``f`` and of what is held, by states ``x`` and held outputs ``m``.
 
-    Shapes: ``fx`` (N, n, n), ``fm`` (N, n, held), ``ex`` (N, channels, n), ``em`` (N, channels, held). ``hold`` are rows
-    of ``ex`` of the held inputs, ``gain`` (N, held, held) how the held outputs move their rates.
+    Shapes: ``fx`` (N, n, n), ``fm`` (N, n, held); of what is held ``surface`` (N, held, channels) by the laws' inputs,
+    ``hold`` (N, held, n) by the states, ``em`` (N, held, held) by the held outputs at once, ``gain`` (N, held, held) of
+    its rate by the held outputs.
     """
 
     fx: Array
     fm: Array
-    ex: Array
     em: Array
+    surface: Array
     hold: Array
     gain: Array
 
@@ -214,12 +215,12 @@ class NonlinearSystem:
         return done
 
     def holds(self, modes: Modes) -> list[tuple[int, int]]:
-        """Return (output channel, input channel) of every held input."""
+        """Return (output channel, law) of every law that holds something."""
         found = []
-        for law, mode in zip(self.laws, modes, strict=True):
-            pair = law.element.held(mode)
-            if pair is not None:
-                found.append((law.outputs.start + pair[0], law.inputs.start + pair[1]))
+        for number, (law, mode) in enumerate(zip(self.laws, modes, strict=True)):
+            output = law.element.held(mode)
+            if output is not None:
+                found.append((law.outputs.start + output, number))
         return found
 
     def moment(self, law: Law, t: Array, x: Array, e: Array) -> Moment:
@@ -278,20 +279,25 @@ class NonlinearSystem:
         if not pairs:
             return self._rates(at, None)
         tangent = self.tangent(at.real)
-        spread = np.linalg.svd(tangent.gain, compute_uv=False)
-        if not np.all(spread[:, -1] > 0):
+        try:
+            inverse = np.linalg.inv(tangent.gain)[None]
+        except np.linalg.LinAlgError:
+            inverse = np.full(tangent.gain.shape, np.nan)
+        if not np.isfinite(inverse).all():
             names = ", ".join(
-                law.label for law, mode in zip(self.laws, at.modes, strict=True) if law.element.held(mode)
+                law.label for law, mode in zip(self.laws, at.modes, strict=True) if law.element.held(mode) is not None
             )
             msg = f"what {names} hold must be moved by their outputs, but it is not"
-            raise UnresolvedError(msg)
-        inputs = [j for _, j in pairs]
-        drift = at.du @ self._rows["d31"][..., inputs]
+            raise UnresolvedError(msg) from None
+        # how fast the commands themselves move what is held
+        drift = (at.du[..., None, :] @ (tangent.surface @ self.value.matrices["d31"][0]).swapaxes(-1, -2)[None])[
+            ..., 0, :
+        ]
         held = np.zeros((*at.x.shape[:-1], len(pairs)), dtype=at.x.dtype)
         for _ in range(3 if np.iscomplexobj(at.x) else 2):
             flow = self._rates(at, held)
             rate = (tangent.hold[None] @ flow.f[..., None])[..., 0] + drift
-            held = held - np.linalg.solve(tangent.gain[None], rate[..., None])[..., 0]
+            held = held - (inverse @ rate[..., None])[..., 0]
         flow = self._rates(at, held)
         flow.f[..., _pinned(tangent, drift)] = 0.0
         return flow
@@ -344,20 +350,25 @@ class NonlinearSystem:
         fx[:, :nl] += m["b3"] @ vx
         fx[:, :nl, :nl] += m["a"]
         fm[:, :nl] += m["b3"] @ vm
-        inputs = [j for _, j in pairs]
-        hold = ex[:, inputs]
-        return Tangent(fx=fx, fm=fm, ex=ex, em=em, hold=hold, gain=hold @ fm)
+        surface = np.zeros((count, len(pairs), ne))
+        for k, (_, number) in enumerate(pairs):
+            law = real.laws[number]
+            seen = real.moment(law, at.t, at.x, e)
+            surface[:, k, law.inputs] = surface_slopes(law.element, seen, at.modes[number], law.values)
+        hold = surface @ ex
+        return Tangent(fx=fx, fm=fm, em=surface @ em, surface=surface, hold=hold, gain=hold @ fm)
 
     def holdable(self, number: int, at: Instants) -> bool:
-        """Return whether the held output of law ``number`` moves the rate of its held input at one real instant."""
+        """Return whether the held output of law ``number`` can keep what it holds where it is, at one real instant."""
         law = self.laws[number]
-        pair = law.element.held(at.modes[number])
-        assert pair is not None
+        output = law.element.held(at.modes[number])
+        assert output is not None
         tangent = self.tangent(at)
-        place = self.holds(at.modes).index((law.outputs.start + pair[0], law.inputs.start + pair[1]))
+        place = self.holds(at.modes).index((law.outputs.start + output, number))
         reach = float(np.abs(tangent.hold[0, place]) @ np.abs(tangent.fm[0, :, place]))
-        direct = bool(np.any(tangent.em[0, law.inputs.start + pair[1]]))
-        if direct or reach == 0.0 or abs(float(tangent.gain[0, place, place])) <= _WEAK * reach:
+        direct = bool(np.any(tangent.em[0, place]))
+        # an output that grows with what is held must drive it back: otherwise it is left, not held
+        if direct or float(tangent.gain[0, place, place]) >= -_WEAK * reach:
             return False
         spread = np.linalg.svd(tangent.gain[0] / np.abs(np.diag(tangent.gain[0]))[:, None], compute_uv=False)
         return bool(spread[-1] > _WEAK * spread[0])

@@ -149,11 +149,13 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     x, f, e, out = (part[0].reshape(*shape) for part in (at.x, flow.f, flow.e, y))
     miss = stepper.missed_by(path, x, f, straight.widths)
     seen = np.zeros(count)
-    for name, values in (("e", e), ("y", out)):
-        if values.shape[2]:
-            size = stepper.size_of(name, np.abs(values).max(axis=(0, 1)))
-            coefficients = np.abs(coefficient_matrix()[-2:] @ values).sum(axis=1)
-            seen = np.max(coefficients / size, axis=1)
+    watched = {"e": e, "y": out, "z": np.zeros((count, nodes, 0)), "x": x[:, :, : real.linear_states]}
+    watched |= {name: part[0].reshape(*shape) for name, part in (("u", at.u), ("v", flow.v))}
+    loud = stepper.loudness({name: np.abs(values).max(axis=(0, 1)) for name, values in watched.items()})
+    for name in ("e", "y"):
+        if watched[name].shape[2]:
+            coefficients = np.abs(coefficient_matrix()[-2:] @ watched[name]).sum(axis=1)
+            seen = np.max(coefficients / loud[name], axis=1)
             miss = np.maximum(miss, stepper.share * seen)
     good = miss <= stepper.tolerance
     slope = stepper.quiet(differentiation_matrix() @ e / straight.widths[:, None, None], e, straight.widths)
