@@ -34,10 +34,7 @@ def own_service(folder: Path) -> Iterator[servotune.Client]:
     settings = {
         "SERVOTUNE_DATABASE_URL": f"sqlite:///{(folder / 'demo.db').resolve()}",
         "SERVOTUNE_BOOTSTRAP_KEY": key,
-        # A job for each core, and one thread for each job: threads of several jobs would only wait for each other.
         "SERVOTUNE_WORKER_SLOTS": str(os.cpu_count() or 1),
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
     }
     log = folder / "service.log"
     command = [sys.executable, "-m", "servotune", "serve", "--host", "127.0.0.1", "--port", str(port)]

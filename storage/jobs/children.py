@@ -21,9 +21,6 @@ from storage.jobs.zygote import COMMAND, EXITED, KILL, START
 
 _PIECE = 1 << 20
 
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""A job's matrices are small, and jobs run beside each other: threads of the linear algebra would wait for one another."""
-
 
 class ChildDied(Exception):  # noqa: N818 - said as it is
     """A child ended without a word; the message says how."""
@@ -157,7 +154,6 @@ class Zygote:
                     stdin=subprocess.DEVNULL,
                     pass_fds=[theirs.fileno()],
                     env={
-                        **_ONE_THREAD,
                         **os.environ,
                         "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path),
                     },

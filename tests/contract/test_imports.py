@@ -12,9 +12,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def run(*command: str) -> subprocess.CompletedProcess[str]:
+def run(*command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    inherited = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "NO_COLOR": "1"}
+        command,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**inherited, "NO_COLOR": "1", **environment},
     )
 
 
@@ -40,3 +46,17 @@ def test_a_fresh_process_does_not_load(module: str, absent: tuple[str, ...]) -> 
     done = run(sys.executable, "-c", code)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads must be countable in /proc")
+@pytest.mark.parametrize("module", ["api.commands", "api.main", "api.worker"])
+def test_the_service_computes_with_one_thread_of_linear_algebra(module: str) -> None:
+    code = f"import os, {module}, numpy, scipy.linalg; print(len(os.listdir('/proc/self/task')))"
+    done = run(sys.executable, "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["1"]
+
+
+def test_threads_that_a_user_asks_for_are_left() -> None:
+    done = run(sys.executable, "-c", "import os, api; print(os.environ['OMP_NUM_THREADS'])", OMP_NUM_THREADS="3")
+    assert done.stdout.split() == ["3"]
