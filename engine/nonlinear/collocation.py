@@ -29,7 +29,13 @@ from engine.linear.chebyshev import NODES
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
 
-STAGES = 9
+STAGES = 13
+SHORT_STAGES = 7
+"""For steps that are short already, because a command kinks at every sample; and for the equations of many states."""
+
+MANY_STATES = 40
+"""From here on the equations of a step are what costs, and fewer points are cheaper."""
+
 _NEWTON = 12
 _EPS = 2.3e-16
 
@@ -69,7 +75,7 @@ def _radau(stages: int) -> Real:
 
 
 @cache
-def scheme(stages: int = STAGES) -> Scheme:
+def scheme(stages: int) -> Scheme:
     """Return the method with so many stages (two at least)."""
     points = _radau(stages)
     fit = np.linalg.inv(_vander(points, stages - 1))

@@ -29,7 +29,6 @@ from engine.elements._nonlinear import Mode
 from engine.errors import UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.linear.curve import Curve
-from engine.nonlinear.collocation import scheme
 from engine.nonlinear.guards import Crossing, first_crossing
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
@@ -151,7 +150,7 @@ class Integration:
         self._constants = np.zeros(len(self._signals)) if constants is None else constants
         self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
         self.record = Record(edges=[self._board.t])
-        self._stepper = Stepper(system, self.record, tolerance, scheme())
+        self._stepper = Stepper(system, self.record, tolerance)
         self._clock, self._wall = clock, wall_limit
         self._began = clock() if clock is not None else 0.0
         self.steps = self.events = 0
@@ -360,8 +359,8 @@ class Integration:
         lanes, board = self.system.lanes, self._board
         linear = chain.x[None, :, :, : self.system.linear_states]
         parts = (("e", chain.e), ("y", chain.y), ("u", chain.u), ("v", chain.v), ("x", linear))
-        flat = {name: part[0].real.reshape(-1, part.shape[-1]) for name, part in parts}
-        self._stepper.remember(chain.x.reshape(-1, chain.x.shape[-1]), flat)
+        flat = {name: np.concatenate(part[0].real) for name, part in parts}
+        self._stepper.remember(np.concatenate(chain.x), flat)
         self._stepper.forget()
         self.error = max(self.error, chain.error)
         self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from engine.elements._nonlinear import Mode
 from engine.errors import EngineError
 from engine.linear.chebyshev import NODES, differentiation_matrix, tail, weights
-from engine.nonlinear.collocation import Scheme, infinitesimal, solve
+from engine.nonlinear.collocation import MANY_STATES, SHORT_STAGES, STAGES, Scheme, infinitesimal, scheme, solve
 from engine.nonlinear.pieces import Command, Record
 from engine.nonlinear.switching import StoppedError
 from engine.nonlinear.system import Flow, Instants, NonlinearSystem
@@ -76,15 +76,16 @@ class Stepper:
         What the delays look back at.
     tolerance : float
         What the polynomial of a step may miss, relative to the largest value of each state so far.
-    method : Scheme
     """
 
     share = 0.02
     """Coefficients of an output are cheaper to miss than those of a state, which feed back."""
 
-    def __init__(self, system: NonlinearSystem, record: Record, tolerance: float, method: Scheme) -> None:
+    def __init__(self, system: NonlinearSystem, record: Record, tolerance: float) -> None:
         self.system, self.real = system, system.value
-        self.record, self.tolerance, self.method = record, tolerance, method
+        self.record, self.tolerance = record, tolerance
+        self.method = scheme(STAGES if system.states <= MANY_STATES else SHORT_STAGES)
+        self.short = scheme(SHORT_STAGES)
         self.scale = np.zeros(system.states)
         self._largest: dict[str, Real] = {}
         parts = {"y": ("c1", "d11", "d13"), "z": ("c2", "d21", "d23"), "e": ("c3", "d31", "d33")}
@@ -164,9 +165,9 @@ class Stepper:
         )  # fmt: skip
 
     def _missed_states(self, path: Real, nodes: Nodes, width: float) -> float:
-        return float(self.missed_by(path[None], nodes.at.x, nodes.flow.f, np.array([width]))[0])
+        return float(self.missed_by(path[None], nodes.at.x, nodes.flow.f, np.array([width]), self.method)[0])
 
-    def missed_by(self, path: Real, x: Real, f: Real, widths: Real) -> Real:
+    def missed_by(self, path: Real, x: Real, f: Real, widths: Real, method: Scheme) -> Real:
         """Return what the polynomials of K steps miss of their states, (K,), relative to the largest values.
 
         Starts and stages ``path`` (K, s + 1, n), states and rates at the nodes (K, 17, n).
@@ -177,7 +178,7 @@ class Stepper:
         floor = _ROUNDING * (largest + widths[:, None] * np.abs(f).max(axis=1)) / self.tolerance
         size = np.maximum(np.maximum(self.scale, largest), floor)
         size = np.maximum(size, _FEEBLE * size.max(axis=1, keepdims=True))
-        missed = np.abs(self.method.tail @ path).sum(axis=1)
+        missed = np.abs(method.tail @ path).sum(axis=1)
         return np.asarray(np.max(missed / np.where(size > 0, size, 1.0), axis=1))
 
     def noise(self) -> Real:

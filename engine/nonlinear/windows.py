@@ -53,10 +53,10 @@ class Lines:
         lanes, count = x.shape[0], x.shape[1] * x.shape[2]
         rise = self.last - self.first
         times = (self.times[:-1, None] + self.widths[:, None] * theta).reshape(1, count)
-        u = (self.first[:, None] + rise[:, None] * theta[:, None]).reshape(1, count, -1)
+        u = np.concatenate(self.first[:, None] + rise[:, None] * theta[:, None])[None]
         du = np.repeat(rise / self.widths[:, None], len(theta), axis=0)[None]
         return Instants(
-            t=np.broadcast_to(times, (lanes, count)), x=x.reshape(lanes, count, -1), u=u, du=du,
+            t=np.broadcast_to(times, (lanes, count)), x=x.reshape(lanes, count, x.shape[3]), u=u, du=du,
             w=np.zeros((1, count, 0)), modes=modes,
         )  # fmt: skip
 
@@ -114,7 +114,7 @@ def solve(stepper: Stepper, board: Switchboard, straight: Lines) -> Chain | None
 
 def _newton(stepper: Stepper, board: Switchboard, straight: Lines) -> Real | None:
     """Return starts and stages (K, s + 1, n), None where Newton's method does not converge."""
-    real, method, begin = stepper.real, stepper.method, board.x[0].real
+    real, method, begin = stepper.real, stepper.short, board.x[0].real
     count, s, n = len(straight.first), len(method.points), len(begin)
     scale = np.maximum(stepper.scale, np.abs(begin))
     scale = np.where(scale > 0, scale, 1.0)
@@ -142,15 +142,14 @@ def _newton(stepper: Stepper, board: Switchboard, straight: Lines) -> Real | Non
 def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real) -> Chain | None:
     """Return the steps before the first that is not accurate or has an event."""
     real, count, nodes = stepper.real, len(path), len(NODES)
-    at = straight.at(NODES, (stepper.method.to_nodes @ path)[None], board.modes)
+    at = straight.at(NODES, (stepper.short.to_nodes @ path)[None], board.modes)
     flow = real.flow(at)
     y, _ = real.read(at, flow.v)
-    shape = (count, nodes, -1)
-    x, f, e, out = (part[0].reshape(*shape) for part in (at.x, flow.f, flow.e, y))
-    miss = stepper.missed_by(path, x, f, straight.widths)
+    x, f, e, out = (_stepwise(part, count)[0] for part in (at.x, flow.f, flow.e, y))
+    miss = stepper.missed_by(path, x, f, straight.widths, stepper.short)
     seen = np.zeros(count)
     watched = {"e": e, "y": out, "z": np.zeros((count, nodes, 0)), "x": x[:, :, : real.linear_states]}
-    watched |= {name: part[0].reshape(*shape) for name, part in (("u", at.u), ("v", flow.v))}
+    watched |= {name: _stepwise(part, count)[0] for name, part in (("u", at.u), ("v", flow.v))}
     loud = stepper.loudness({name: np.abs(values).max(axis=(0, 1)) for name, values in watched.items()})
     for name in ("e", "y"):
         if watched[name].shape[2]:
@@ -160,7 +159,7 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     good = miss <= stepper.tolerance
     slope = stepper.quiet(differentiation_matrix() @ e / straight.widths[:, None, None], e, straight.widths)
     for number, law in enumerate(real.laws):
-        moment = real.seen(number, at, flow.e, flow.v, slope.reshape(1, count * nodes, -1))
+        moment = real.seen(number, at, flow.e, flow.v, np.concatenate(slope)[None])
         for k, guard in enumerate(law.element.guards(moment, board.modes[number], law.real)):
             values = np.broadcast_to(guard, (1, count * nodes)).reshape(count, nodes)
             good &= ~crosses(values, board.tolerance(number, k, values))
@@ -172,20 +171,24 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     if stepper.system.complex:
         whole = _lanes(stepper, board, straight, path)
         end = whole[:, -1, -1]
-        at = straight.at(NODES, stepper.method.to_nodes @ whole, board.modes)
+        at = straight.at(NODES, stepper.short.to_nodes @ whole, board.modes)
         flow = stepper.system.flow(at)
         y, _ = stepper.system.read(at, flow.v)
     kept = slice(0, done * nodes)
     recorded = {
-        name: part[:, kept].reshape(len(part), done, nodes, -1)
-        for name, part in (("u", at.u), ("y", y), ("e", flow.e), ("v", flow.v))
+        name: _stepwise(part[:, kept], done) for name, part in (("u", at.u), ("y", y), ("e", flow.e), ("v", flow.v))
     }
     return Chain(lines=straight, path=path, x=x[:done], error=error, end=end, **recorded)
 
 
+def _stepwise(part: Array, count: int) -> Array:
+    """Return arrays (lanes, K · N, ·) as (lanes, K, N, ·)."""
+    return part.reshape(len(part), count, part.shape[1] // count, part.shape[2])
+
+
 def _lanes(stepper: Stepper, board: Switchboard, straight: Lines, path: Real) -> Array:
     """Return starts and stages (lanes, K, s + 1, n) with their infinitesimals."""
-    system, method, x = stepper.system, stepper.method, path[:, 1:]
+    system, method, x = stepper.system, stepper.short, path[:, 1:]
     count, s, n = x.shape
     lanes = system.lanes
     whole = np.broadcast_to(x, (lanes, count, s, n)).astype(complex)

@@ -69,3 +69,19 @@ def test_friction_is_identified_from_a_recording():
     )  # fmt: skip
     found = identify(problem, rng=np.random.default_rng(0))
     assert {name: estimate.value for name, estimate in found.parameters.items()} == pytest.approx(truth, rel=1e-5)
+
+
+def test_a_law_alone_follows_a_recording():
+    """Dahl's w' = ρ (v - |v| w) at a velocity of ever the same sign: 1 - w = e^(-ρ ∫v), whatever v is."""
+    made = compile_system(
+        document(
+            {"u": block("input"), "d": block("mr_damper_dahl", damping=[0.0], friction=[60.0], rho=3.0)},
+            ["u -> d.velocity"],
+            {"f": "d"},
+        )
+    )
+    speed = 0.1 + 0.05 * np.random.default_rng(2).random(200)
+    speed[0] = 0.0
+    force, _ = simulate_recorded(made.laws(), speed[None], H)
+    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * H])
+    np.testing.assert_allclose(force[0], 60 * (1 - np.exp(-3 * way)), atol=1e-9)
