@@ -193,6 +193,11 @@ class Evaluation:
             self._simulated[key] = nonlinear.respond(laws, signals, duration, pace)
         return self._simulated[key]
 
+    @property
+    def smooth(self) -> bool:
+        """Whether every nonlinear response so far depends smoothly on the parameters: no guard was only touched."""
+        return all(response.outcome.smooth for response in self._simulated.values())
+
     def _nonlinear_subject(self, signals: Mapping[str, Signal], output: str, duration: float | None) -> TimeSubject:
         """Return what a time metric of ``output`` measures on a nonlinear response."""
         response = self.simulated(signals, duration)

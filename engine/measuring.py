@@ -96,7 +96,8 @@ def measure(
         slopes = None
         if isinstance(first, Found):
             parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
-            slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided)
+            kinked = not all(group.smooth for group in groups)
+            slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided or kinked)
         result.append((measured_of(diagram, request, first), slopes))
     return result
 

@@ -203,7 +203,7 @@ class Integration:
             self._stand()
         return Outcome(
             record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
-            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth, limits=self.system.limits,
+            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth and not self._board.curved, limits=self.system.limits,
         )  # fmt: skip
 
     def _stand(self) -> None:
@@ -436,6 +436,7 @@ class Integration:
     def _event(self, step: Step, crossing: Crossing) -> None:
         """Cut the step at its first event, and change the mode there."""
         number, guard, _ = step.guards[crossing.index]
+        self.error = max(self.error, step.error)  # the part before the event is no better than the whole
         width = step.width * crossing.theta
         slope = None
         if width > 1e-13 * max(self.now, 1e-3 * self._horizon):

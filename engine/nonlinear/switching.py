@@ -70,6 +70,8 @@ class Switchboard:
         self.modes: list[Mode] = list(modes or ())
         self.started = modes is not None
         self.switches = 0
+        self.curved = False
+        """Whether a law has held a curved surface, whose infinitesimals are followed to first order only."""
         self._around = around
         self._before: tuple[Array, Array, Array | None] | None = None
         self._scale: dict[tuple[int, Mode, int], float] = {}
@@ -222,6 +224,7 @@ class Switchboard:
             self._put(number, change.x)
             return
         self.x = moved
+        self.curved = self.curved or law.element.curved
         tangent = self.real.tangent(at.real)
         row = self.system.holds(self.modes).index((law.outputs.start + output, number))
         places = np.flatnonzero(tangent.hold[0, row])
