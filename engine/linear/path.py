@@ -82,13 +82,7 @@ def _prune(system: LaneSystem) -> LaneSystem:
     keep = reached & seen
     if keep.all():
         return system
-    x, w = keep[:n], keep[n : n + m]
-    return replace(
-        system,
-        a=system.a[:, x][:, :, x], b1=system.b1[:, x], b2=system.b2[:, x][:, :, w], c1=system.c1[:, :, x],
-        c2=system.c2[:, w][:, :, x], d12=system.d12[:, :, w], d21=system.d21[:, w], d22=system.d22[:, w][:, :, w],
-        delays=system.delays[:, w], x0=system.x0[:, x],
-    )  # fmt: skip
+    return system.part(keep[:n], keep[n : n + m])
 
 
 def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -15,7 +15,7 @@ Inf. 19 (2002): a neutral loop is stable only if max over phases of Ï(D22 e^{jÏ
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,19 +132,9 @@ def _circles(system: LaneSystem) -> list[LaneSystem]:
     for k in range(count):
         x, w = np.flatnonzero(label[:n] == k), np.flatnonzero(label[n:] == k)
         if len(x) or acts[n + w, n + w].any() or len(w) > 1:
-            parts.append(_part(system, x, w))
+            whole = len(x) == n and len(w) == system.m
+            parts.append(system if whole else system.part(x, w))
     return parts
-
-
-def _part(system: LaneSystem, x: npt.NDArray[np.intp], w: npt.NDArray[np.intp]) -> LaneSystem:
-    if len(x) == system.n and len(w) == system.m:
-        return system
-    return replace(
-        system,
-        a=system.a[:, x][:, :, x], b1=system.b1[:, x], b2=system.b2[:, x][:, :, w], c1=system.c1[:, :, x],
-        c2=system.c2[:, w][:, :, x], d12=system.d12[:, :, w], d21=system.d21[:, w], d22=system.d22[:, w][:, :, w],
-        delays=system.delays[:, w], x0=system.x0[:, x],
-    )  # fmt: skip
 
 
 def _poles_of_part(system: LaneSystem) -> Poles:

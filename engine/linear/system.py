@@ -143,6 +143,16 @@ class LaneSystem:
             c1=self.c1 * scale, c2=self.c2 * scale, x0=self.x0 / scale,
         )  # fmt: skip
 
+    def part(self, states: npt.NDArray[Any], channels: npt.NDArray[Any]) -> LaneSystem:
+        """Return the system of these states and delay channels alone; indices, or what is True for each that is kept."""
+        x, w = states, channels
+        return replace(
+            self,
+            a=self.a[:, x][:, :, x], b1=self.b1[:, x], b2=self.b2[:, x][:, :, w], c1=self.c1[:, :, x],
+            c2=self.c2[:, w][:, :, x], d12=self.d12[:, :, w], d21=self.d21[:, w], d22=self.d22[:, w][:, :, w],
+            delays=self.delays[:, w], x0=self.x0[:, x],
+        )  # fmt: skip
+
     @property
     def value(self) -> LaneSystem:
         """The common real part alone, as one lane."""

@@ -5,14 +5,14 @@ u(t) = Σ_i amplitudes[i] c(t - times[i])
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from engine.errors import SignalError
 from engine.linear.system import Array
-from engine.signals._base import Signal
+from engine.signals._base import FloatArray, Signal
 
 MOST_COPIES = 100
 """Copies of copies multiply, and the response costs a segment for every breaking point."""
@@ -85,14 +85,40 @@ class Copies:
         found: tuple[float, ...] = tuple(instants[first].tolist())
         return found
 
-    def final(self) -> float | None:
-        """Return where the sum settles, None if the command does not."""
-        last = self.command.final()
-        whole: float = self.amplitudes.sum().item()
-        return None if last is None else whole * last
-
     def end(self) -> float | None:
         """Return when the last copy has ended, None if the command does not end."""
         last = self.command.end()
         shift: float = self.times[-1].item()
         return None if last is None else shift + last
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Copied(Signal):
+    """A command made of copies of ``command`` whose amplitudes have the sum 1."""
+
+    command: Signal
+    copies: Copies = field(repr=False, compare=False)
+
+    def value(self, t: FloatArray) -> FloatArray:
+        """Return u(t)."""
+        return self.copies.value(t)
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Return those of the command, once for each copy."""
+        return self.copies.breakpoints()
+
+    def final(self) -> float | None:
+        """Return where the command settles."""
+        return self.command.final()
+
+    def end(self) -> float | None:
+        """Return the end of the last copy."""
+        return self.copies.end()
+
+    def degree(self) -> int | None:
+        """Return the degree of the command."""
+        return self.command.degree()
+
+    def period(self) -> float | None:
+        """Return the period of the command."""
+        return self.command.period()

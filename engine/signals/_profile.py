@@ -6,12 +6,13 @@ u(t) = Σ_n c_kn (t - t_k)^n on phase k;   0 before the first phase, the distanc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
 from engine.linear.system import Array
+from engine.signals._base import FloatArray, Signal
 
 _NEGLIGIBLE = 1e-12
 """A phase shorter than this part of the movement is none."""
@@ -73,10 +74,43 @@ class Profile:
         return found
 
     @property
+    def degree(self) -> int:
+        """Which derivative is constant in phases."""
+        return int(self.coefficients.shape[1]) - 1
+
+    @property
     def end(self) -> float:
         """When the movement has ended, s."""
         last: float = self.knots[-1].item()
         return last
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Movement(Signal):
+    """A command that goes from 0 to ``distance`` on a profile."""
+
+    distance: float
+    profile: Profile = field(repr=False, compare=False)
+
+    def value(self, t: FloatArray) -> FloatArray:
+        """Return u(t)."""
+        return self.profile.value(t)
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Return the instants at which the highest derivative jumps."""
+        return self.profile.breakpoints()
+
+    def final(self) -> float | None:
+        """Return the distance."""
+        return self.distance
+
+    def end(self) -> float | None:
+        """Return when the movement has ended."""
+        return self.profile.end
+
+    def degree(self) -> int | None:
+        """Return the degree of the pieces, 0 where nothing moves."""
+        return self.profile.degree if self.distance else 0
 
 
 def _factorial(n: int) -> float:

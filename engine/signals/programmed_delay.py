@@ -6,24 +6,21 @@ u(t) = (1 - share) c(t) + share c(t - delay)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from engine.parameters import Param
-from engine.signals._base import FloatArray, Signal
-from engine.signals._copies import Copies
+from engine.signals._copies import Copied, Copies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProgrammedDelay(Signal):
+class ProgrammedDelay(Copied):
     """Two movements whose delay puts a zero into the spectrum: at π/delay, 3π/delay, ... when the share is one half."""
 
     delay: float
     share: float
-    command: Signal
-    copies: Copies = field(repr=False, compare=False)
 
     kind = "programmed_delay"
     title = "Programmed delay"
@@ -46,27 +43,3 @@ class ProgrammedDelay(Signal):
             command=values["command"], times=np.array([0.0 * delay, delay]), amplitudes=np.array([1 - share, share])
         )
         return cls(**values, copies=copies)
-
-    def value(self, t: FloatArray) -> FloatArray:
-        """Return u(t)."""
-        return self.copies.value(t)
-
-    def breakpoints(self) -> tuple[float, ...]:
-        """Return those of both movements."""
-        return self.copies.breakpoints()
-
-    def final(self) -> float | None:
-        """Return where the command settles."""
-        return self.command.final()
-
-    def end(self) -> float | None:
-        """Return the end of the second movement."""
-        return self.copies.end()
-
-    def degree(self) -> int | None:
-        """Return the degree of the command."""
-        return self.command.degree()
-
-    def period(self) -> float | None:
-        """Return the period of the command."""
-        return self.command.period()

@@ -11,26 +11,24 @@ is too short for that too, the jerk alone (T_j = (distance / (2 j))^(1/3), T_a =
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from engine.parameters import Param
-from engine.signals._base import START, FloatArray, Signal
-from engine.signals._profile import Profile
+from engine.signals._base import START
+from engine.signals._profile import Movement, Profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SCurve(Signal):
+class SCurve(Movement):
     """Fastest movement within a velocity, an acceleration and a jerk."""
 
-    distance: float
     max_velocity: float
     max_acceleration: float
     max_jerk: float
     start: float
-    profile: Profile = field(repr=False, compare=False)
 
     kind = "s_curve"
     title = "S-curve"
@@ -65,26 +63,6 @@ class SCurve(Signal):
             up = [(edge, jerk), (flat, 0.0), (edge, -jerk)]
             phases = [*up, (cruise, 0.0), *((duration, -value) for duration, value in up)]
         return cls(**values, profile=Profile.of(values["start"], phases, degree=3, distance=distance))
-
-    def value(self, t: FloatArray) -> FloatArray:
-        """Return u(t)."""
-        return self.profile.value(t)
-
-    def breakpoints(self) -> tuple[float, ...]:
-        """Return the instants at which the jerk jumps."""
-        return self.profile.breakpoints()
-
-    def final(self) -> float | None:
-        """Return the distance."""
-        return self.distance
-
-    def end(self) -> float | None:
-        """Return when the movement has ended."""
-        return self.profile.end
-
-    def degree(self) -> int | None:
-        """Return 3: cubic pieces, or 0 where nothing moves."""
-        return 3 if self.distance else 0
 
 
 def _times(way: float, velocity: float, acceleration: float, jerk: float) -> tuple[float, float, float]:

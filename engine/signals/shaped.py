@@ -6,25 +6,22 @@ u(t) = Σ_i A_i c(t - t_i), Σ A_i = 1
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from engine.parameters import Param
-from engine.signals._base import FloatArray, Signal
-from engine.signals._copies import Copies
+from engine.signals._copies import Copied, Copies
 from engine.signals._shapers import KINDS, impulses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shaped(Signal):
+class Shaped(Copied):
     """Command that does not excite a known mode; a shaped command may be shaped again for another mode."""
 
     shaper: str
     frequency: float
     damping_ratio: float
     tolerance: float
-    command: Signal
-    copies: Copies = field(repr=False, compare=False)
 
     kind = "shaped"
     title = "Shaped command"
@@ -63,27 +60,3 @@ class Shaped(Signal):
         )  # fmt: skip
         copies = Copies(command=values["command"], times=made.times, amplitudes=made.amplitudes)
         return cls(**values, copies=copies)
-
-    def value(self, t: FloatArray) -> FloatArray:
-        """Return u(t)."""
-        return self.copies.value(t)
-
-    def breakpoints(self) -> tuple[float, ...]:
-        """Return those of the command, once for each impulse."""
-        return self.copies.breakpoints()
-
-    def final(self) -> float | None:
-        """Return where the command settles: the amplitudes have the sum 1."""
-        return self.command.final()
-
-    def end(self) -> float | None:
-        """Return the end of the command after the last impulse."""
-        return self.copies.end()
-
-    def degree(self) -> int | None:
-        """Return the degree of the command."""
-        return self.command.degree()
-
-    def period(self) -> float | None:
-        """Return the period of the command."""
-        return self.command.period()

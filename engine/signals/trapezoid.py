@@ -9,25 +9,23 @@ A distance too short to reach max_velocity makes the velocity a triangle.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from engine.parameters import Param
-from engine.signals._base import START, FloatArray, Signal
-from engine.signals._profile import Profile
+from engine.signals._base import START
+from engine.signals._profile import Movement, Profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trapezoid(Signal):
+class Trapezoid(Movement):
     """Fastest movement within a velocity and an acceleration."""
 
-    distance: float
     max_velocity: float
     max_acceleration: float
     start: float
-    profile: Profile = field(repr=False, compare=False)
 
     kind = "trapezoid"
     title = "Trapezoidal velocity"
@@ -59,23 +57,3 @@ class Trapezoid(Signal):
         rate = sign * acceleration
         phases = [(ramp, rate), (cruise, 0.0), (ramp, -rate)] if way.real > 0 else []
         return cls(**values, profile=Profile.of(values["start"], phases, degree=2, distance=distance))
-
-    def value(self, t: FloatArray) -> FloatArray:
-        """Return u(t)."""
-        return self.profile.value(t)
-
-    def breakpoints(self) -> tuple[float, ...]:
-        """Return the instants at which the acceleration jumps."""
-        return self.profile.breakpoints()
-
-    def final(self) -> float | None:
-        """Return the distance."""
-        return self.distance
-
-    def end(self) -> float | None:
-        """Return when the movement has ended."""
-        return self.profile.end
-
-    def degree(self) -> int | None:
-        """Return 2: parabolas, or 0 where nothing moves."""
-        return 2 if self.distance else 0
