@@ -1,4 +1,4 @@
-"""What switched semi-active laws share: a current that is on while a product of two signals is positive.
+"""What semi-active laws share: a current that is on while a product of two signals is positive, or always the same.
 
 i = i_on (s > 0), i_off (s < 0), between them where it is driven back to s = 0 from either side;   smoothly: i = i_off + (i_on - i_off) (1 + tanh(s/transition))/2
 """
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from engine.elements._base import Ports, Values
+from engine.elements._base import Ports, Realization, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
 from engine.errors import DiagramError
 from engine.parameters import Param
@@ -101,3 +101,24 @@ class SwitchedCurrent(NonlinearElement):
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
         """Return sliding, which shows where the product goes; from it to one of the currents."""
         return Change(mode=(1, 0)[guard] if mode == _SLIDES else _SLIDES)
+
+
+class ConstantCurrent(NonlinearElement):
+    """A constant current, to compare semi-active laws with."""
+
+    source = "S. Dyke, B. Spencer, M. Sain, J. Carlson, Smart Mater. Struct. 5 (1996) 565-575."
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return the current."""
+        return Ports(inputs=(), outputs=("current",), output_units=("A",))
+
+    @classmethod
+    def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return the current."""
+        return [0.0 * m.t + values["current"]]
+
+    @classmethod
+    def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:
+        """Return nothing that moves."""
+        return Realization.static(np.zeros((1, 0)))
