@@ -113,6 +113,9 @@ def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, n
         "initial": element.initial(values),
         "sampling": [] if period is None else [period, element.latency(values)],
     }
+    if period is not None:
+        found["sampled"], found["unrest"] = element.sample(m, 0, values), element.unrest(m, 0, values)
+    found["limits"] = [limit for pair in element.limits(values) for limit in pair if np.isfinite(limit).all()]
     for mode in element.modes:
         found[f"rates {mode}"] = element.rates(m, mode, values)
         found[f"outputs {mode}"] = element.outputs(m, mode, values)

@@ -266,6 +266,34 @@ def test_sampled_loop(delay):
     np.testing.assert_allclose(found.curves["y"], expected, atol=1e-12)
 
 
+def test_sampled_pid_against_its_recursion():
+    """The plant x' = u - x between samples: x -> u + (x - u) e^-h; the law as its docstring has it."""
+    kp, ki, kd, w, step, late, top = 6.0, 9.0, 0.2, 80.0, 0.05, 0.02, 4.0
+    made = diagram(
+        {"e": block("sum", signs="+-"),
+         "c": block("sampled_pid", kp=kp, ki=ki, kd=kd, filter_frequency=w, sample_time=step, delay=late, upper=top),
+         "p": block("transfer_function", numerator=[1.0], denominator=[1.0, 1.0])},
+        ["r -> e.in1", "p -> e.in2", "e -> c", "c -> p"],
+        {"y": "p", "u": "c"},
+    )  # fmt: skip
+    found = simulate(made, signals={"r": STEP}, duration=2.0, samples=41)
+    x, u, integral, last, derivative, expected = 0.0, 0.0, 0.0, 0.0, 0.0, []
+    for _ in range(41):
+        expected.append(x)
+        error = 1 - x
+        derivative = (derivative + w * kd * (error - last)) / (1 + w * step)
+        wanted = kp * error + integral + ki * step * error + derivative
+        if not (wanted > top and error > 0):
+            integral += ki * step * error
+        x = u + (x - u) * np.exp(-late)
+        u, last = min(wanted, top), error
+        x = u + (x - u) * np.exp(-(step - late))
+    np.testing.assert_allclose(found.curves["y"], expected, atol=1e-12)
+    assert found.curves["u"].max() <= top
+    whole = run(made, None)
+    assert whole.metrics["y"]["steady_state_error"].value == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_sampled_loop_knows_its_final_value():
     made = diagram(
         {"e": block("sum", signs="+-"), "h": block("zero_order_hold", sample_time=0.1),
