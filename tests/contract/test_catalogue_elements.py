@@ -94,8 +94,11 @@ def coefficients(r: Realization) -> dict[str, np.ndarray]:
     return {name: getattr(r, name) for name in ARRAYS if getattr(r, name) is not None}
 
 
-def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Return what a nonlinear element computes in each of its modes, at one arbitrary moment."""
+def laws(element: type[NonlinearElement], values: dict[str, Any], *, deciding: bool = True) -> dict[str, np.ndarray]:
+    """Return what a nonlinear element computes in each of its modes, at one arbitrary moment.
+
+    Where it decides, as at samples, all lanes follow the first: they share their real part.
+    """
     values = {name: v[:, None] if isinstance(v, np.ndarray) else v for name, v in values.items()}
     ports = element.ports(values)
 
@@ -113,7 +116,7 @@ def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, n
         "initial": element.initial(values),
         "sampling": [] if period is None else [period, element.latency(values)],
     }
-    if period is not None:
+    if period is not None and deciding:
         found["sampled"], found["unrest"] = element.sample(m, 0, values), element.unrest(m, 0, values)
     found["limits"] = [limit for pair in element.limits(values) for limit in pair if np.isfinite(limit).all()]
     for mode in element.modes:
@@ -125,9 +128,9 @@ def laws(element: type[NonlinearElement], values: dict[str, Any]) -> dict[str, n
     return {f"{name} {k}": np.asarray(v).ravel() for name, entries in found.items() for k, v in enumerate(entries)}
 
 
-def computed(element: type[Element], values: dict[str, Any]) -> dict[str, np.ndarray]:
+def computed(element: type[Element], values: dict[str, Any], *, deciding: bool = True) -> dict[str, np.ndarray]:
     if issubclass(element, NonlinearElement):
-        return laws(element, values)
+        return laws(element, values, deciding=deciding)
     return coefficients(element.realize(values))
 
 
@@ -189,9 +192,9 @@ def test_the_infinitesimal_of_a_parameter_is_the_derivative_of_its_coefficients(
 @pytest.mark.parametrize(("element", "name"), SCALARS)
 def test_a_batch_of_a_parameter_is_its_single_values(element: type[Element], name: str):
     values, value = varied(element, name)
-    batch = computed(element, values | {name: value * np.array([1.0, 1.5])})
+    batch = computed(element, values | {name: value * np.array([1.0, 1.5])}, deciding=False)
     for member, scaled in enumerate((value, 1.5 * value)):
-        for key, array in computed(element, values | {name: scaled}).items():
+        for key, array in computed(element, values | {name: scaled}, deciding=False).items():
             picked = batch[key][member] if batch[key].size > array.size else batch[key]
             np.testing.assert_allclose(picked, array, rtol=1e-14)
 
