@@ -41,12 +41,12 @@ MOST_AT_ONCE = 8192
 
 _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
 _ROUNDING = 4e-15
-_NOISE = 2e-11  # what rounding may leave of a mode that has died away in a long segment
-_LOUD = 100.0  # from here on the squarings of an exponential leave more noise than a collocation
+_NOISE = 5e-11  # what rounding may leave of a mode that has died away in a long segment
+_CANCELLED = 1e-15  # what rounding leaves of the terms that an output is the sum of
 
 
-Propagators: TypeAlias = dict[tuple[tuple[float, ...], int], Propagator]
-"""Propagators by the key of their segments."""
+Propagators: TypeAlias = dict[tuple[tuple[float, ...], int, bool], Propagator]
+"""Propagators by the key of their segments, and whether commands are straight there."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,7 @@ class _Run:
         self._b = np.concatenate([system.b1, system.b2], axis=-1)
         self._basis = np.concatenate([np.ones((self.lanes, 1)), system.delays], axis=-1)  # (lanes, 1 + m)
         self.propagators: Propagators = {}
+        self._reach: dict[Propagator, Array] = {}
         self._dtype = system.dtype
         self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
         self.edges: Array = np.zeros((1, self.lanes))
@@ -169,21 +170,22 @@ class _Run:
         """Return whether many equal segments are computed at once: no delays, and commands that are straight from here on."""
         return not self.s.m and (self._linear or start >= self._rest * (1 - 1e-12))
 
-    def exponential(self, start: float, width: float) -> bool:
-        """Return whether a segment is propagated by the exponential: exact, but noisy where h A is large."""
-        return self.strides(start) and width * self.size <= _LOUD
-
     def propagator(self, segment: _Segment) -> Propagator:
-        found = self.propagators.get(segment.key)
+        start, width = self._basis @ segment.start, self._basis @ segment.width
+        gap, level = segment.key
+        straight = self.strides(float(start[0].real))
+        found = self.propagators.get((gap, level, straight))
         if found is None:
-            start, width = self._basis @ segment.start, self._basis @ segment.width
-            if self.exponential(float(start[0].real), float(width[0].real)):
-                found = Exponential(self.s.a, self.s.b1, width)
+            half = self.propagators.get((gap, level + 1, straight))
+            if isinstance(half, Exponential):
+                found = half.doubled()
+            elif straight:
+                found = Exponential.of(self.s.a, self.s.b1, width)
             elif self.s.m and float(width[0].real) > self._shortest * (1 + 1e-9):
                 found = DelayedCollocation(self.s, width)
             else:
                 found = Collocation(self.s.a, self._b, width)
-            self.propagators[segment.key] = found
+            self.propagators[gap, level, straight] = found
         return found
 
     def step(self, segment: _Segment) -> _Nodes:
@@ -196,7 +198,7 @@ class _Run:
             x, w = propagator.solve(self.state, u, self._delayed(start, width))
             u, x, w = u[None], x[None], w[None]
         else:
-            assert isinstance(propagator, Exponential | Collocation)  # the two that serve systems without delays
+            assert isinstance(propagator, Exponential)  # what serves commands that are straight and no delays
             change = u[:, -1] - u[:, 0]
             x = stride(propagator.maps(), np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
             u = u + np.arange(segment.count)[:, None, None, None] * change[:, None]
@@ -204,6 +206,19 @@ class _Run:
         y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
         return _Nodes(x=x, u=u, y=y, z=z)
+
+    def terms(self, segment: _Segment, nodes: _Nodes) -> Array:
+        """Return the size of the terms that outputs and signals to be delayed are the sum of, shape (segments, ·).
+
+        0 where it is not known: only exponentials meet terms that cancel in a long segment.
+        """
+        propagator = self.propagator(segment)
+        if not isinstance(propagator, Exponential):
+            return np.zeros((segment.count, self.s.n_out + self.s.m))
+        if propagator not in self._reach:
+            self._reach[propagator] = np.abs(self.s.c1[0].real @ propagator.maps()[0].real).max(axis=0).T
+        x, u = nodes.x[:, 0, 0].real, nodes.u[:, 0]
+        return np.asarray(np.abs(np.concatenate([x, u[:, 0], u[:, -1] - u[:, 0]], axis=-1)) @ self._reach[propagator])
 
     def append(self, segment: _Segment, nodes: _Nodes) -> None:
         """Take over the first ``segment.count`` of the segments computed."""
@@ -307,19 +322,18 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
     smallest = 0.25 / max(run.size, 1e-300)
     for a, b in gaps(system, signals, horizon):
         gap = b - a
-        begin, whole = float(a @ basis), float(gap @ basis)
+        whole, straight = float(gap @ basis), run.strides(float(a @ basis))
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0
         position, most = 0.0, 1
         # a trial of twice the width that fails is not repeated soon: it would be most of the work
         waiting, patience, trial = 0, 1, False
         while position < 1.0:
             width = 0.5**level
-            count = min(round((1.0 - position) / width), most) if run.strides(begin) else 1
+            count = min(round((1.0 - position) / width), most) if straight else 1
             segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
             nodes = run.step(segment)
-            exponential = run.exponential(begin, width * whole)
-            held, roomy = watch.judge(nodes, states=not exponential)
-            good = count if held.all() or (exponential and width * whole <= smallest) else int(held.argmin())
+            held, roomy = watch.judge(nodes, run.terms(segment, nodes), states=not straight)
+            good = count if held.all() or (straight and width * whole <= smallest) else int(held.argmin())
             if not good:
                 level, most = level + 1, 1
                 waiting, patience = (4 * patience, 4 * patience) if trial else (waiting, patience)
@@ -359,7 +373,9 @@ class _Resolution:
         self._largest_state: Array = np.zeros(s.n)
         self._seen: tuple[Array, Array] = self._largest[None], self._largest_state[None]
 
-    def judge(self, nodes: _Nodes, *, states: bool) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    def judge(
+        self, nodes: _Nodes, terms: Array, *, states: bool
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Return (held, so well held that a segment of twice the length would be held too), each of shape (segments,)."""
         signals = np.concatenate([nodes.y[:, 0].real, nodes.z[:, 0].real], axis=-1)  # (segments, N + 1, signals)
         x = nodes.x[:, 0].real
@@ -377,7 +393,10 @@ class _Resolution:
         tail = coefficients[:, -2:].sum(axis=1)
         # coefficients that do not fall any more are rounding, which a shorter segment would not make less
         level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
-        held = np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= _NOISE * scale)), axis=1)
+        noise = _NOISE * scale
+        outputs = noise[:, : terms.shape[1]]
+        np.maximum(outputs, _CANCELLED * terms, out=outputs)
+        held = np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= noise)), axis=1)
         roomy = np.all(coefficients[:, 8:10].max(axis=1) <= _GROWTH * scale, axis=1)
         return held, roomy
 

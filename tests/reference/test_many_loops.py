@@ -22,6 +22,7 @@ from scipy.optimize import brentq, minimize_scalar
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
 from engine.diagram import Diagram
+from engine.evaluation import Evaluation
 from engine.signals import make
 from engine.study import MetricRequest, frequency_response, measure, simulate
 from engine.verdicts import Verdict
@@ -327,3 +328,12 @@ def test_the_feed_forward_takes_the_following_error_away(diagram: Diagram) -> No
     with_it = simulate(diagram, signals=command, outputs=["following_error"], duration=30.0)
     assert abs(with_it.curves["following_error"][-1]) < 1e-10
     assert with_it.metrics["following_error"]["peak"].value < 0.1 * without.metrics["following_error"]["peak"].value
+
+
+@pytest.mark.parametrize(("command", "output"), [("step", "position"), ("step", "voltage"), ("ramp", "voltage")])
+def test_fast_loops_that_have_died_away_do_not_cut_the_response(diagram: Diagram, command: str, output: str) -> None:
+    # poles from 2.8 to 1.7e4 rad/s: the fast ones shorten the first pieces only
+    signals = {"reference": make(command, {})}
+    joint = Evaluation(diagram).time_response(signals, [output]).joint
+    assert joint is not None
+    assert len(joint.y) < 2000
