@@ -11,7 +11,8 @@ import numpy.typing as npt
 from engine.elements import Element, Realization
 from engine.elements._base import Values
 from engine.elements._nonlinear import NonlinearElement
-from engine.nonlinear.system import Law, NonlinearSystem, law_values
+from engine.nonlinear.laws import Law, law_values
+from engine.nonlinear.system import NonlinearSystem
 from engine.realize import FlatBlock, Wiring
 
 Array = npt.NDArray[Any]

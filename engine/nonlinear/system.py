@@ -10,7 +10,7 @@ from moving, ė_j = 0, an equation of index one after one differentiation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,9 +20,9 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from engine.elements._base import Values
-from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals, slopes, stacked, surface_slopes
-from engine.errors import Path, UnresolvedError
+from engine.elements._nonlinear import Mode, Moment, Signals, slopes, stacked, surface_slopes
+from engine.errors import UnresolvedError
+from engine.nonlinear.laws import Law
 from engine.nonlinear.loops import solve_loop
 
 Array = npt.NDArray[Any]
@@ -34,28 +34,6 @@ MATRICES = (
 )  # fmt: skip
 _WEAK = 1e-10
 """An output that moves the rate of an input by less than this part of what it could does not hold it."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Law:
-    """One nonlinear block in its place: its states among all states, its channels among all channels.
-
-    ``values`` are the block's values, numbers or arrays (lanes, 1); ``real`` the same without infinitesimals.
-    """
-
-    element: type[NonlinearElement]
-    label: str
-    at: Path
-    values: Values
-    real: Values
-    states: slice
-    inputs: slice
-    outputs: slice
-    resting: bool = False
-
-    def rates(self, m: Moment, mode: Mode) -> Signals:
-        """Return the rates of the states; where ``resting``, what is 0 at rest."""
-        return (self.element.unrest if self.resting else self.element.rates)(m, mode, self.values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,8 +117,7 @@ class NonlinearSystem:
         self.lanes = matrices["a"].shape[0]
         self.delays = matrices["delays"]
         self._rows = {name: np.ascontiguousarray(matrices[name].swapaxes(-1, -2)) for name in MATRICES[:-2]}
-        given = [p for law in laws for p in _entries(law.values)]
-        self.complex = any(np.iscomplexobj(p) for p in (*given, *matrices.values()))
+        self.complex = any(law.complex for law in laws) or any(np.iscomplexobj(m) for m in matrices.values())
         """Whether a value carries an infinitesimal."""
         self._linked = bool(np.any(matrices["d33"]))
         self._groups = self._order()
@@ -176,9 +153,7 @@ class NonlinearSystem:
     def member(self, index: int) -> NonlinearSystem:
         """Return one lane (one member of a batch) as a system of its own."""
         matrices = {name: m[index : index + 1] if len(m) > 1 else m for name, m in self.matrices.items()}
-        laws = [
-            replace(law, values=_member(law.values, index), real=_real(_member(law.values, index))) for law in self.laws
-        ]
+        laws = [law.member(index) for law in self.laws]
         return NonlinearSystem(matrices, laws, self.inputs, self.outputs)
 
     @property
@@ -408,43 +383,3 @@ def _pinned(tangent: Tangent, drift: Array) -> list[int]:
         if len(places) == 1:
             found.append(int(places[0]))
     return found
-
-
-def _entries(values: Values) -> list[Any]:
-    """Return the numbers of a block's values, lists opened."""
-    found: list[Any] = []
-    for value in values.values():
-        found.extend(value if isinstance(value, list) else [value])
-    return found
-
-
-def _member(value: Any, index: int) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _member(entry, index) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_member(entry, index) for entry in value]
-    return value[index : index + 1] if isinstance(value, np.ndarray) and len(value) > 1 else value
-
-
-def _real(value: Any) -> Any:
-    """Return values without infinitesimals, of the first lane."""
-    if isinstance(value, Mapping):
-        return {name: _real(entry) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_real(entry) for entry in value]
-    if isinstance(value, np.ndarray):
-        return float(np.ravel(value)[0].real)
-    return value.real if isinstance(value, complex) else value
-
-
-def law_values(value: Any) -> tuple[Any, Any]:
-    """Return a block's values as a law has them: with an axis for the instants behind that of the lanes, and real."""
-    return _lanes(value), _real(value)
-
-
-def _lanes(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _lanes(entry) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_lanes(entry) for entry in value]
-    return value[:, None] if isinstance(value, np.ndarray) else value
