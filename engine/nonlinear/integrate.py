@@ -13,9 +13,7 @@ A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Klu
 
 from __future__ import annotations
 
-import bisect
 import contextlib
-import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -29,6 +27,7 @@ from engine.elements._nonlinear import Mode
 from engine.errors import UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.linear.curve import Curve
+from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.nonlinear.guards import Crossing, first_crossing
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
@@ -54,10 +53,8 @@ MAX_STEPS: Final = 200_000
 CROWD: Final = 100
 """So many events within the millionth part of the time simulated are an accumulation."""
 
-_TOGETHER = 1e-12
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
 _EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
-_SMOOTH = 6  # a kink that went through so many delays is smoother than the polynomials can see
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,23 +92,6 @@ class Outcome:
     def input(self, index: int) -> Curve:
         """Return input ``index`` as a curve."""
         return self.record.curve(self.record.u, index)
-
-
-@dataclass
-class _Stop:
-    """An instant known beforehand: of the generation of an echo, or with a law that samples or updates there."""
-
-    time: float
-    number: int
-    lanes: Any = None
-    generation: int = 0
-    law: int | None = None
-    updates: bool = False
-
-
-def _lateness(stop: _Stop) -> tuple[float, int]:
-    """Return what sorts stops so that the next one comes last, and can be taken off the end."""
-    return -stop.time, -stop.number
 
 
 class Integration:
@@ -157,18 +137,17 @@ class Integration:
         self.smooth = True
         self.error = 0.0
         self._recent: deque[float] = deque(maxlen=CROWD)
-        self._numbers = itertools.count()
-        self._stops: list[_Stop] = []
+        self._agenda = Agenda()
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
         self._chain, self._pause = _FEWEST, 0
         self._loosened = -math.inf
         self._horizon = 0.0
         for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
-            self._push(t, generation=0)
+            self._note(t, generation=0)
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
-                self._push(0.0, law=number)
+                self._note(0.0, law=number)
 
     @property
     def now(self) -> float:
@@ -216,37 +195,25 @@ class Integration:
 
     def _advance(self, horizon: float) -> None:
         while True:
-            due = self._due(horizon)
+            due = self._agenda.due(self.now, horizon)
             if due or not self._board.started:
                 self._arrive(due)
             if self.now >= horizon * (1 - 1e-14):
                 return
-            stop = self._stops[-1] if self._stops and self._stops[-1].time < horizon else None
+            stop = self._agenda.following(horizon)
             self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
 
     # instants known beforehand
 
-    def _push(self, time: Any, *, generation: int = _SMOOTH, law: int | None = None, updates: bool = False) -> None:
-        lanes = np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t
-        stop = _Stop(
-            time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, generation=generation, law=law,
-            updates=updates,
-        )  # fmt: skip
-        bisect.insort(self._stops, stop, key=_lateness)
+    def _note(self, time: Any, **what: Any) -> None:
+        """Note a stop at ``time``, a number or (lanes,)."""
+        self._agenda.note(np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t, **what)
 
-    def _due(self, horizon: float) -> list[_Stop]:
-        """Take the stops at the present instant from the list."""
-        grain = _TOGETHER * max(horizon, self.now)
-        found = []
-        while self._stops and self._stops[-1].time <= self.now + grain:
-            found.append(self._stops.pop())
-        return found
-
-    def _arrive(self, due: Sequence[_Stop]) -> None:
+    def _arrive(self, due: Sequence[Stop]) -> None:
         """Do what is due at this instant, and let the laws settle."""
         if not self._board.started:
             self._board.begin()
-        for stop in sorted(due, key=lambda s: (not s.updates, s.number)):
+        for stop in due:
             if stop.law is not None:
                 self._board.sample(stop.law, updates=stop.updates)
                 if not stop.updates:
@@ -271,21 +238,22 @@ class Integration:
         period = np.ravel(np.asarray(law.element.period(law.values)))
         latency = np.ravel(np.asarray(law.element.latency(law.values)))
         count = round(self.now / float(period[0].real))
-        self._push(period * (count + 1), law=number)
+        self._note(period * (count + 1), law=number)
         if np.any(latency != 0):
-            self._push(period * count + latency, law=number, updates=True)
+            self._note(period * count + latency, law=number, updates=True)
 
     def _echo(self, generation: int) -> None:
         """Note that what changes now comes back through every delay."""
-        if generation < _SMOOTH:
+        if generation < SMOOTH:
             for i in range(self.system.delays.shape[-1]):
-                self._push(self._board.t + self.system.delays[:, i], generation=generation + 1)
+                self._note(self._board.t + self.system.delays[:, i], generation=generation + 1)
 
     def _around(self, t: Array) -> tuple[Array, Array, Array]:
         """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
         # what is due now has been taken from the list
-        following = self._stops[-1].time - self.now if self._stops else math.inf
-        ahead = min(following, self._width, 1.0) if following > 0 else min(self._width, 1.0)
+        following = self._agenda.following()
+        ahead = min(self._width, 1.0, math.inf if following is None else following.time - self.now)
+        ahead = ahead if ahead > 0 else min(self._width, 1.0)
         u, du = self._command(ahead).near(np.zeros(1), t[:, None])
         return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
 
@@ -332,10 +300,10 @@ class Integration:
 
     def _many(self) -> bool:
         """Take the steps between many kinks of the commands at once; return whether that has led on."""
-        if self.system.delays.shape[-1] or len(self._stops) < self._chain or not self.system.states:
+        if self.system.delays.shape[-1] or len(self._agenda) < self._chain or not self.system.states:
             return False
         self._pause -= 1
-        ahead = self._stops[: -self._chain - 1 : -1]
+        ahead = self._agenda.ahead(self._chain)
         inside = ahead[-1].time < self._horizon and all(stop.law is None for stop in ahead)
         if not inside or self._pause > 0 or np.any(self._board.t.imag):
             return False
@@ -346,7 +314,7 @@ class Integration:
             self._chain, self._pause = max(_FEWEST, self._chain // 2), _PAUSE
             return False
         taken = len(chain.path)
-        del self._stops[len(self._stops) - taken + 1 :]
+        self._agenda.drop(taken - 1)
         if taken == self._chain:
             self._chain = min(2 * self._chain, _MOST)
         self._take(chain)
