@@ -39,6 +39,7 @@ CHANGES = {"area": 0.15, "volume": 0.40, "mass": 1.0}
 """Relative changes of the published table of influence coefficients."""
 
 FLOW = {"kind": "step", "amplitude": {"value": 60, "unit": "cm**3/s"}}
+INPUT = {"port": "flow", "signal": FLOW}
 PROPERTIES = {
     "response_time": "velocity",
     "max_acceleration": "acceleration",
@@ -80,9 +81,7 @@ def study(client: servotune.Client) -> Figure:
     ranges(client)
     influence(client)
     variants = list(CASES.values())
-    moves = client.simulate(
-        MOTOR, input={"port": "flow", "signal": FLOW}, duration=3, samples=600, metrics=[], variants=variants
-    )
+    moves = client.simulate(MOTOR, input=INPUT, duration=3, samples=600, metrics=[], variants=variants)
     frequencies = [10 ** (place / 200) for place in range(-100, 501)]
     responses = client.frequency_response(
         MOTOR, from_="flow", to="velocity", frequencies=frequencies, metrics=[], variants=variants
@@ -93,19 +92,11 @@ def study(client: servotune.Client) -> Figure:
 def ranges(client: servotune.Client) -> None:
     """Print the properties at both ends of every range, the other parameters in the middle."""
     ends = [(name, value) for name, (low, high, _) in RANGES.items() for value in (low, high)]
-    reply = client.simulate(
-        MOTOR,
-        input={"port": "flow", "signal": FLOW},
-        metrics=["response_time", "overshoot", "max_velocity", "max_acceleration"],
-        variants=[{}, *({f"motor.{name}": quantity(name, value)} for name, value in ends)],
-    )
-    poles = client.frequency_response(
-        MOTOR,
-        from_="flow",
-        to="velocity",
-        metrics=["critical_frequency", "damping_ratio"],
-        variants=[{}, *({f"motor.{name}": quantity(name, value)} for name, value in ends)],
-    )
+    variants = [{}, *({f"motor.{name}": quantity(name, value)} for name, value in ends)]
+    metrics = ["response_time", "overshoot", "max_velocity", "max_acceleration"]
+    reply = client.simulate(MOTOR, input=INPUT, metrics=metrics, variants=variants)
+    metrics = ["critical_frequency", "damping_ratio"]
+    poles = client.frequency_response(MOTOR, from_="flow", to="velocity", metrics=metrics, variants=variants)
     names = ["middle of all ranges", *(f"{name} {value:g} {RANGES[name][2]}" for name, value in ends)]
     rows = []
     for name, move, response in zip(names, reply["variants"], poles["variants"], strict=True):
