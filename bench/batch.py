@@ -14,8 +14,8 @@ from bench.accuracy import worst
 from bench.clock import cpu_ms
 from bench.peers.python_control import Interconnected
 from bench.table import Job, Row
-from engine.linear.screening import Screening
 from engine.measuring import measure
+from engine.screening import Screening
 
 Candidates = Mapping[str, npt.NDArray[np.float64]]
 Results = dict[str, npt.NDArray[np.float64]]

@@ -13,8 +13,8 @@ from bench import twenty_states as loop
 from bench.clock import cpu_ms
 from bench.table import Job, Row
 from engine.diagram import Diagram, compile_system
-from engine.linear.screening import Screening
 from engine.measuring import measure
+from engine.screening import Screening
 
 Array = npt.NDArray[Any]
 

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.pneumatic_loop import EXACT, GAINS, PER_SI, Gains, Sets, diagram
-from engine.linear.screening import Screening
 from engine.measuring import MetricRequest, measure
+from engine.screening import Screening
 from engine.signals import make
 from engine.study import frequency_response, simulate
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from bench import inner_velocity_loop as inner
 from bench.table import Job, Row
-from engine.linear.screening import Screening
+from engine.screening import Screening
 
 CHUNK = 8192
 PATIENCE = 20.0  # s that one thread may take

@@ -103,7 +103,7 @@ class Bindings:
             self._check(index, result[index])
         return result
 
-    def admitted(self, values: Sequence[Scalar], change: Change, members: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def admitted(self, values: Sequence[Any], change: Change, members: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Tell for every member of a batch whether all its values exist and are within their bounds."""
         valid = np.ones(members, dtype=bool)
         for index in change.checked:

@@ -245,6 +245,11 @@ class Interconnection:
             steps = self._steps[key] = self._plan(patterns, wiring.sources)
         return steps
 
+    def sources_of(self, block: int, wiring: Wiring) -> tuple[int, ...]:
+        """Return the signal number of each input of a block."""
+        first = self.blocks[block].first_input
+        return wiring.sources[first : first + len(self.blocks[block].ports.inputs)]
+
     def _plan(self, patterns: Sequence[Array], sources: Sequence[int]) -> tuple[Term | Loop, ...]:
         outputs = self.outputs
         terms: list[list[Term]] = [[] for _ in range(outputs)]

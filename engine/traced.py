@@ -81,7 +81,7 @@ class Graph:
             self.values.append(float(value))
         return self._known[key]
 
-    def apply(self, op: Op, *operands: Traced | float) -> Traced:
+    def apply(self, op: Op, *operands: Any) -> Traced:
         """Return the result of an operation."""
         numbers = [o.node if isinstance(o, Traced) else self.constant(float(o)) for o in operands]
         value = _NUMERIC[op](*(self.values[number] for number in numbers))
@@ -119,26 +119,26 @@ class Traced:
         return f"Traced({self.real:g})"
 
     def __add__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         return self if _is(other, 0.0) else self.graph.apply(Op.ADD, self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         if isinstance(other, Traced) and other.node == self.node:
             return 0.0
         return self if _is(other, 0.0) else self.graph.apply(Op.SUB, self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         return -self if _is(other, 0.0) else self.graph.apply(Op.SUB, other, self)
 
     def __mul__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         if _is(other, 0.0):
             return 0.0
@@ -149,14 +149,14 @@ class Traced:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         if isinstance(other, Traced):
             return 1.0 if other.node == self.node else self.graph.apply(Op.DIV, self, other)
         return self * (1.0 / other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray):
+        if not isinstance(other, _NUMBERS):
             return NotImplemented
         return 0.0 if _is(other, 0.0) else self.graph.apply(Op.DIV, other, self)
 
@@ -191,6 +191,7 @@ class Traced:
 
 
 _LARGEST_WHOLE_POWER: Final = 16
+_NUMBERS: Final = (int, float, np.number, Traced)
 
 
 def _is(value: Any, number: float) -> bool:

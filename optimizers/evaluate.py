@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.screening import Screened, Screening
+from engine.screening import Screened, Screening
 from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess

@@ -33,7 +33,6 @@ UNSEEN = {
     "psycopg",
     "nidaqmx",
     "cvxpy",
-    "numba",
     "casadi",
     "pathsim",
     "mypy",
@@ -74,6 +73,7 @@ WITH = {
     "pydantic-core": "pydantic",
     "typing-extensions": "pydantic",
     "markupsafe": "jinja2",
+    "llvmlite": "numba",
     "packaging": "hatchling",
 }
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.linear.screening import Screening
+from engine.screening import Screening
 from engine.signals import make
 from engine.study import MetricRequest, measure
 from optimizers.certificate import TOLERANCE, signed_excess

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from bench import batch, batched_numpy, cold_start, inner_velocity_loop, latency, loop, throughput
 from bench.table import Job, Row, markdown, render
-from engine.linear.screening import Screening
+from engine.screening import Screening
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,307 @@
+"""Metrics of many parameter sets of one diagram, by compiled kernels.
+
+A `Batch` is made for a diagram, the parameters that vary and the metrics wanted. Making one takes milliseconds and compiles
+nothing: the diagram becomes tapes and tables, which the kernels read. Candidates are evaluated in chunks on several threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.diagram import LOOP
+from engine.kernels import response as time_kernel
+from engine.kernels import spectrum as frequency_kernel
+from engine.kernels.assembly import Assembly
+from engine.kernels.evaluate import evaluate
+from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, frequency_value, time_value
+from engine.kernels.spectrum import CHUNK, SpectrumProgram
+from engine.kernels.tape import Registers
+from engine.kernels.time_program import TimePart, TimeProgram
+from engine.kernels.transfer import Curve, Curves, Network, program, reals, tabulated
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.signals import Signal
+    from engine.study import MetricRequest
+
+Real = npt.NDArray[np.float64]
+
+MOST_STATES: Final = 64
+_BLOCK: Final = 2048
+_PER_DECADE: Final = 30
+_DETAILS: Final = (1, 4)
+"""How densely time and frequency are sampled, at first and where that is not enough."""
+_MARGIN: Final = 100.0
+_DECADES: Final = 10.0
+_NEAR_SINGULAR: Final = 1e-6
+"""A divisor of an algebraic loop that is so much smaller than at the document's values leaves doubt."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Results:
+    """Metrics of B candidates: ``values`` and ``doubtful`` (B, R), ``growth`` and ``valid`` (B,), as a screening gives them."""
+
+    values: Real
+    doubtful: npt.NDArray[np.bool_]
+    growth: Real
+    valid: npt.NDArray[np.bool_]
+
+
+class UnsuitableError(Exception):
+    """The kernels do not cover this diagram; the message says what they do not cover."""
+
+
+class Batch:
+    """The compiled evaluator of some metrics of a diagram.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    varied : sequence of str
+        Parameter paths, in the order of the columns of `__call__`.
+    requests : sequence of MetricRequest
+
+    Attributes
+    ----------
+    measured : tuple of bool
+        Which requests it answers; the others stay NaN and doubtful.
+
+    Raises
+    ------
+    UnsuitableError
+        If the diagram has delays or nonlinear laws, or no dynamics or too many states on the paths asked about.
+    """
+
+    def __init__(self, diagram: Diagram, varied: Sequence[str], requests: Sequence[MetricRequest]) -> None:
+        self.requests = tuple(requests)
+        if diagram.nonlinear:
+            raise UnsuitableError("nonlinear laws")
+        traced = diagram.trace(varied)
+        if any(block.delays.shape[-1] for block in traced.realizations):
+            raise UnsuitableError("delays")
+        if any(np.any(block.initial) for block in traced.realizations if block.initial is not None):
+            raise UnsuitableError("states that are not at rest")
+        closed = diagram.wiring()
+        assembly = Assembly.of(traced, closed)
+        self._timed: dict[int, tuple[int, str]] = {}
+        self._framed: dict[int, tuple[int, str]] = {}
+        traces: dict[tuple[int, int], int] = {}
+        wants: list[int] = []
+        commands: list[Mapping[int, float]] = []
+        known: dict[tuple[tuple[int, float], ...], int] = {}
+        outputs: list[int] = []
+        self._references: list[float] = []
+        for index, request in enumerate(self.requests):
+            if request.metric not in TIME_READINGS or (command := _steps(request.signals, diagram)) is None:
+                continue
+            key = tuple(sorted(command.items()))
+            if key not in known:
+                known[key] = len(commands)
+                commands.append({assembly.states + port: amplitude for port, amplitude in command.items()})
+            output = diagram.outputs.index(str(request.output))
+            if output not in outputs:
+                outputs.append(output)
+            trace = (outputs.index(output), known[key])
+            if trace not in traces:
+                traces[trace] = len(wants)
+                wants.append(0)
+                self._references.append(
+                    sum(a for port, a in command.items() if diagram.input_roles[diagram.inputs[port]] == "reference")
+                )
+            wants[traces[trace]] |= TIME_READINGS[request.metric]
+            self._timed[index] = (traces[trace], request.metric)
+        functions, bits, probes = self._frame(diagram, traced, assembly)
+        part = TimePart(assembly, commands, outputs, probes)
+        if not part.kept:
+            raise UnsuitableError("no dynamics on the paths asked about")
+        if len(part.kept) > MOST_STATES:
+            raise UnsuitableError(f"more than {MOST_STATES} states on the paths asked about")
+        targets, curves = functions
+        wanted = [*part.numbers(), *reals(curves, targets), *(value for _, value in traced.bounds), *assembly.pivots]
+        registers = Registers(traced.graph, wanted, len(varied))
+        self._tape, self._count = registers.tape, registers.count
+        self._bounds = np.array([(registers.of(v), p.lower_open) for p, v in traced.bounds], np.int32).reshape(-1, 2)
+        self._limits = np.array([(p.lower, p.upper) for p, _ in traced.bounds], dtype=float).reshape(-1, 2)
+        self._pivots = np.array([registers.of(pivot) for pivot in assembly.pivots], dtype=np.int32)
+        self._smallest = np.array([_NEAR_SINGULAR * abs(pivot.real) for pivot in assembly.pivots], dtype=float)
+        self._time = part.program(registers, [(o, e, wants[t]) for (o, e), t in traces.items()])
+        span = _span(diagram, traced)
+        self._spectra = [
+            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in _DETAILS
+        ]
+        self._no_spectrum = self._spectra[0]._replace(wants=np.zeros(0, dtype=np.int32))
+        self._no_time = self._time._replace(traces=np.zeros((0, 3), dtype=np.int32))
+        self.measured = tuple(k in self._timed or k in self._framed for k in range(len(self.requests)))
+
+    def _frame(self, diagram: Diagram, traced: Any, assembly: Assembly) -> Any:
+        """Return the functions of frequency that are asked for, what of each, and the paths whose stability matters."""
+        curves = Curves()
+        targets: dict[tuple[str | None, ...], int] = {}
+        functions: list[Curve] = []
+        bits: list[int] = []
+        probes: list[tuple[int, int]] = []
+        for index, request in enumerate(self.requests):
+            loop = request.metric in LOOP_READINGS
+            if not loop and request.metric not in PATH_READINGS:
+                continue
+            key = (request.open_at,) if loop else (request.source, request.target)
+            if key not in targets:
+                made = (
+                    _loop(curves, diagram, traced, str(request.open_at))
+                    if loop
+                    else _path(curves, diagram, traced, str(request.source), str(request.target), self.requests)
+                )
+                if not isinstance(made, Curve):
+                    continue  # a plain number: the exact path says what that means
+                targets[key] = len(functions)
+                functions.append(made)
+                bits.append(0)
+                probes += _probes(diagram, assembly, request, loop=loop)
+            bits[targets[key]] |= (LOOP_READINGS if loop else PATH_READINGS)[request.metric]
+            self._framed[index] = (targets[key], request.metric)
+        return (functions, curves), bits, probes
+
+    def __call__(self, points: Real, *, threads: int | None = None) -> Results:
+        """Return the metrics of candidates.
+
+        Parameters
+        ----------
+        points : ndarray, shape (B, varied)
+            Parameter values, SI.
+        threads : int, optional
+            As many as the machine has processors for this process by default.
+        """
+        points = np.ascontiguousarray(points, dtype=float)
+        total = len(points)
+        results = Results(
+            values=np.full((total, len(self.requests)), np.nan),
+            doubtful=np.zeros((total, len(self.requests)), dtype=bool),
+            growth=np.full(total, np.nan),
+            valid=np.zeros(total, dtype=bool),
+        )
+        workers = min(threads or len(os.sched_getaffinity(0)), -(-total // _BLOCK))
+        spans = [slice(first, min(first + _BLOCK, total)) for first in range(0, total, _BLOCK)]
+        if workers <= 1:
+            for span in spans:
+                self._block(points, results, span)
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                for done in [pool.submit(self._block, points, results, span) for span in spans]:
+                    done.result()
+        return results
+
+    def _block(self, points: Real, results: Results, span: slice) -> None:
+        """Evaluate one block, and once more with finer samples whom the first look cannot vouch for."""
+        rows = np.arange(span.start, span.stop)
+        self._look(points, results, rows, self._time, self._spectra[0], _DETAILS[0])
+        known = ~np.isnan(results.growth[rows])
+        for columns, timing, spectrum in (
+            (list(self._timed), self._time, self._no_spectrum),
+            (list(self._framed), self._no_time, self._spectra[1]),
+        ):
+            again = rows[results.doubtful[rows][:, columns].any(axis=1) & known]
+            if again.size:
+                self._look(points, results, again, timing, spectrum, _DETAILS[1])
+        results.doubtful[span][:, [not measured for measured in self.measured]] = True
+
+    def _look(
+        self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram, detail: int
+    ) -> None:
+        """Evaluate candidates and enter what the programs ask for."""
+        size = len(rows)
+        timed = np.full((size, len(program.traces), time_kernel.READINGS), np.nan)
+        framed = np.full((size, len(spectrum.wants), frequency_kernel.READINGS), np.nan)
+        growth, valid = np.full(size, np.nan), np.zeros(size)
+        evaluate(
+            self._tape, self._count, self._bounds, self._limits, self._pivots, self._smallest, program, spectrum,
+            points[rows], timed, framed, growth, valid, detail,
+        )  # fmt: skip
+        exists = valid > 0
+        unsure = exists & np.isnan(growth)
+        results.growth[rows], results.valid[rows] = growth, exists
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if len(program.traces):
+                for column, (trace, metric) in self._timed.items():
+                    found, doubt = time_value(metric, timed[:, trace], self._references[trace])
+                    results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
+            if len(spectrum.wants):
+                for column, (curve, metric) in self._framed.items():
+                    found, doubt = frequency_value(metric, framed[:, curve])
+                    results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
+
+
+def _steps(signals: Mapping[str, Signal], diagram: Diagram) -> dict[int, float] | None:
+    """Return the amplitude of each input's step at t = 0, None for commands of another kind."""
+    if not signals:
+        return None
+    amplitudes: dict[int, float] = {}
+    for name, signal in signals.items():
+        points, final = signal.breakpoints(), signal.final()
+        if signal.degree() != 0 or points != (0.0,) or final is None:
+            return None
+        amplitudes[diagram.inputs.index(name)] = final
+    return amplitudes
+
+
+def _loop(curves: Curves, diagram: Diagram, traced: Any, cut: str) -> Any:
+    wiring = diagram.wiring(cut)
+    network = Network(curves, traced, wiring, [wiring.inputs.index(LOOP)])
+    return -network.read(wiring.outputs.index(LOOP), 0)
+
+
+def _path(
+    curves: Curves, diagram: Diagram, traced: Any, source: str, target: str, requests: Sequence[MetricRequest]
+) -> Any:
+    """Return a closed path; through the open loop where one is asked for anyway, as both then share their parts."""
+    cut = next((r.open_at for r in requests if r.metric in LOOP_READINGS and r.open_at is not None), None)
+    wiring = diagram.wiring(cut)
+    o = wiring.outputs.index(target)
+    if cut is None:
+        return Network(curves, traced, wiring, [wiring.inputs.index(source)]).read(o, 0)
+    network = Network(curves, traced, wiring, [wiring.inputs.index(source), wiring.inputs.index(LOOP)])
+    back = wiring.outputs.index(LOOP)
+    return network.read(o, 0) + network.read(o, 1) * (network.read(back, 0) / (1.0 - network.read(back, 1)))
+
+
+def _probes(diagram: Diagram, assembly: Assembly, request: MetricRequest, *, loop: bool) -> list[tuple[int, int]]:
+    """Return the closed paths that must be stable: the one asked about, or for a loop from every input to every output."""
+    if loop:
+        return [(assembly.states + i, o) for i in range(len(diagram.inputs)) for o in range(len(diagram.outputs))]
+    return [(assembly.states + diagram.inputs.index(str(request.source)), diagram.outputs.index(str(request.target)))]
+
+
+def _span(diagram: Diagram, traced: Any) -> tuple[float, float]:
+    """Return the lowest and highest frequency, rad/s: well beyond all poles, open and closed, at the document's values."""
+    poles = [np.linalg.eigvals(diagram.realize().a)]
+    poles += [np.linalg.eigvals(block.a.astype(float)) for block in traced.realizations if block.a.dtype != object]
+    sizes = np.abs(np.concatenate(poles))
+    largest = sizes.max(initial=0.0)
+    sizes = sizes[sizes > 1e-9 * largest]
+    low, high = (sizes.min() / _MARGIN, largest * _MARGIN) if sizes.size else (1e-3, 1e3)
+    return max(low, high / 10.0**_DECADES), high
+
+
+def _frequencies(low: float, high: float, detail: int) -> Real:
+    """Return the table of frequencies; the first and last stand for 0 and infinity."""
+    count = int(np.ceil(detail * _PER_DECADE * np.log10(high / low)))
+    count += -(count + 2) % CHUNK
+    return np.concatenate([[low * 1e-4], np.geomspace(low, high, count), [high * 1e4]])
+
+
+def _spectrum_program(
+    curves: Curves, functions: list[Curve], bits: list[int], registers: Registers, frequencies: Real
+) -> SpectrumProgram:
+    scan, tables = program(curves, functions, registers, tabulate=True)
+    points, _ = program(curves, functions, registers, tabulate=False)
+    table = tabulated(curves, tables, frequencies)
+    return SpectrumProgram(
+        scan=scan, points=points, frequencies=frequencies, tables_re=np.ascontiguousarray(table.real),
+        tables_im=np.ascontiguousarray(table.imag), wants=np.array(bits, dtype=np.int32),
+    )  # fmt: skip

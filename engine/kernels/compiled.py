@@ -1,0 +1,114 @@
+"""How every kernel is compiled: once for a machine, cached on disk, running without Python's lock.
+
+`LANES` candidates lie side by side in the last axis of every array, so that one vector instruction serves all of them.
+Floating-point reordering is allowed, but NaN and infinity keep their meaning: they mark candidates that do not exist.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, TypeVar, cast
+
+import numba
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LANES: Final = 8
+
+
+def _cache() -> Path:
+    """Return where compiled code is kept: numba looks only at the file of a function, not at those that it calls."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    content = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(home) / "servotune" / f"kernels-{content}"
+
+
+vars(numba.config)["CACHE_DIR"] = str(_cache())
+
+F = TypeVar("F", bound=Callable[..., Any])
+_FAST: Final = {"nsz", "arcp", "contract", "reassoc"}
+
+
+def compiled(function: F) -> F:
+    """Return the function compiled at its first call."""
+    return cast("F", njit(fastmath=_FAST, nogil=True, cache=True, error_model="numpy")(function))
+
+
+def instruction(typed: Callable[..., Any]) -> Any:
+    """Return a function of compiled code that writes its own machine instructions; numba calls it with types."""
+    return intrinsic(typed)
+
+
+def _product(rows: int, columns: int, *, accumulate: bool) -> Any:
+    """Return a product C (+)= A B of matrices whose entries are vectors of lanes, in tiles that stay in registers.
+
+    Numba's own loops over such matrices reach a tenth of what the processor can do, because every partial sum goes
+    through memory; the tile keeps ``rows`` x ``columns`` sums in registers. Sizes must be multiples of the tile.
+    """
+
+    @instruction
+    def product(
+        _context: Any, c: Any, a: Any, b: Any, _ni: Any, _nj: Any, _nk: Any, _lda: Any, _ldb: Any, _ldc: Any
+    ) -> Any:
+        signature = types.void(c, a, b, *[types.intp] * 6)
+
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            integer = context.get_value_type(types.intp)
+            vector = ir.VectorType(ir.DoubleType(), LANES)
+
+            def pointer(k: int) -> Any:
+                array = context.make_array(signature.args[k])(context, builder, arguments[k])
+                return builder.bitcast(array.data, vector.as_pointer())
+
+            def place(base: Any, i: Any, stride: Any, j: Any) -> Any:
+                return builder.gep(base, [builder.add(builder.mul(i, stride), j)])
+
+            out, left, right = pointer(0), pointer(1), pointer(2)
+            ni, nj, nk, lda, ldb, ldc = arguments[3:9]
+            with (
+                cgutils.for_range_slice(builder, integer(0), ni, integer(rows), integer) as (i, _),
+                cgutils.for_range_slice(builder, integer(0), nj, integer(columns), integer) as (j, _),
+            ):
+                at = [builder.add(i, integer(r)) for r in range(rows)]
+                to = [builder.add(j, integer(s)) for s in range(columns)]
+                tile = [[cgutils.alloca_once(builder, vector) for _ in to] for _ in at]
+                for r, row in enumerate(at):
+                    for s, column in enumerate(to):
+                        start = (
+                            builder.load(place(out, row, ldc, column), align=8)
+                            if accumulate
+                            else ir.Constant(vector, [0.0] * LANES)
+                        )
+                        builder.store(start, tile[r][s])
+                with cgutils.for_range(builder, nk, intp=integer) as loop:
+                    lefts = [builder.load(place(left, row, lda, loop.index), align=8) for row in at]
+                    for s, column in enumerate(to):
+                        factor = builder.load(place(right, loop.index, ldb, column), align=8)
+                        for r in range(rows):
+                            term = builder.fmul(lefts[r], factor, flags=("contract",))
+                            total = builder.fadd(term, builder.load(tile[r][s]), flags=("contract",))
+                            builder.store(total, tile[r][s])
+                for r, row in enumerate(at):
+                    for s, column in enumerate(to):
+                        builder.store(builder.load(tile[r][s]), place(out, row, ldc, column), align=8)
+            return context.get_dummy_value()
+
+        return signature, code
+
+    return product
+
+
+multiply: Final = _product(4, 4, accumulate=False)
+"""C = A B: ``multiply(c, a, b, rows, columns, inner, stride of a, of b, of c)``, arrays (i, j, LANES), strides in entries."""
+multiply_add: Final = _product(4, 4, accumulate=True)
+"""C += A B."""
+apply: Final = _product(4, 1, accumulate=False)
+"""C = A B for any number of columns."""
+apply_add: Final = _product(4, 1, accumulate=True)
+"""C += A B for any number of columns."""

@@ -1,0 +1,216 @@
+"""Eight candidates at a time through the whole kernel: tape, powers, samples, events."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.kernels.compiled import LANES, apply, compiled, multiply
+from engine.kernels.powers import LEVELS, raise_powers
+from engine.kernels.response import (
+    COLUMNS,
+    FIELDS,
+    MOST_EVENTS,
+    PER_PASS,
+    READINGS,
+    ROWS,
+    TAYLOR,
+    begin,
+    locate,
+    passes,
+    scan,
+)
+from engine.kernels.spectrum import READINGS as SPECTRAL_READINGS
+from engine.kernels.spectrum import SpectrumProgram, spectrum
+from engine.kernels.tape import Tape, run
+from engine.kernels.time_program import TimeProgram
+from engine.kernels.vector import clear, copy, load, load2, spread, store, store2
+
+Real = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int32]
+
+
+@compiled
+def scatter(program: TimeProgram, registers: Real, a: Real, b: Real, c: Real, d: Real) -> None:
+    """Put the registers where they belong in A, B, C and D; everything else there is 0 and stays it."""
+    for k in range(program.a.shape[0]):
+        i, j, r, s = program.a[k, 0], program.a[k, 1], program.a[k, 2], program.a_scale[k]
+        store2(a, load(registers, r) * s, i, j)
+    for k in range(program.b.shape[0]):
+        i, j, r, s = program.b[k, 0], program.b[k, 1], program.b[k, 2], program.b_scale[k]
+        store2(b, load(registers, r) * s, i, j)
+    for k in range(program.c.shape[0]):
+        i, j, r, s = program.c[k, 0], program.c[k, 1], program.c[k, 2], program.c_scale[k]
+        store2(c, load(registers, r) * s, 2 * i, j)
+    for k in range(program.d.shape[0]):
+        i, j, r = program.d[k, 0], program.d[k, 1], program.d[k, 2]
+        store2(d, load(registers, r), i, j)
+
+
+@compiled
+def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
+    """Mark the candidates whose values are within their bounds: register, open below; lower, upper."""
+    for lane in range(LANES):
+        good = True
+        for k in range(bounds.shape[0]):
+            value = registers[bounds[k, 0], lane]
+            above = value > limits[k, 0] if bounds[k, 1] > 0 else value >= limits[k, 0]
+            good = good and above and value <= limits[k, 1] and abs(value) < math.inf
+        alive[lane] = 1.0 if good else 0.0
+
+
+@compiled
+def evaluate(
+    tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
+    curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real, detail: int,
+) -> None:  # fmt: skip
+    """Evaluate candidates.
+
+    Parameters
+    ----------
+    tape, count
+        The tape and its number of registers.
+    bounds, limits
+        What makes a candidate exist.
+    pivots, smallest
+        Registers of what algebraic loops divide by, and below which size that leaves doubt.
+    program, curves
+        What is asked of it in time and in frequency.
+    points : ndarray, shape (B, parameters)
+    readings : ndarray, shape (B, T, READINGS)
+        Written for what exists and is stable; the rest stays as it is.
+    spectra : ndarray, shape (B, curves, READINGS of a spectrum)
+        Written likewise.
+    growth, valid : ndarray, shape (B,)
+        Written.
+    detail : int
+        Responses are sampled 16 times this often in every octave of time; a power of two.
+    """
+    total = points.shape[0]
+    n, nn, rows, experiments = program.states, program.padded, program.rows, program.experiments
+    registers = np.empty((count, LANES))
+    a, b = np.zeros((nn, nn, LANES)), np.zeros((nn, experiments, LANES))
+    c, d = np.zeros((rows, nn, LANES)), np.zeros((program.outputs, experiments, LANES))
+    powers, norms = np.empty((LEVELS, nn, nn, LANES)), np.empty((LEVELS, LANES))
+    rest, work = np.empty((nn, experiments, LANES)), np.empty((6, nn, nn, LANES))
+    alive, step, rate = np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    watched = np.zeros((ROWS * rows, nn, LANES))
+    columns, samples = np.zeros((nn, COLUMNS, LANES)), np.empty((ROWS * rows, COLUMNS, LANES))
+    one, two = np.empty((nn, 1, LANES)), np.empty((nn, 1, LANES))
+    taylor = np.empty((TAYLOR, rows, nn, LANES))
+    taylors = np.empty((program.outputs, TAYLOR, nn, LANES))
+    states = np.empty((program.traces.shape[0], FIELDS, LANES))
+    final = np.empty((program.traces.shape[0], LANES))
+    start, vectors = np.empty((nn, LANES)), np.empty((2, nn, MOST_EVENTS, LANES))
+    reading = np.empty((READINGS, LANES))
+    spectral = np.empty((curves.wants.shape[0], SPECTRAL_READINGS, LANES))
+    curve_re = np.empty((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
+    curve_im = np.empty((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
+    for first in range(0, total, LANES):
+        for lane in range(LANES):
+            candidate = min(first + lane, total - 1)
+            for k in range(points.shape[1]):
+                registers[k, lane] = points[candidate, k]
+        run(tape, registers)
+        admit(bounds, limits, registers, alive)
+        clear(a, nn * nn)
+        scatter(program, registers, a, b, c, d)
+        for lane in range(LANES):
+            candidate = first + lane
+            if candidate < total:
+                valid[candidate] = alive[lane]
+        # from here on `alive` also asks for finite coefficients
+        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work)
+        for lane in range(LANES):
+            for k in range(pivots.shape[0]):
+                if abs(registers[pivots[k], lane]) < smallest[k]:
+                    rate[lane] = math.nan
+            candidate = first + lane
+            if candidate < total:
+                valid[candidate] *= alive[lane]
+                growth[candidate] = rate[lane]
+        stable = False
+        for lane in range(LANES):
+            stable = stable or (alive[lane] > 0.0 and rate[lane] < 0.0)
+        if not stable:
+            continue
+        if curves.wants.shape[0] > 0:
+            spectrum(curves, registers, spectral, curve_re, curve_im)
+            for lane in range(LANES):
+                candidate = first + lane
+                if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
+                    for m in range(curves.wants.shape[0]):
+                        for k in range(SPECTRAL_READINGS):
+                            spectra[candidate, m, k] = spectral[m, k, lane]
+        if program.traces.shape[0] == 0:
+            continue
+        # slopes: rows C A beside the rows C
+        x = work[0]
+        h = load(step, 0)
+        for k in range(nn * nn):
+            store(x, load(a, k) * h, k)
+        outputs = c
+        copy(taylor, 0, outputs, 0, rows * nn)
+        for k in range(1, TAYLOR):
+            multiply(taylor[k], taylor[k - 1], x, rows, nn, nn, nn, nn, nn)
+            for i in range(rows * nn):
+                store(taylor[k], load(taylor[k], i) * (1.0 / k), i)
+        for o in range(program.outputs):
+            for i in range(nn):
+                store2(outputs, load2(taylor[1], 2 * o, i) / h, 2 * o + 1, i)
+            for k in range(TAYLOR):
+                copy(taylors, (o * TAYLOR + k) * nn, taylor, (k * rows + 2 * o) * nn, nn)
+        last = passes(norms, levels, alive, rate, detail)
+        for e in range(experiments):
+            for i in range(nn):
+                store(start, -load2(rest, i, e), i)
+            for t in range(program.traces.shape[0]):
+                if program.traces[t, 1] != e:
+                    continue
+                o = program.traces[t, 0]
+                away, slope = spread(0.0), spread(0.0)
+                for i in range(nn):
+                    away = away + load2(outputs, 2 * o, i) * load(start, i)
+                    slope = slope + load2(outputs, 2 * o + 1, i) * load(start, i)
+                store(final, load2(d, o, e) - away, t)
+                store(reading, away, 0)
+                store(reading, slope, 1)
+                begin(states[t], reading[0], reading[1], final[t])
+            # rows C P^j, j = 0..3
+            copy(watched, 0, outputs, 0, rows * nn)
+            multiply(watched[rows:], watched, powers[0], rows, nn, nn, nn, nn, nn)
+            multiply(watched[2 * rows :], watched, powers[1], 2 * rows, nn, nn, nn, nn, nn)
+            copy(one, 0, start, 0, nn)
+            for number in range(last):
+                level = max(0, number // detail - 1)
+                part = number if number < 2 * detail else detail + number % detail
+                changed = number >= 2 * detail and number % detail == 0
+                if changed:
+                    copy(watched, rows * nn, watched, 2 * rows * nn, rows * nn)
+                    multiply(watched[2 * rows :], watched, powers[level + 1], 2 * rows, nn, nn, nn, nn, nn)
+                for m in range(COLUMNS):
+                    for i in range(nn):
+                        store2(columns, load(one, i), i, m)
+                    apply(two, powers[level + 2], one, nn, 1, nn, nn, 1, 1)
+                    one, two = two, one
+                multiply(samples, watched, columns, ROWS * rows, COLUMNS, nn, nn, COLUMNS, COLUMNS)
+                for t in range(program.traces.shape[0]):
+                    if program.traces[t, 1] == e:
+                        o = program.traces[t, 0]
+                        scan(states[t], samples, 2 * o, rows, final[t], step, level, part * PER_PASS, changed,
+                             program.traces[t, 2])  # fmt: skip
+            for t in range(program.traces.shape[0]):
+                if program.traces[t, 1] != e:
+                    continue
+                o = program.traces[t, 0]
+                locate(
+                    states[t], powers, nn, start, outputs[2 * o], outputs[2 * o + 1], taylors[o], final[t], step,
+                    program.traces[t, 2], reading, vectors,
+                )  # fmt: skip
+                for lane in range(LANES):
+                    candidate = first + lane
+                    if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
+                        for k in range(READINGS):
+                            readings[candidate, t, k] = reading[k, lane]

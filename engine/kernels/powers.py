@@ -1,0 +1,155 @@
+"""Powers of the matrix exponential, e^(A h 2^k) for k = 0, 1, 2 ... until nothing moves any more.
+
+    e^X = T8(X) for ‖X‖ <= 0.08,   then squared;   ∫ likewise, which gives the state at rest after a step
+
+Every candidate has its own h, so that ‖A h‖ = 0.64 resolves its fastest mode. The stored powers serve all that follows:
+sampling, and walking to any instant by its binary digits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.kernels.compiled import LANES, apply, compiled, multiply
+from engine.kernels.vector import copy, load, load2, magnitude, select, spread, store, store2
+
+Real = npt.NDArray[np.float64]
+
+LEVELS: Final = 48
+"""At most so many doublings: the slowest mode may be 10^13 times slower than the fastest."""
+_SMALL: Final = 0.08
+_EXTRA: Final = 3
+_REST: Final = 1e-13
+_HUGE: Final = 1e30
+
+# P. Bader, S. Blanes, F. Casas, Computing the matrix exponential with an optimized Taylor polynomial approximation,
+# Mathematics 7 (2019) 1174, eq. (12): degree 8 with three products.
+_ROOT: Final = math.sqrt(177.0)
+_C3: Final = 2.0 / 3.0
+_C1: Final = _C3 * (1.0 + _ROOT) / 88.0
+_C2: Final = _C3 * (1.0 + _ROOT) / 352.0
+_C4: Final = (-271.0 + 29.0 * _ROOT) / (315.0 * _C3)
+_C5: Final = 11.0 * (-1.0 + _ROOT) / (1260.0 * _C3)
+_C6: Final = 11.0 * (-9.0 + _ROOT) / (5040.0 * _C3)
+_C7: Final = (89.0 - _ROOT) / (5040.0 * _C3**2)
+_D2: Final = (857.0 - 58.0 * _ROOT) / 630.0
+
+
+@compiled
+def step_size(a: Real, n: int, alive: Real, step: Real) -> None:
+    """Write h (LANES,) for A (n, n, LANES); a candidate that does not exist gets A = -1, which disturbs nobody."""
+    by_row, by_column = spread(0.0), spread(0.0)
+    for i in range(n):
+        row, column = spread(0.0), spread(0.0)
+        for j in range(n):
+            row = row + magnitude(load2(a, i, j))
+            column = column + magnitude(load2(a, j, i))
+        by_row = select(row <= by_row, by_row, row)
+        by_column = select(column <= by_column, by_column, column)
+    usable = (by_row > 0.0) & (by_row < 1e200) & (by_column < 1e200) & (load(alive, 0) > 0.0)
+    store(alive, select(usable, 1.0, 0.0), 0)
+    for i in range(n):
+        for j in range(n):
+            store2(a, select(usable, load2(a, i, j), -1.0 if i == j else 0.0), i, j)
+    store(step, _SMALL / select(usable, select(by_row < by_column, by_row, by_column), 1.0), 0)
+
+
+@compiled
+def _largest_row(p: Real, n: int, nn: int, norm: Real) -> None:
+    largest = spread(0.0)
+    for i in range(n):
+        row = spread(0.0)
+        for j in range(n):
+            row = row + magnitude(load(p, i * nn + j))
+        # what is not a number counts as larger than anything
+        largest = select(row <= largest, largest, row)
+    store(norm, largest, 0)
+
+
+@compiled
+def raise_powers(
+    a: Real, b: Real, n: int, nn: int, experiments: int, alive: Real, step: Real, powers: Real, norms: Real,
+    rest: Real, growth: Real, work: Real,
+) -> int:  # fmt: skip
+    """Fill ``powers`` (LEVELS, nn, nn, LANES) and return how many there are.
+
+    On return ``step`` is the time step of the first, ``norms`` (LEVELS, LANES) their row norms, ``rest`` (nn, experiments,
+    LANES) the states at rest, ``growth`` (LANES,) the rate of the slowest mode, about, in 1/s: positive where it diverges,
+    NaN where neither was seen. Sizes are ``nn``, a multiple of 4; ``work`` is (6, nn, nn, LANES).
+    """
+    step_size(a, n, alive, step)
+    x, x2, t1, t2, p, q = work[0], work[1], work[2], work[3], work[4], work[5]
+    size, h = nn * nn, load(step, 0)
+    for k in range(size):
+        store(x, load(a, k) * h, k)
+    multiply(x2, x, x, nn, nn, nn, nn, nn, nn)
+    for k in range(size):
+        store(t1, _C1 * load(x, k) + _C2 * load(x2, k), k)
+    multiply(t2, x2, t1, nn, nn, nn, nn, nn, nn)
+    for k in range(size):
+        third = load(t2, k)
+        store(t1, _C5 * load(x, k) + _C6 * load(x2, k) + _C7 * third, k)
+        store(t2, third + _C3 * load(x2, k), k)
+    for i in range(nn):
+        store(t1, load(t1, i * nn + i) + _C4, i * nn + i)
+    multiply(p, t2, t1, nn, nn, nn, nn, nn, nn)
+    for k in range(size):
+        store(p, load(p, k) + load(x, k) + _D2 * load(x2, k), k)
+    for i in range(nn):
+        store(p, load(p, i * nn + i) + 1.0, i * nn + i)
+    # ∫ e^(A s) ds B over one step: Horner's rule, nine terms
+    forcing, moved = np.empty((nn, experiments, LANES)), np.empty((nn, experiments, LANES))
+    entries = nn * experiments
+    for k in range(entries):
+        forced = load(b, k) * h
+        store(forcing, forced, k)
+        store(rest, forced, k)
+    for term in range(9, 1, -1):
+        apply(moved, x, rest, nn, experiments, nn, nn, experiments, experiments)
+        for k in range(entries):
+            store(rest, load(forcing, k) + load(moved, k) * (1.0 / term), k)
+    for _ in range(_EXTRA):
+        apply(moved, p, rest, nn, experiments, nn, nn, experiments, experiments)
+        for k in range(entries):
+            store(rest, load(rest, k) + load(moved, k), k)
+        multiply(q, p, p, nn, nn, nn, nn, nn, nn)
+        p, q = q, p
+    copy(powers, 0, p, 0, size)
+    for lane in range(LANES):
+        step[lane] *= 2.0**_EXTRA
+        growth[lane] = math.nan
+    level = 0
+    norm = np.empty(LANES)
+    while True:
+        here = powers[level]
+        _largest_row(here, n, nn, norm)
+        busy = False
+        for lane in range(LANES):
+            wide = norm[lane]
+            if not (wide <= _HUGE):
+                # It diverges: forgotten, so that its overflow cannot touch its neighbours.
+                if not (growth[lane] > 0.0):
+                    growth[lane] = math.log(wide) / (step[lane] * 2.0**level) if wide < math.inf else math.inf
+                for i in range(nn):
+                    for j in range(nn):
+                        here[i, j, lane] = 0.0
+                    for e in range(experiments):
+                        rest[i, e, lane] = 0.0
+                norm[lane] = 0.0
+            elif wide > _REST:
+                busy = True
+            if wide < 0.1 and (wide > _REST or math.isnan(growth[lane])):
+                growth[lane] = math.log(max(wide, 1e-300)) / (step[lane] * 2.0**level)
+            norms[level, lane] = norm[lane]
+        if not busy or level + 1 == LEVELS:
+            break
+        apply(moved, here, rest, nn, experiments, nn, nn, experiments, experiments)
+        for k in range(entries):
+            store(rest, load(rest, k) + load(moved, k), k)
+        multiply(powers[level + 1], here, here, nn, nn, nn, nn, nn, nn)
+        level += 1
+    return level + 1

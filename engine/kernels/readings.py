@@ -1,0 +1,98 @@
+"""From what a kernel reads off responses and curves to metrics by name: definitions are those of `engine.metrics`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.kernels import response as r
+from engine.kernels import spectrum as f
+
+Real = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+NEGLIGIBLE = 1e-9
+"""A difference below this part of the signal is not a difference."""
+
+TIME_READINGS: Mapping[str, int] = MappingProxyType(
+    {
+        "rise_time": r.RISE, "settling_time": r.SETTLE_2, "response_time": r.SETTLE_5, "overshoot": r.TOP,
+        "undershoot": r.BOTTOM, "peak": r.TOP | r.BOTTOM, "peak_time": r.TOP | r.BOTTOM,
+        "max_velocity": r.TOP | r.BOTTOM, "max_acceleration": r.TOP | r.BOTTOM, "control_effort": r.TOP | r.BOTTOM,
+        "steady_state_error": 0,
+    }
+)  # fmt: skip
+"""What each metric needs of a response."""
+LOOP_READINGS: Mapping[str, int] = MappingProxyType(
+    {
+        "gain_margin": f.GAIN, "phase_margin": f.PHASE, "delay_margin": f.DELAY, "sensitivity_peak": f.SENSITIVITY,
+        "complementary_peak": f.COMPLEMENTARY,
+    }
+)  # fmt: skip
+PATH_READINGS: Mapping[str, int] = MappingProxyType(
+    {"bandwidth": f.BANDWIDTH | f.PEAK, "compliance_peak": f.PEAK, "control_sensitivity_peak": f.PEAK}
+)
+
+
+def time_value(metric: str, reading: Real, reference: float) -> tuple[Real, Flags]:
+    """Return a metric (B,) and who is doubtful, from readings (B, READINGS); NaN where the metric does not exist."""
+    final, size = reading[:, r.FINAL], reading[:, r.SIZE]
+    needs = TIME_READINGS[metric]
+    doubt = (np.nan_to_num(reading[:, r.DOUBT]).astype(int) & needs) != 0
+    relative = np.abs(final) > NEGLIGIBLE * size
+    match metric:
+        case "rise_time":
+            value = reading[:, r.T_90] - reading[:, r.T_10]
+        case "settling_time":
+            value = reading[:, r.T_2]
+        case "response_time":
+            value = reading[:, r.T_5]
+        case "overshoot" | "undershoot":
+            over = metric == "overshoot"
+            furthest = reading[:, r.TOP_VALUE if over else r.BOTTOM_VALUE]
+            value = (furthest - final) / final if over else -furthest / final
+            value = np.where(value <= NEGLIGIBLE, 0.0, value)
+        case "steady_state_error":
+            return reference - final, doubt
+        case _:
+            return _magnitude(metric, reading), doubt
+    return np.where(relative & np.isfinite(final), value, np.nan), doubt
+
+
+def _magnitude(metric: str, reading: Real) -> Real:
+    """Return the largest absolute value or its time; a final value that is only approached has none."""
+    top, bottom = np.abs(reading[:, r.TOP_VALUE]), np.abs(reading[:, r.BOTTOM_VALUE])
+    limit = np.abs(reading[:, r.FINAL])
+    top = np.where(top > 1e299, -1.0, top)
+    bottom = np.where(bottom > 1e299, -1.0, bottom)
+    largest = np.maximum(top, bottom)
+    approached = limit >= largest * (1 - 1e-13)
+    if metric == "peak_time":
+        time = np.where(top >= bottom, reading[:, r.TOP_TIME], reading[:, r.BOTTOM_TIME])
+        return np.where(approached, np.nan, time)
+    return np.where(approached, limit, largest)
+
+
+def frequency_value(metric: str, reading: Real) -> tuple[Real, Flags]:
+    """Return a metric (B,) and who is doubtful, from readings (B, READINGS) of a curve; infinite where nothing crosses."""
+    needs = LOOP_READINGS.get(metric) or PATH_READINGS[metric] & ~f.PEAK or f.PEAK
+    doubt = (np.nan_to_num(reading[:, f.DOUBT]).astype(int) & needs) != 0
+    match metric:
+        case "gain_margin":
+            return reading[:, f.GAIN_MARGIN], doubt
+        case "phase_margin":
+            return reading[:, f.PHASE_MARGIN], doubt
+        case "delay_margin":
+            return reading[:, f.DELAY_MARGIN], doubt
+        case "sensitivity_peak":
+            return reading[:, f.MS], doubt
+        case "complementary_peak":
+            return reading[:, f.MT], doubt
+        case "bandwidth":
+            flat = np.abs(reading[:, f.AT_REST]) <= NEGLIGIBLE * reading[:, f.HIGHEST]
+            return np.where(flat, np.nan, reading[:, f.FIRST_FALL]), doubt
+        case _:
+            return reading[:, f.HIGHEST], doubt

@@ -1,0 +1,390 @@
+"""The loop and path transfer functions of a diagram as programs: sparse elimination over the signals, once for all values.
+
+    signal = Σ G_ij(jω) · source,    G = C adj(jω - A) B / det(jω - A) + D   for every block
+
+A block of up to four states is a quotient of polynomials in jω whose coefficients are formulas of the parameters; of a larger
+one the states take part in the elimination. What depends on no parameter is tabulated once for all candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.kernels.assembly import Row, add, is_zero, solve
+from engine.traced import Traced
+
+if TYPE_CHECKING:
+    from engine.diagram import TracedDiagram
+    from engine.elements import Realization
+    from engine.kernels.tape import Registers
+    from engine.realize import Wiring
+
+Complex = npt.NDArray[np.complex128]
+Whole = npt.NDArray[np.int32]
+
+_LARGEST_QUOTIENT = 4
+
+
+class Code(IntEnum):
+    """Operations of a program, as the kernels interpret them."""
+
+    POLYNOMIAL = 0
+    ADD = 1
+    SUB = 2
+    MUL = 3
+    DIV = 4
+    SCALE = 5
+    SHIFT = 6
+    NEG = 7
+    TABLE = 8
+
+
+class Curves:
+    """The graph of complex functions of frequency that a diagram needs; equal functions are one node."""
+
+    def __init__(self) -> None:
+        self.nodes: list[tuple[Any, ...]] = []
+        self.varies: list[bool] = []
+        self._known: dict[tuple[Any, ...], int] = {}
+
+    def node(self, code: Code, *operands: Any) -> Curve:
+        """Return a function; operands are curves, or real numbers where the operation says so."""
+        key = (code, *(("curve", o.number) if isinstance(o, Curve) else _key(o) for o in operands))
+        number = self._known.get(key)
+        if number is None:
+            number = self._known[key] = len(self.nodes)
+            self.nodes.append((code, *operands))
+            self.varies.append(any(self._changes(o) for o in operands))
+        return Curve(self, number)
+
+    def polynomial(self, coefficients: Sequence[Any]) -> Any:
+        """Return a polynomial in jω, lowest power first; a plain number where it is constant."""
+        kept = list(coefficients)
+        while kept and is_zero(kept[-1]):
+            kept.pop()
+        if len(kept) < 2:
+            return kept[0] if kept else 0.0
+        return self.node(Code.POLYNOMIAL, *kept)
+
+    def _changes(self, operand: Any) -> bool:
+        return self.varies[operand.number] if isinstance(operand, Curve) else isinstance(operand, Traced)
+
+
+def _key(number: Any) -> tuple[str, Any]:
+    return ("traced", number.node) if isinstance(number, Traced) else ("number", float(number).hex())
+
+
+class Curve:
+    """A complex function of frequency, with the arithmetic that an elimination needs."""
+
+    __slots__ = ("curves", "number")
+
+    real = 1.0  # an elimination asks how large a pivot is; a function is as good as another
+
+    def __init__(self, curves: Curves, number: int) -> None:
+        self.curves = curves
+        self.number = number
+
+    def _split(self) -> tuple[bool, Curve]:
+        """Return (whether it is negated, what is negated): signs are moved outwards, so that equal products meet."""
+        code, *operands = self.curves.nodes[self.number]
+        return (True, operands[0]) if code is Code.NEG else (False, self)
+
+    def signed(self, negative: bool) -> Curve:
+        """Return the function, negated or not."""
+        return self.curves.node(Code.NEG, self) if negative else self
+
+    def __add__(self, other: Any) -> Any:
+        if is_zero(other):
+            return self
+        minus, base = self._split()
+        if not isinstance(other, Curve):
+            return self.curves.node(Code.SHIFT, base, -other if minus else other).signed(minus)
+        minus2, base2 = other._split()
+        if minus != minus2:
+            return self.curves.node(Code.SUB, *((base2, base) if minus else (base, base2)))
+        first, second = sorted((base, base2), key=lambda curve: curve.number)
+        return self.curves.node(Code.ADD, first, second).signed(minus)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return self + (-other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __neg__(self) -> Any:
+        minus, base = self._split()
+        return base.signed(not minus)
+
+    def __mul__(self, other: Any) -> Any:
+        if is_zero(other):
+            return 0.0
+        minus, base = self._split()
+        if isinstance(other, Curve):
+            minus2, base2 = other._split()
+            first, second = sorted((base, base2), key=lambda curve: curve.number)
+            return self.curves.node(Code.MUL, first, second).signed(minus != minus2)
+        if not isinstance(other, Traced) and abs(other) == 1:
+            return base.signed(minus != (other < 0))
+        return self.curves.node(Code.SCALE, base, other).signed(minus)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        if not isinstance(other, Curve):
+            return self * (1.0 / other)
+        (minus, base), (minus2, base2) = self._split(), other._split()
+        return self.curves.node(Code.DIV, base, base2).signed(minus != minus2)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self.curves.node(Code.POLYNOMIAL, other) / self
+
+
+class Network:
+    """The signals of one wiring, solved for what each external input makes of them.
+
+    Parameters
+    ----------
+    curves : Curves
+    traced : TracedDiagram
+    wiring : Wiring
+    sources : sequence of int
+        Positions of the external inputs that are asked about.
+    """
+
+    def __init__(self, curves: Curves, traced: TracedDiagram, wiring: Wiring, sources: Sequence[int]) -> None:
+        self._curves = curves
+        self._wiring = wiring
+        self._outputs = sum(block.d.shape[-2] for block in traced.realizations)
+        self._rows: list[Row] = [{} for _ in range(self._outputs)]
+        self._right: list[Row] = [{} for _ in range(self._outputs)]
+        self._sources = {self._outputs + source: k for k, source in enumerate(sources)}
+        base = 0
+        for number, block in enumerate(traced.realizations):
+            drives = traced.interconnection.sources_of(number, wiring)
+            self._enter(block, base, drives)
+            base += block.d.shape[-2]
+        for k in range(len(self._rows)):
+            add(self._rows[k], k, 1.0)
+        self.signals = solve(self._rows, self._right, _cost, lambda _: None)
+
+    def read(self, output: int, source: int) -> Any:
+        """Return what an output of the wiring gets from one of ``sources``, by position."""
+        signal = self._wiring.reads[output]
+        if signal in self._sources:
+            return 1.0 if self._sources[signal] == source else 0.0
+        return self.signals[signal].get(source, 0.0) if signal < self._outputs else 0.0
+
+    def _drive(self, row: int, signal: int, gain: Any) -> None:
+        """Add ``gain`` times a signal to a row."""
+        if signal in self._sources:
+            add(self._right[row], self._sources[signal], gain)
+        elif signal < self._outputs:
+            add(self._rows[row], signal, -gain)
+
+    def _enter(self, block: Realization, base: int, drives: Sequence[int]) -> None:
+        n = block.a.shape[-1]
+        used = [j for j, signal in enumerate(drives) if signal in self._sources or signal < self._outputs]
+        if n <= _LARGEST_QUOTIENT:
+            quotient = _Quotient(self._curves, block)
+            for i in range(block.d.shape[-2]):
+                for j in used:
+                    self._drive(base + i, drives[j], quotient.gain(i, j))
+        else:
+            first = len(self._rows)
+            self._rows += [{} for _ in range(n)]
+            self._right += [{} for _ in range(n)]
+            for i in range(n):
+                # (jω - a_ii) x_i = Σ a_ij x_j + Σ b_ij u_j
+                inverse = 1.0 / self._curves.node(Code.POLYNOMIAL, -block.a[i, i], 1.0)
+                for j in range(n):
+                    if j != i and not is_zero(block.a[i, j]):
+                        add(self._rows[first + i], first + j, -(block.a[i, j] * inverse))
+                for j in used:
+                    if not is_zero(block.b[i, j]):
+                        self._drive(first + i, drives[j], block.b[i, j] * inverse)
+            for i in range(block.d.shape[-2]):
+                for j in range(n):
+                    if not is_zero(block.c[i, j]):
+                        add(self._rows[base + i], first + j, -block.c[i, j])
+                for j in used:
+                    if not is_zero(block.d[i, j]):
+                        self._drive(base + i, drives[j], block.d[i, j])
+
+
+class _Quotient:
+    """One block as quotients of polynomials, by the method of Leverrier and Faddeev."""
+
+    def __init__(self, curves: Curves, block: Realization) -> None:
+        self._curves, self._block = curves, block
+        n = block.a.shape[-1]
+        a = block.a.tolist()
+        adjoint: list[list[list[Any]]] = []
+        characteristic: list[Any] = [1.0]
+        current: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)]
+        for k in range(1, n + 1):
+            adjoint.append(current)
+            moved = [[_dot(a[i], [current[m][j] for m in range(n)]) for j in range(n)] for i in range(n)]
+            trace: Any = 0.0
+            for i in range(n):
+                trace = trace + moved[i][i]
+            coefficient = trace * (-1.0 / k)
+            characteristic.append(coefficient)
+            current = [[moved[i][j] + (coefficient if i == j else 0.0) for j in range(n)] for i in range(n)]
+        self._adjoint = adjoint
+        self._characteristic = characteristic
+        self._inverse = 1.0 / curves.polynomial(characteristic[::-1]) if n else 1.0
+
+    def gain(self, i: int, j: int) -> Any:
+        """Return the transfer function from input j to output i."""
+        n = self._block.a.shape[-1]
+        direct = self._block.d[i, j]
+        c, b = self._block.c[i].tolist() if n else [], [row[j] for row in self._block.b.tolist()]
+        numerator: list[Any] = [direct * coefficient for coefficient in self._characteristic]
+        for k, matrix in enumerate(self._adjoint):
+            numerator[k + 1] = numerator[k + 1] + _dot(c, [_dot(row, b) for row in matrix])
+        if n == 0:
+            return numerator[0]
+        polynomial = self._curves.polynomial(numerator[::-1])
+        return 0.0 if is_zero(polynomial) else polynomial * self._inverse
+
+
+def _dot(row: Sequence[Any], column: Sequence[Any]) -> Any:
+    total: Any = 0.0
+    for x, y in zip(row, column, strict=True):
+        if not is_zero(x) and not is_zero(y):
+            total = total + x * y
+    return total
+
+
+def _cost(value: Any) -> float:
+    """Plain numbers before formulas before functions; among equals, what is the same for all candidates."""
+    if isinstance(value, Curve):
+        return 3.0 if value.curves.varies[value.number] else 2.0
+    return 1.0 if isinstance(value, Traced) else 0.0
+
+
+class FrequencyProgram(NamedTuple):
+    """Operations (K, 4): code, target, first, second; ``coefficients`` are registers of polynomials, one after another.
+
+    ``targets`` (curves,) are the places of the functions asked for; ``places`` how many there are. A table is a place that
+    holds the same for all candidates.
+    """
+
+    operations: Whole
+    coefficients: Whole
+    targets: Whole
+    places: int
+
+
+def reals(curves: Curves, targets: Sequence[Any]) -> list[Any]:
+    """Return every real number that the functions asked for contain."""
+    return [o for node in _needed(curves, targets) for o in curves.nodes[node][1:] if not isinstance(o, Curve)]
+
+
+def _needed(curves: Curves, targets: Sequence[Any]) -> list[int]:
+    needed: set[int] = set()
+    pending = [target.number for target in targets if isinstance(target, Curve)]
+    while pending:
+        node = pending.pop()
+        if node not in needed:
+            needed.add(node)
+            pending += [o.number for o in curves.nodes[node][1:] if isinstance(o, Curve)]
+    return sorted(needed)
+
+
+def program(
+    curves: Curves, targets: Sequence[Curve], registers: Registers, *, tabulate: bool
+) -> tuple[FrequencyProgram, list[int]]:
+    """Return a program for the functions, and the nodes that it expects in its tables.
+
+    Parameters
+    ----------
+    curves : Curves
+    targets : sequence of Curve
+    registers : Registers
+        Where the real numbers are.
+    tabulate : bool
+        Whether functions that depend on no parameter come from tables; otherwise they are calculated like all others.
+    """
+    needed = _needed(curves, targets)
+    tables: list[int] = []
+    if tabulate:
+        wanted = {target.number for target in targets}
+        for node in needed:
+            if curves.varies[node]:
+                wanted.update(o.number for o in curves.nodes[node][1:] if isinstance(o, Curve))
+        tables = [node for node in needed if node in wanted and not curves.varies[node]]
+        needed = sorted(tables + [node for node in needed if curves.varies[node]])
+    last: dict[int, int] = {}
+    for position, node in enumerate(needed):
+        if node not in tables:
+            for o in curves.nodes[node][1:]:
+                if isinstance(o, Curve):
+                    last[o.number] = position
+    for target in targets:
+        last[target.number] = len(needed)
+    free: list[int] = []
+    place: dict[int, int] = {}
+    places = 0
+    rows: list[tuple[int, int, int, int]] = []
+    coefficients: list[int] = []
+    for position, node in enumerate(needed):
+        code, *operands = curves.nodes[node]
+        given = [] if node in tables else [place[o.number] for o in operands if isinstance(o, Curve)]
+        if free:
+            to = free.pop()
+        else:
+            to = places
+            places += 1
+        place[node] = to
+        if node in tables:
+            rows.append((Code.TABLE, to, tables.index(node), 0))
+        elif code is Code.POLYNOMIAL:
+            rows.append((code, to, len(coefficients), len(operands)))
+            coefficients += [registers.of(o) for o in operands]
+        elif code in (Code.SCALE, Code.SHIFT):
+            rows.append((code, to, given[0], registers.of(operands[1])))
+        else:
+            rows.append((code, to, given[0], given[-1]))
+        for o in operands:
+            if isinstance(o, Curve) and node not in tables and last.get(o.number) == position and o.number in place:
+                spot = place.pop(o.number)
+                if spot not in free:
+                    free.append(spot)
+    return FrequencyProgram(
+        operations=np.array(rows, dtype=np.int32).reshape(-1, 4),
+        coefficients=np.array(coefficients, dtype=np.int32),
+        targets=np.array([place[target.number] for target in targets], dtype=np.int32),
+        places=max(places, 1),
+    ), tables
+
+
+def tabulated(curves: Curves, nodes: Sequence[int], frequencies: npt.NDArray[np.float64]) -> Complex:
+    """Return functions that depend on no parameter at some frequencies, (nodes, frequencies)."""
+    s = 1j * frequencies
+    known: dict[int, Any] = {}
+    for node in _needed(curves, [Curve(curves, number) for number in nodes]):
+        code, *operands = curves.nodes[node]
+        x = [known[o.number] if isinstance(o, Curve) else float(o) for o in operands]
+        match code:
+            case Code.POLYNOMIAL:
+                known[node] = np.polyval(np.array(x[::-1]), s)
+            case Code.ADD | Code.SHIFT:
+                known[node] = x[0] + x[1]
+            case Code.SUB:
+                known[node] = x[0] - x[1]
+            case Code.MUL | Code.SCALE:
+                known[node] = x[0] * x[1]
+            case Code.DIV:
+                known[node] = x[0] / x[1]
+            case _:
+                known[node] = -x[0]
+    return np.array([known[node] + 0 * s for node in nodes], dtype=complex).reshape(len(nodes), len(frequencies))

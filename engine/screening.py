@@ -1,0 +1,88 @@
+"""Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
+
+The compiled kernels answer what they cover: step responses, loops and paths of systems without delays. Everything else, and
+every candidate for which they cannot vouch, goes to the batched collocation of `engine.linear.screening`; what that cannot
+vouch for either is flagged doubtful and belongs to the exact path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.errors import EngineError
+from engine.kernels.batch import Batch, UnsuitableError
+from engine.linear.screening import Screened
+from engine.linear.screening import Screening as Collocation
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.linear.system import Array
+    from engine.measuring import MetricRequest
+
+__all__ = ["Screened", "Screening"]
+
+
+class Screening:
+    """The batched evaluator of some metrics of a diagram.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    requests : sequence of MetricRequest
+
+    Attributes
+    ----------
+    measurable : tuple of bool
+        Which requests can be screened at all.
+    """
+
+    def __init__(self, diagram: Diagram, requests: Sequence[MetricRequest]) -> None:
+        self._diagram = diagram
+        self._requests = tuple(requests)
+        self._all = Collocation(diagram, requests)
+        self.measurable = self._all.measurable
+        self._batches: dict[tuple[str, ...], Batch | None] = {}
+        self._rest: dict[tuple[int, ...], Collocation] = {}
+
+    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
+        """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
+
+        Complex overrides carry derivatives, by collocation.
+        """
+        batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))
+        if batch is None:
+            return self._all(overrides)
+        found = batch(np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1))
+        values, doubtful, growth = found.values, found.doubtful, found.growth
+        exists = found.valid & ~(growth >= 0)
+        others = tuple(np.flatnonzero(~np.array(batch.measured) & np.array(self.measurable)).tolist())
+        if others:
+            part = self._only(others)(overrides)
+            columns = list(others)
+            values[:, columns], doubtful[:, columns] = part.values, part.doubtful
+        # A second opinion on whom the kernels could not vouch for.
+        unsure = np.flatnonzero(doubtful[:, list(np.flatnonzero(batch.measured))].any(axis=1) & exists)
+        if unsure.size:
+            again = self._all({name: np.asarray(column)[unsure] for name, column in overrides.items()})
+            take = doubtful[unsure]
+            values[unsure] = np.where(take, again.values, values[unsure])
+            doubtful[unsure] = take & again.doubtful
+            growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
+        return Screened(values=values, doubtful=doubtful, growth=growth, valid=found.valid)
+
+    def _batch(self, varied: tuple[str, ...]) -> Batch | None:
+        """Return the kernels' evaluator for parameters that vary; None where they do not cover the diagram."""
+        if varied not in self._batches:
+            try:
+                self._batches[varied] = Batch(self._diagram, varied, self._requests)
+            except (UnsuitableError, EngineError, ZeroDivisionError):
+                self._batches[varied] = None
+        return self._batches[varied]
+
+    def _only(self, columns: tuple[int, ...]) -> Collocation:
+        if columns not in self._rest:
+            self._rest[columns] = Collocation(self._diagram, [self._requests[column] for column in columns])
+        return self._rest[columns]
