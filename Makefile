@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check format proof bench openapi catalogue lock clean
+.PHONY: help setup demo serve test check format proof bench openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-10s %s\n' "$$name" "$$what"; done
@@ -19,6 +19,8 @@ $(INSTALLED): requirements.lock pyproject.toml
 	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'
 	@$(BIN)/python -m pip install -qq --require-hashes --only-binary :all: -r requirements.lock
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
+	@echo 'Compiling the kernels (about a minute, once for a machine) ...'
+	@$(BIN)/python -m engine.kernels.warm
 	@touch $@
 
 setup: $(INSTALLED)  ## install everything into .venv, from locked versions
@@ -54,6 +56,9 @@ openapi: setup  ## write openapi/openapi.json from the code
 
 catalogue: setup  ## write docs/catalogue/ from the code
 	@$(BIN)/python docs/catalogue/generate.py
+
+figures: setup  ## write docs/figures/ from the examples, with a service of their own (a minute or two)
+	@$(BIN)/python -m examples.figures
 
 lock: setup  ## resolve the newest versions that pyproject.toml allows into requirements.lock
 	@$(BIN)/uv pip compile pyproject.toml --all-extras --python-version 3.11 --generate-hashes --upgrade --quiet \

@@ -8,6 +8,7 @@ from typing import Any
 
 from api.errors import KNOWN, problem_of
 from api.services import datasets, identifications, optimizations, parsing
+from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
 from storage.session import Database, open_database
 
@@ -32,6 +33,11 @@ class _Watch:
     def cancelled(self) -> bool:
         """Return False: this process is killed when its job is cancelled."""
         return False
+
+
+def prepare() -> None:
+    """Load the compiled kernels, so that no job waits for them."""
+    warm()
 
 
 def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:

@@ -2,7 +2,8 @@
 
 It listens on a socket to its worker. When that closes, because the worker stopped or was killed, it kills every child;
 when it dies itself, the kernel kills them (Linux). So no computation outlives its worker, also not one that
-sits in compiled code. It has one thread and computes nothing, which is what makes forking safe and answers quick.
+sits in compiled code. It has one thread and, once it is prepared, computes nothing, which is what makes forking safe
+and answers quick. A module may have a function ``prepare``, called once after its import.
 """
 
 from __future__ import annotations
@@ -39,7 +40,12 @@ def main(compute_path: str, control: socket.socket) -> NoReturn:
     signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)
     signal.set_wakeup_fd(wake_writer)
     module, _, function = compute_path.partition(":")
-    compute = cast("Compute", getattr(importlib.import_module(module), function))
+    home = importlib.import_module(module)
+    compute = cast("Compute", getattr(home, function))
+    # What takes long to load is loaded once, here, and shared by all children.
+    prepare = getattr(home, "prepare", None)
+    if prepare is not None:
+        prepare()
     gc.freeze()  # what is imported stays shared between the children
     children: dict[int, int] = {}  # process id by number
     with selectors.DefaultSelector() as selector:
