@@ -10,15 +10,19 @@ where KEY is the key that the service printed when it started for the first time
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import servotune
-from servotune.replies import FrequencyResponse, FrequencyVariant, Metric, Simulation
+from examples.presentation import label, panels, run, scaled, show
+from servotune.replies import FrequencyResponse, FrequencyVariant, Simulation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 AXIS = json.loads((Path(__file__).parent / "systems" / "many_loops.json").read_text(encoding="utf-8"))
 
@@ -54,26 +58,13 @@ RAMP = {"port": "reference", "signal": {"kind": "ramp", "slope": {"value": 0.1, 
 PUSH = {"port": "load", "signal": {"kind": "step", "amplitude": {"value": 1, "unit": "kN"}}}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the script and return its exit code."""
-    parser = argparse.ArgumentParser(description=sys.modules[__name__].__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--key", required=True)
-    parser.add_argument("--figure", type=Path, default=Path("many-loops.png"))
-    options = parser.parse_args(arguments)
-    try:
-        with servotune.connect(options.url, key=options.key) as client:
-            loops = look_at_loops(client)
-            corrections = compare_corrections(client)
-            moves, errors = move(client)
-            push(client)
-    except servotune.ServotuneError as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
-    draw(loops, corrections["notch"], moves, errors, options.figure)
-    print(f"\nFigure: {options.figure}")
-    return 0
+def study(client: servotune.Client) -> Figure:
+    """Look at every loop and correction, then at movements and a push; return the figure."""
+    loops = look_at_loops(client)
+    corrections = compare_corrections(client)
+    moves, errors = move(client)
+    push(client)
+    return draw(loops, corrections["notch"], moves, errors)
 
 
 def look_at_loops(client: servotune.Client) -> dict[str, FrequencyVariant]:
@@ -92,8 +83,8 @@ def compare_corrections(client: servotune.Client) -> dict[str, FrequencyResponse
     replies = {}
     for name, loop, parameter, out in CORRECTIONS:
         replies[name] = client.frequency_response(AXIS, open_at=LOOPS[loop], variants=[{}, {parameter: out}])
-        for label, variant in zip(("with", "without"), replies[name]["variants"], strict=True):
-            print(f"{label:>7} {name:<24} in the {loop:<13} {tolerance(variant)}")
+        for word, variant in zip(("with", "without"), replies[name]["variants"], strict=True):
+            print(f"{word:>7} {name:<24} in the {loop:<13} {tolerance(variant)}")
     return replies
 
 
@@ -104,13 +95,13 @@ def move(client: servotune.Client) -> tuple[Simulation, Simulation]:
         AXIS, input=RAMP, outputs=["following_error"], duration=0.5, metrics=["peak"], variants=FEED_FORWARD
     )
     print("\nfed forward                 rise time  overshoot  error at 0.1 m/s: largest, after 0.5 s")
-    labels = ("nothing", "velocity", "velocity and acceleration")
-    for label, step, ramp in zip(labels, moves["variants"], errors["variants"], strict=True):
+    names = ("nothing", "velocity", "velocity and acceleration")
+    for name, step, ramp in zip(names, moves["variants"], errors["variants"], strict=True):
         position, error = step["metrics"]["position"], ramp["outputs"]["following_error"][-1]
         rise, overshoot = show(position["rise_time"], 1e3, "ms"), show(position["overshoot"], 100, "%")
         largest = show(ramp["metrics"]["following_error"]["peak"], 1e3, "mm")
         last = "none" if error is None else f"{1e3 * error:.3f} mm"
-        print(f"{label:<26} {rise:>10} {overshoot:>10}  {largest:>24}, {last}")
+        print(f"{name:<26} {rise:>10} {overshoot:>10}  {largest:>24}, {last}")
     return moves, errors
 
 
@@ -133,44 +124,32 @@ def tolerance(variant: FrequencyVariant) -> str:
     return f"{crossover:>5.0f} rad/s {phase:>13} {gain:>12} {peak:>17}"
 
 
-def show(metric: Metric, factor: float, unit: str) -> str:
-    """Return a metric in another unit, or the verdict why there is none."""
-    return metric["verdict"] if metric["value"] is None else f"{factor * metric['value']:.3g} {unit}".strip()
-
-
-def draw(
-    loops: dict[str, FrequencyVariant], notch: FrequencyResponse, moves: Simulation, errors: Simulation, path: Path
-) -> None:
-    """Write the figure: all loops, the notch, and what feeding forward does."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 -- costs a second, and only this function needs it
-
-    figure = Figure(figsize=(11, 7.5), layout="constrained")
-    (top, beside), (below, last) = figure.subplots(2, 2)
+def draw(loops: dict[str, FrequencyVariant], notch: FrequencyResponse, moves: Simulation, errors: Simulation) -> Figure:
+    """Return the figure: all loops, the notch, and what feeding forward does."""
+    figure, (top, beside, below, last) = panels(2, 2, size=(11, 7.5))
     for name, variant in loops.items():
         top.loglog(variant["frequency"], variant["magnitude"], label=name)
-    for label, variant in zip(("with notch", "without: unstable"), notch["variants"], strict=True):
-        beside.loglog(variant["frequency"], variant["magnitude"], label=label)
-    for panel, title in ((top, "Six loops, each opened alone"), (beside, "Acceleration loop")):
+    for name, variant in zip(("with notch", "without: unstable"), notch["variants"], strict=True):
+        beside.loglog(variant["frequency"], variant["magnitude"], label=name)
+    for panel, title, span in (
+        (top, "Six loops, each opened alone", (1, 3e4)),
+        (beside, "Acceleration loop", (10, 3e3)),
+    ):
         panel.axhline(1.0, color="0.5", linewidth=0.8)
-        panel.set(title=title, xlabel="frequency, rad/s", ylabel="loop gain", ylim=(1e-2, 1e3))
-    top.set_xlim(1.0, 3e4)
-    beside.set_xlim(10.0, 3e3)
-    for label, step, ramp in zip(
+        label(panel, title=title, x="frequency, rad/s", y="loop gain", xlim=span, ylim=(1e-2, 1e3))
+    for name, step, ramp in zip(
         ("nothing", "velocity", "velocity and acceleration"), moves["variants"], errors["variants"], strict=True
     ):
-        below.plot(step["time"], millimetres(step["outputs"]["position"]), label=label)
-        last.plot(ramp["time"], millimetres(ramp["outputs"]["following_error"]), label=label)
-    below.set(title="Step of 10 mm, fed forward", xlabel="time, s", ylabel="position, mm")
-    last.set(title="Following error at 0.1 m/s", xlabel="time, s", ylabel="error, mm")
-    for panel in (top, beside, below, last):
-        panel.grid(visible=True, which="major", color="0.9")
-        panel.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
+        below.plot(step["time"], scaled(step["outputs"]["position"], 1e3), label=name)
+        last.plot(ramp["time"], scaled(ramp["outputs"]["following_error"], 1e3), label=name)
+    label(below, title="Step of 10 mm, fed forward", x="time, s", y="position, mm")
+    label(last, title="Following error at 0.1 m/s", x="time, s", y="error, mm")
+    return figure
 
 
-def millimetres(values: Sequence[float | None]) -> list[float]:
-    """Return lengths in mm, with a gap where there is no value."""
-    return [math.nan if value is None else 1e3 * value for value in values]
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the script and return its exit code."""
+    return run(study, arguments)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Study = Callable[[servotune.Client], "Figure"]
 """Asks a service, prints what it answers and returns the figure."""
 
-RESOLUTION, COLOURS = 100, 128
+RESOLUTION, COLOURS = 100, 256
 """Dots per inch and colours of a figure: good on a page, and a file below 100 kB."""
 
 

@@ -11,15 +11,17 @@ where KEY is the key that the service printed when it started for the first time
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import servotune
-from servotune.replies import Metric, Simulation, Spectrum
+from examples.presentation import label, panels, run, scaled, show
+from servotune.replies import Simulation, Spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ARM = {
     "name": "Flexible arm on a servo axis",
@@ -56,29 +58,15 @@ DELAYS = 41
 """Rows of the waterfall."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the script and return its exit code."""
-    parser = argparse.ArgumentParser(description=sys.modules[__name__].__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--key", required=True)
-    parser.add_argument("--figure", type=Path, default=Path("programmed-delay.png"))
-    options = parser.parse_args(arguments)
-    try:
-        with servotune.connect(options.url, key=options.key) as client:
-            frequency, damping_ratio = resonance(client)
-            period = 2 * math.pi / (frequency * math.sqrt(1 - damping_ratio**2))
-            delays = [1.5 * period * row / (DELAYS - 1) for row in range(DELAYS)]
-            falls = {name: waterfall(client, name, delays, frequency) for name in MOVEMENTS}
-            best = choose(client, period)
-            commands = candidates(best, frequency, damping_ratio)
-            replies = compare(client, commands)
-    except servotune.ServotuneError as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
-    draw(falls, delays, best[DELAY], replies, options.figure)
-    print(f"\nFigure: {options.figure}")
-    return 0
+def study(client: servotune.Client) -> Figure:
+    """Look at the spectrum over the delay, find the best delay, compare commands; return the figure."""
+    frequency, damping_ratio = resonance(client)
+    period = 2 * math.pi / (frequency * math.sqrt(1 - damping_ratio**2))
+    delays = [1.5 * period * row / (DELAYS - 1) for row in range(DELAYS)]
+    falls = {name: waterfall(client, name, delays, frequency) for name in MOVEMENTS}
+    best = choose(client, period)
+    replies = compare(client, candidates(best, frequency, damping_ratio))
+    return draw(falls, delays, best[DELAY], replies)
 
 
 def resonance(client: servotune.Client) -> tuple[float, float]:
@@ -168,24 +156,12 @@ def compare(client: servotune.Client, commands: Mapping[str, Mapping[str, Any]])
     return replies
 
 
-def show(metric: Metric, factor: float, unit: str) -> str:
-    """Return a metric in another unit, or the verdict why there is none."""
-    return metric["verdict"] if metric["value"] is None else f"{factor * metric['value']:.3g} {unit}"
-
-
 def draw(
-    falls: Mapping[str, Spectrum],
-    delays: Sequence[float],
-    best: float,
-    replies: Mapping[str, Simulation],
-    path: Path,
-) -> None:
-    """Write the figure: both waterfalls, the energy at the resonance over the delay, and the movements."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 -- costs a second, and only this function needs it
-
-    figure = Figure(figsize=(11, 7.5), layout="constrained")
-    panels = figure.subplots(2, 2)
-    for panel, (name, reply) in zip(panels[0], falls.items(), strict=True):
+    falls: Mapping[str, Spectrum], delays: Sequence[float], best: float, replies: Mapping[str, Simulation]
+) -> Figure:
+    """Return the figure: both waterfalls, the energy at the resonance over the delay, and the movements."""
+    figure, (first, second, below, last) = panels(2, 2, size=(11, 7.5))
+    for panel, (name, reply) in zip((first, second), falls.items(), strict=True):
         rows = [variant["value"] for variant in reply["variants"]]
         top = max(map(max, rows))
         decibels = [[20 * math.log10(max(value / top, 1e-4)) for value in row] for row in rows]
@@ -193,20 +169,21 @@ def draw(
         panel.axhline(best, color="white", linewidth=0.8, linestyle="--")
         panel.set(title=f"Spectrum of the {name}, dB", xlabel="frequency, rad/s", ylabel="programmed delay, s")
         figure.colorbar(mesh, ax=panel)
-    below, last = panels[1]
     for name, reply in falls.items():
         energies = energy(reply)
         below.semilogy(delays, [value / energies[0] for value in energies], label=name)
     below.axvline(best, color="0.5", linewidth=0.8, linestyle="--")
-    below.set(title="Energy at the resonance", xlabel="programmed delay, s", ylabel="part of that without delay")
+    label(below, title="Energy at the resonance", x="programmed delay, s", y="part of that without delay")
     for name in ("trapezoid", "programmed delay"):
         variant = replies[name]["variants"][0]
-        last.plot(variant["time"], [1e3 * value for value in variant["outputs"]["position"]], label=name)
-    last.set(title="End-effector", xlabel="time, s", ylabel="position, mm")
-    for panel in (below, last):
-        panel.grid(visible=True, which="major", color="0.9")
-        panel.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
+        last.plot(variant["time"], scaled(variant["outputs"]["position"], 1e3), label=name)
+    label(last, title="End-effector", x="time, s", y="position, mm")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the script and return its exit code."""
+    return run(study, arguments)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import servotune
 from examples.presentation import label, panels, run, scaled, show, table
-from examples.programmed_delay import ARM
+from examples.programmed_delay import ARM, energy
 from servotune.replies import Simulation, Spectrum
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ DISTANCE = 0.1
 MOVE = {"kind": "trapezoid", "distance": DISTANCE, "max_velocity": 1, "max_acceleration": 20}
 INPUT = {"port": "reference", "signal": MOVE}
 LIMIT = "signals.reference.max_velocity"
-LIMITS = [0.1 * 1.06**place for place in range(40)]
+LIMITS = [0.1 * 1.04**place for place in range(60)]
 """Velocities that are compared, 0.1 to 1 m/s."""
 
 
@@ -97,12 +97,6 @@ def choose(client: servotune.Client, rule: float, band: tuple[float, float]) -> 
     best = result["best"][parameter]
     print(f"Best limit {best:.3f} m/s; {result['status']}, certificate {result['certificate']['valid']}\n")
     return best
-
-
-def energy(reply: Spectrum) -> list[float]:
-    """Return the energy in the band, variant by variant."""
-    bands = [variant.get("band") for variant in reply["variants"]]
-    return [math.nan if band is None else band["value"] for band in bands]
 
 
 def draw(rule: float, energies: Sequence[float], spectra: Spectrum, moves: Simulation) -> Figure:

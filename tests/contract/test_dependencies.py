@@ -73,6 +73,7 @@ WITH = {
     "pydantic-core": "pydantic",
     "typing-extensions": "pydantic",
     "markupsafe": "jinja2",
+    "pillow": "matplotlib",
     "llvmlite": "numba",
     "packaging": "hatchling",
 }

@@ -1,0 +1,45 @@
+"""`make figures`: run every study against a service of its own and write its figure for the page docs/examples.md."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from examples import (
+    dc_motor_resistance,
+    hydraulic_leakage,
+    many_loops,
+    mechanical_correction,
+    pneumatic_motor,
+    programmed_delay,
+    velocity_limit,
+)
+from examples.demo.service import own_service
+from examples.presentation import save
+
+STUDIES = (
+    dc_motor_resistance,
+    pneumatic_motor,
+    hydraulic_leakage,
+    mechanical_correction,
+    velocity_limit,
+    programmed_delay,
+    many_loops,
+)
+FIGURES = Path(__file__).parents[1] / "docs" / "figures"
+
+
+def main() -> int:
+    """Write all figures and return the exit code."""
+    FIGURES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder, own_service(Path(folder)) as client:
+        for script in STUDIES:
+            path = FIGURES / f"{script.__name__.rpartition('.')[2].replace('_', '-')}.png"
+            print(f"\n{path.name}\n")
+            save(script.study(client), path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
