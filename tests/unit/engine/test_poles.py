@@ -98,3 +98,21 @@ def test_an_output_that_does_not_see_the_integrator_is_pruned_exactly() -> None:
     )
     assert path(system, [0], [1]).n == 1
     assert poles(path(system, [0], [0])).verdict is Verdict.INTEGRATING
+
+
+@pytest.mark.parametrize("time_constant", [1e-7, 5e-11, 1e-15])
+def test_slow_poles_are_known_beside_one_that_is_very_fast(time_constant: float) -> None:
+    # p' = v, v' = -4 v + 3 f, T f' = -p - f: s³ T + s² (1 + 4 T) + 4 s + 3, so s = -1 - 1.5 T + O(T²)
+    rate = 1 / time_constant
+    a = np.array([[0.0, 1, 0], [0, -4, 3], [-rate, 0, -rate]])
+    b, c, d = np.array([[0.0], [0], [rate]]), np.array([[1.0, 0, 0]]), np.zeros((1, 1))
+    found = poles(lanes(LinearSystem.delay_free(a, b, c, d)))
+    assert found.verdict is Verdict.OK
+    assert found.values[0].real == pytest.approx(-1 - 1.5 * time_constant, rel=3e-12)
+    assert found.uncertainty[0] < 1e-10
+
+
+def test_an_integrator_beside_a_very_fast_pole_integrates() -> None:
+    a = np.array([[0.0, 1, 0], [0, -4, 3], [0, -2e10, -2e10]])
+    b, c, d = np.array([[0.0], [0], [2e10]]), np.array([[1.0, 0, 0]]), np.zeros((1, 1))
+    assert poles(lanes(LinearSystem.delay_free(a, b, c, d))).verdict is Verdict.INTEGRATING
