@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
 from engine.errors import DiagramError
+from engine.linear.chebyshev import NODES
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import merged, path
 from engine.linear.poles import Poles, poles, static_gain
@@ -323,9 +324,11 @@ def _whole(
 
 def _remainder(found: Trajectory, finals: npt.NDArray[np.float64]) -> float:
     """Return how far the outputs are from their final values in the last twentieth, relative to their largest values."""
-    late = found.edges[1:, 0].real >= 0.95 * found.edges[-1, 0].real
-    largest = np.abs(found.y[:, :, 0].real).max(axis=(0, 1))
-    away = np.abs(found.y[late][:, :, 0].real - finals).max(axis=(0, 1))
+    edges = found.edges[:, 0].real
+    late = edges[:-1, None] + NODES * np.diff(edges)[:, None] >= 0.95 * edges[-1]
+    y = found.y[:, :, 0].real
+    largest = np.abs(y).max(axis=(0, 1))
+    away = np.abs(y[late] - finals).max(axis=0)
     return float(np.max(away / np.maximum(largest, 1e-300), initial=0.0))
 
 
