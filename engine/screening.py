@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Screened", "Screening"]
 
+_AGREED = 1e-4
+"""Relative difference of two methods that mean the same; collocation alone is right to about 1e-6."""
+
 
 class Screening:
     """The batched evaluator of some metrics of a diagram.
@@ -60,16 +63,22 @@ class Screening:
         exists = found.valid & ~(growth >= 0)
         others = tuple(np.flatnonzero(~np.array(batch.measured) & np.array(self.measurable)).tolist())
         if others:
-            part = self._only(others)(overrides)
+            rest = self._only(others)(overrides)
             columns = list(others)
-            values[:, columns], doubtful[:, columns] = part.values, part.doubtful
-        # A second opinion on whom the kernels could not vouch for.
-        unsure = np.flatnonzero(doubtful[:, list(np.flatnonzero(batch.measured))].any(axis=1) & exists)
+            values[:, columns], doubtful[:, columns] = rest.values, rest.doubtful
+        # A second opinion on whom the kernels could not vouch for: two methods that agree have found the same event, and
+        # the kernels' value of it is the more exact one.
+        mine = np.flatnonzero(batch.measured)
+        unsure = np.flatnonzero(doubtful[:, mine].any(axis=1) & exists)
         if unsure.size:
-            again = self._all({name: np.asarray(column)[unsure] for name, column in overrides.items()})
-            take = doubtful[unsure]
-            values[unsure] = np.where(take, again.values, values[unsure])
-            doubtful[unsure] = take & again.doubtful
+            part = {name: np.asarray(column)[unsure] for name, column in overrides.items()}
+            again = self._only(tuple(mine.tolist()))(part)
+            first, second = values[np.ix_(unsure, mine)], again.values
+            agree = (np.abs(first - second) <= _AGREED * np.abs(second)) | (np.isnan(first) & np.isnan(second))
+            vouched = ~again.doubtful & (again.growth < 0)[:, None]
+            open_ = doubtful[np.ix_(unsure, mine)] & ~(agree & vouched)
+            values[np.ix_(unsure, mine)] = np.where(open_ & vouched, second, first)
+            doubtful[np.ix_(unsure, mine)] = open_
             growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
         return Screened(values=values, doubtful=doubtful, growth=growth, valid=found.valid)
 

@@ -36,8 +36,10 @@ Real = npt.NDArray[np.float64]
 MOST_STATES: Final = 64
 _BLOCK: Final = 2048
 _PER_DECADE: Final = 30
-_DETAILS: Final = (1, 4)
-"""How densely time and frequency are sampled, at first and where that is not enough."""
+_DETAILS: Final = (1, 2, 8)
+"""How densely time is sampled, at first and where that is not enough."""
+_FINER: Final = 4
+"""How much denser frequency is sampled where the first table is not enough."""
 _MARGIN: Final = 100.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
@@ -134,7 +136,7 @@ class Batch:
         self._time = part.program(registers, [(o, e, wants[t]) for (o, e), t in traces.items()])
         span = _span(diagram, traced)
         self._spectra = [
-            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in _DETAILS
+            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in (1, _FINER)
         ]
         self._no_spectrum = self._spectra[0]._replace(wants=np.zeros(0, dtype=np.int32))
         self._no_time = self._time._replace(traces=np.zeros((0, 3), dtype=np.int32))
@@ -198,23 +200,29 @@ class Batch:
         return results
 
     def _block(self, points: Real, results: Results, span: slice) -> None:
-        """Evaluate one block, and once more with finer samples whom the first look cannot vouch for."""
+        """Evaluate one block, and again with finer samples what the first look cannot vouch for, curve by curve."""
         rows = np.arange(span.start, span.stop)
-        self._look(points, results, rows, self._time, self._spectra[0], _DETAILS[0])
+        every = {trace: trace for trace in range(len(self._time.traces))}
+        self._look(points, results, rows, (self._time, every), self._spectra[0], _DETAILS[0])
         known = ~np.isnan(results.growth[rows])
-        for columns, timing, spectrum in (
-            (list(self._timed), self._time, self._no_spectrum),
-            (list(self._framed), self._no_time, self._spectra[1]),
-        ):
-            again = rows[results.doubtful[rows][:, columns].any(axis=1) & known]
-            if again.size:
-                self._look(points, results, again, timing, spectrum, _DETAILS[1])
+        for detail in _DETAILS[1:]:
+            for trace in every:
+                columns = [column for column, (own, _) in self._timed.items() if own == trace]
+                again = rows[results.doubtful[rows][:, columns].any(axis=1) & known]
+                if again.size:
+                    alone = self._time._replace(traces=self._time.traces[trace : trace + 1])
+                    self._look(points, results, again, (alone, {trace: 0}), self._no_spectrum, detail)
+        again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
+        if again.size:
+            self._look(points, results, again, (self._no_time, {}), self._spectra[1], 1)
         results.doubtful[span][:, [not measured for measured in self.measured]] = True
 
     def _look(
-        self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram, detail: int
-    ) -> None:
-        """Evaluate candidates and enter what the programs ask for."""
+        self, points: Real, results: Results, rows: Any, timing: tuple[TimeProgram, Mapping[int, int]],
+        spectrum: SpectrumProgram, detail: int,
+    ) -> None:  # fmt: skip
+        """Evaluate candidates and enter what the programs ask for; ``timing`` says where the readings of a trace come."""
+        program, place = timing
         size = len(rows)
         timed = np.full((size, len(program.traces), time_kernel.READINGS), np.nan)
         framed = np.full((size, len(spectrum.wants), frequency_kernel.READINGS), np.nan)
@@ -227,9 +235,9 @@ class Batch:
         unsure = exists & np.isnan(growth)
         results.growth[rows], results.valid[rows] = growth, exists
         with np.errstate(invalid="ignore", divide="ignore"):
-            if len(program.traces):
-                for column, (trace, metric) in self._timed.items():
-                    found, doubt = time_value(metric, timed[:, trace], self._references[trace])
+            for column, (trace, metric) in self._timed.items():
+                if trace in place:
+                    found, doubt = time_value(metric, timed[:, place[trace]], self._references[trace])
                     results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
             if len(spectrum.wants):
                 for column, (curve, metric) in self._framed.items():

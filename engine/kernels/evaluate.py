@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.kernels.compiled import LANES, apply, compiled, multiply
-from engine.kernels.powers import LEVELS, raise_powers
+from engine.kernels.powers import LEVELS, STIFF, raise_powers
 from engine.kernels.response import (
     COLUMNS,
     FIELDS,
@@ -127,6 +127,9 @@ def evaluate(
             for k in range(pivots.shape[0]):
                 if abs(registers[pivots[k], lane]) < smallest[k]:
                     rate[lane] = math.nan
+            # Every squaring doubles the rounding of the slowest mode.
+            if -STIFF < rate[lane] * step[lane] < 0.0:
+                rate[lane] = math.nan
             candidate = first + lane
             if candidate < total:
                 valid[candidate] *= alive[lane]

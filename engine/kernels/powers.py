@@ -21,10 +21,13 @@ Real = npt.NDArray[np.float64]
 
 LEVELS: Final = 48
 """At most so many doublings: the slowest mode may be 10^13 times slower than the fastest."""
+STIFF: Final = 3e-8
+"""Decay of the slowest mode in a step of the fastest, below which powers are not exact enough."""
 _SMALL: Final = 0.08
 _EXTRA: Final = 3
 _REST: Final = 1e-13
 _HUGE: Final = 1e30
+_OVERSIZED: Final = 1e200
 
 # P. Bader, S. Blanes, F. Casas, Computing the matrix exponential with an optimized Taylor polynomial approximation,
 # Mathematics 7 (2019) 1174, eq. (12): degree 8 with three products.
@@ -43,14 +46,16 @@ _D2: Final = (857.0 - 58.0 * _ROOT) / 630.0
 def step_size(a: Real, n: int, alive: Real, step: Real) -> None:
     """Write h (LANES,) for A (n, n, LANES); a candidate that does not exist gets A = -1, which disturbs nobody."""
     by_row, by_column = spread(0.0), spread(0.0)
+    finite = by_row == 0.0
     for i in range(n):
         row, column = spread(0.0), spread(0.0)
         for j in range(n):
             row = row + magnitude(load2(a, i, j))
             column = column + magnitude(load2(a, j, i))
-        by_row = select(row <= by_row, by_row, row)
-        by_column = select(column <= by_column, by_column, column)
-    usable = (by_row > 0.0) & (by_row < 1e200) & (by_column < 1e200) & (load(alive, 0) > 0.0)
+        finite = finite & (row < _OVERSIZED) & (column < _OVERSIZED)
+        by_row = select(row > by_row, row, by_row)
+        by_column = select(column > by_column, column, by_column)
+    usable = finite & (by_row > 0.0) & (load(alive, 0) > 0.0)
     store(alive, select(usable, 1.0, 0.0), 0)
     for i in range(n):
         for j in range(n):
@@ -61,13 +66,14 @@ def step_size(a: Real, n: int, alive: Real, step: Real) -> None:
 @compiled
 def _largest_row(p: Real, n: int, nn: int, norm: Real) -> None:
     largest = spread(0.0)
+    known = largest == 0.0
     for i in range(n):
         row = spread(0.0)
         for j in range(n):
             row = row + magnitude(load(p, i * nn + j))
-        # what is not a number counts as larger than anything
-        largest = select(row <= largest, largest, row)
-    store(norm, largest, 0)
+        known = known & (row < math.inf)
+        largest = select(row > largest, row, largest)
+    store(norm, select(known, largest, math.nan), 0)
 
 
 @compiled
@@ -133,7 +139,7 @@ def raise_powers(
             if not (wide <= _HUGE):
                 # It diverges: forgotten, so that its overflow cannot touch its neighbours.
                 if not (growth[lane] > 0.0):
-                    growth[lane] = math.log(wide) / (step[lane] * 2.0**level) if wide < math.inf else math.inf
+                    growth[lane] = math.log(wide) / (step[lane] * 2.0**level) if wide > 0.0 else math.inf
                 for i in range(nn):
                     for j in range(nn):
                         here[i, j, lane] = 0.0

@@ -43,6 +43,8 @@ _UNRESOLVED: Final = 3e-3
 _GRAZE: Final = 1e-3
 """A tip so near to the edge of a band, by the band, or as near as the interpolation error, is not decided here."""
 _NOISE: Final = 1e-12
+_RIPPLE: Final = 1e-7
+"""What moves by less than this part of the largest value between samples changes no metric that is read here."""
 _ALIASED: Final = 0.03
 """Interpolation over two steps misses by this part of what moves where there are about two samples to a swing."""
 _RIVAL: Final = 0.03
@@ -192,7 +194,7 @@ def scan(
             miss = known * magnitude(middle - y1)
             # Where interpolation misses by a part of what moves, turning points hide between samples.
             moves = magnitude(y - y1) + magnitude(y1 - y2) + wide * h * (magnitude(d) + magnitude(d1) + magnitude(d2))
-            hides = (16.0 * miss > _ALIASED * moves) & (moves > 1e-9 * big)
+            hides = (16.0 * miss > _ALIASED * moves) & (moves > _RIPPLE * big)
             if anywhere(hides):
                 rise, fall = select(sign * (y - y1) > 0.0, y, y1), select(sign * (y - y1) > 0.0, y1, y)
                 up, down = sign * rise + 0.25 * moves, 0.25 * moves - sign * fall
