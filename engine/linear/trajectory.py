@@ -13,8 +13,9 @@ are exact too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -332,7 +333,7 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
             count = min(round((1.0 - position) / width), most) if straight else 1
             segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
             nodes = run.step(segment)
-            held, roomy = watch.judge(nodes, run.terms(segment, nodes), states=not straight)
+            held, roomy = watch.judge(nodes, partial(run.terms, segment, nodes), states=not straight)
             good = count if held.all() or (straight and width * whole <= smallest) else int(held.argmin())
             if not good:
                 level, most = level + 1, 1
@@ -374,7 +375,7 @@ class _Resolution:
         self._seen: tuple[Array, Array] = self._largest[None], self._largest_state[None]
 
     def judge(
-        self, nodes: _Nodes, terms: Array, *, states: bool
+        self, nodes: _Nodes, terms: Callable[[], Array], *, states: bool
     ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Return (held, so well held that a segment of twice the length would be held too), each of shape (segments,)."""
         signals = np.concatenate([nodes.y[:, 0].real, nodes.z[:, 0].real], axis=-1)  # (segments, N + 1, signals)
@@ -391,12 +392,15 @@ class _Resolution:
         coefficients = np.abs(coefficient_matrix() @ signals)
         scale = np.maximum(scale, 1e-300)
         tail = coefficients[:, -2:].sum(axis=1)
-        # coefficients that do not fall any more are rounding, which a shorter segment would not make less
-        level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
-        noise = _NOISE * scale
-        outputs = noise[:, : terms.shape[1]]
-        np.maximum(outputs, _CANCELLED * terms, out=outputs)
-        held = np.all((tail <= 2 * RESOLUTION * scale) | (level & (tail <= noise)), axis=1)
+        resolved = tail <= 2 * RESOLUTION * scale
+        held = resolved.all(axis=1)
+        if not held.all():
+            # coefficients that do not fall any more are rounding, which a shorter segment would not make less
+            level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
+            noise, cancelled = _NOISE * scale, _CANCELLED * terms()
+            outputs = noise[:, : cancelled.shape[1]]
+            np.maximum(outputs, cancelled, out=outputs)
+            held = np.all(resolved | (level & (tail <= noise)), axis=1)
         roomy = np.all(coefficients[:, 8:10].max(axis=1) <= _GROWTH * scale, axis=1)
         return held, roomy
 
