@@ -117,7 +117,10 @@ class Exponential:
         self._growth = growth  # of [x; c0; c1] where the inputs are c0 + c1 θ, (lanes, N + 1, ·, ·)
         self._units = units
         n = growth.shape[-1] - 2 * len(units)
-        self._maps = growth[:, :, :n, :] + np.eye(n, growth.shape[-1])
+        self.maps: Array = (growth[:, :, :n, :] + np.eye(n, growth.shape[-1])) * np.concatenate(
+            [np.ones(n), units, units]
+        )
+        """What :func:`stride` wants."""
 
     @classmethod
     def of(cls, a: Array, b: Array, width: Array) -> Exponential:
@@ -146,14 +149,8 @@ class Exponential:
 
     def solve(self, x0: Array, inputs: Array, delayed: Array) -> tuple[Array, Array]:
         """See :class:`Propagator`; only the end values of ``inputs`` are used, and there are no delays."""
-        start, end = inputs[:, 0] * self._units, inputs[:, -1] * self._units
-        joint = np.concatenate([x0, start, end - start], axis=-1)
-        return np.asarray((self._maps @ joint[:, None, :, None])[..., 0]), delayed
-
-    def maps(self) -> Array:
-        """Return what :func:`stride` wants."""
-        units = np.concatenate([np.ones(self._maps.shape[2]), self._units, self._units])
-        return np.asarray(self._maps * units)
+        joint = np.concatenate([x0, inputs[:, 0], inputs[:, -1] - inputs[:, 0]], axis=-1)
+        return np.asarray((self.maps @ joint[:, None, :, None])[..., 0]), delayed
 
 
 class Collocation:

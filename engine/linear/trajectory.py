@@ -201,7 +201,7 @@ class _Run:
         else:
             assert isinstance(propagator, Exponential)  # what serves commands that are straight and no delays
             change = u[:, -1] - u[:, 0]
-            x = stride(propagator.maps(), np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
+            x = stride(propagator.maps, np.concatenate([self.state, u[:, 0], change], axis=-1), segment.count)
             u = u + np.arange(segment.count)[:, None, None, None] * change[:, None]
             w = np.zeros((segment.count, self.lanes, DEGREE + 1, 0))
         y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
@@ -217,7 +217,7 @@ class _Run:
         if not isinstance(propagator, Exponential):
             return np.zeros((segment.count, self.s.n_out + self.s.m))
         if propagator not in self._reach:
-            self._reach[propagator] = np.abs(self.s.c1[0].real @ propagator.maps()[0].real).max(axis=0).T
+            self._reach[propagator] = np.abs(self.s.c1[0].real @ propagator.maps[0].real).max(axis=0).T
         x, u = nodes.x[:, 0, 0].real, nodes.u[:, 0]
         return np.asarray(np.abs(np.concatenate([x, u[:, 0], u[:, -1] - u[:, 0]], axis=-1)) @ self._reach[propagator])
 
