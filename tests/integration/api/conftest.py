@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -78,6 +79,15 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
 @pytest.fixture(scope="module")
 def service(module_database_url: str) -> Iterator[Service]:
     with serving(module_database_url) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def sqlite_service(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service for tests that have nothing to learn from a second kind of database."""
+    path = tmp_path_factory.mktemp("service") / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    with serving(f"sqlite:///{path}") as running:
         yield running
 
 

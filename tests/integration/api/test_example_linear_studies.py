@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
 import pytest
 
 from examples import dc_motor_resistance, hydraulic_leakage, mechanical_correction, pneumatic_motor, velocity_limit
-from tests.integration.api.conftest import Service, serving
+from tests.integration.api.conftest import Service
 
 Printed = Callable[[ModuleType], str]
 
 
 @pytest.fixture(scope="module")
-def service(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """One database is enough for examples; the worker of the other tests works on it."""
-    path = tmp_path_factory.mktemp("examples") / "examples.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as running:
-        yield running
+def service(sqlite_service: Service) -> Service:
+    """One kind of database is enough for examples; the worker of the other tests works on its database."""
+    return sqlite_service
 
 
 @pytest.fixture

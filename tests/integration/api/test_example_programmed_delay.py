@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from examples import programmed_delay
-from tests.integration.api.conftest import Service, serving
+from tests.integration.api.conftest import Service
 
 
 @pytest.fixture(scope="module")
-def service(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """One database is enough for an example; the worker of the other tests works on it."""
-    path = tmp_path_factory.mktemp("examples") / "examples.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as running:
-        yield running
+def service(sqlite_service: Service) -> Service:
+    """One kind of database is enough for an example; the worker of the other tests works on its database."""
+    return sqlite_service
 
 
 def test_programmed_delay(service: Service, worker: None, tmp_path, capsys) -> None:

@@ -4,25 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from examples import many_loops, step_response
-from tests.integration.api.conftest import Service, serving
+from tests.integration.api.conftest import Service
 
 
-@pytest.fixture(scope="module")
-def small_service(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    path = tmp_path_factory.mktemp("examples") / "examples.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as running:
-        yield running
-
-
-def test_step_response(small_service: Service, monkeypatch, capsys) -> None:
-    command = ["step_response.py", "--url", small_service.url, "--key", small_service.keys["run"]]
+def test_step_response(sqlite_service: Service, monkeypatch, capsys) -> None:
+    command = ["step_response.py", "--url", sqlite_service.url, "--key", sqlite_service.keys["run"]]
     monkeypatch.setattr(sys, "argv", command)
     assert step_response.main() == 0
     said = capsys.readouterr().out
@@ -30,10 +18,10 @@ def test_step_response(small_service: Service, monkeypatch, capsys) -> None:
     assert "The strongest lever: " in said
 
 
-def test_many_loops(small_service: Service, tmp_path, capsys) -> None:
+def test_many_loops(sqlite_service: Service, tmp_path, capsys) -> None:
     figure = tmp_path / "many-loops.png"
-    key = small_service.keys["run"]
-    assert many_loops.main(["--url", small_service.url, "--key", key, "--figure", str(figure)]) == 0
+    key = sqlite_service.keys["run"]
+    assert many_loops.main(["--url", sqlite_service.url, "--key", key, "--figure", str(figure)]) == 0
     said = capsys.readouterr().out
     for name in many_loops.LOOPS:
         (row,) = re.findall(rf"^{name} +(\d+) rad/s +([\d.]+) °", said, flags=re.MULTILINE)
