@@ -40,7 +40,7 @@ _DETAILS: Final = (1, 2, 8)
 """How densely time is sampled, at first and where that is not enough."""
 _FINER: Final = 4
 """How much denser frequency is sampled where the first table is not enough."""
-_MARGIN: Final = 100.0
+_MARGIN: Final = 30.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
 """A divisor of an algebraic loop that is so much smaller than at the document's values leaves doubt."""

@@ -26,6 +26,7 @@ STIFF: Final = 3e-8
 _SMALL: Final = 0.08
 _EXTRA: Final = 3
 _REST: Final = 1e-13
+_DECAYED: Final = 1e-3
 _HUGE: Final = 1e30
 _OVERSIZED: Final = 1e200
 
@@ -148,7 +149,7 @@ def raise_powers(
                 norm[lane] = 0.0
             elif wide > _REST:
                 busy = True
-            if wide < 0.1 and (wide > _REST or math.isnan(growth[lane])):
+            if wide < _DECAYED and math.isnan(growth[lane]):
                 growth[lane] = math.log(max(wide, 1e-300)) / (step[lane] * 2.0**level)
             norms[level, lane] = norm[lane]
         if not busy or level + 1 == LEVELS:

@@ -33,7 +33,7 @@ LOOP_READINGS: Mapping[str, int] = MappingProxyType(
     }
 )  # fmt: skip
 PATH_READINGS: Mapping[str, int] = MappingProxyType(
-    {"bandwidth": f.BANDWIDTH | f.PEAK, "compliance_peak": f.PEAK, "control_sensitivity_peak": f.PEAK}
+    {"bandwidth": f.BANDWIDTH, "compliance_peak": f.PEAK, "control_sensitivity_peak": f.PEAK}
 )
 
 
@@ -78,7 +78,7 @@ def _magnitude(metric: str, reading: Real) -> Real:
 
 def frequency_value(metric: str, reading: Real) -> tuple[Real, Flags]:
     """Return a metric (B,) and who is doubtful, from readings (B, READINGS) of a curve; infinite where nothing crosses."""
-    needs = LOOP_READINGS.get(metric) or PATH_READINGS[metric] & ~f.PEAK or f.PEAK
+    needs = LOOP_READINGS.get(metric) or PATH_READINGS[metric]
     doubt = (np.nan_to_num(reading[:, f.DOUBT]).astype(int) & needs) != 0
     match metric:
         case "gain_margin":

@@ -40,7 +40,7 @@ COLUMNS: Final = 4
 PER_PASS: Final = 16
 _UNRESOLVED: Final = 3e-3
 """Largest interpolation error between samples, by the largest value, at which brackets are trusted."""
-_GRAZE: Final = 1e-3
+_GRAZE: Final = 1e-6
 """A tip so near to the edge of a band, by the band, or as near as the interpolation error, is not decided here."""
 _NOISE: Final = 1e-12
 _RIPPLE: Final = 1e-7
@@ -193,19 +193,22 @@ def scan(
             middle = 0.5 * (y2 + y) + (0.25 * wide) * h * (d2 - d)
             miss = known * magnitude(middle - y1)
             # Where interpolation misses by a part of what moves, turning points hide between samples.
-            moves = magnitude(y - y1) + magnitude(y1 - y2) + wide * h * (magnitude(d) + magnitude(d1) + magnitude(d2))
-            hides = (16.0 * miss > _ALIASED * moves) & (moves > _RIPPLE * big)
-            if anywhere(hides):
-                rise, fall = select(sign * (y - y1) > 0.0, y, y1), select(sign * (y - y1) > 0.0, y1, y)
-                up, down = sign * rise + 0.25 * moves, 0.25 * moves - sign * fall
-                store(state, select(hides & (up > load(state, _UP)), up, load(state, _UP)), _UP)
-                store(state, select(hides & (down > load(state, _DOWN)), down, load(state, _DOWN)), _DOWN)
-                reach = select(up > down, up, down)
-                store(state, select(hides & (reach > load(state, _HID2)), reach, load(state, _HID2)), _HID2)
-                store(state, select(hides & (reach > load(state, _HID5)), reach, load(state, _HID5)), _HID5)
-                if rising:
-                    unsure = hides & (load(state, _L90) == _NONE) & (moves > 0.02 * size)
-                    store(state, select(unsure, 1.0, load(state, _MIXED)), _MIXED)
+            if anywhere(16.0 * miss > _ALIASED * magnitude(y - y1)):
+                moves = (
+                    magnitude(y - y1) + magnitude(y1 - y2) + wide * h * (magnitude(d) + magnitude(d1) + magnitude(d2))
+                )
+                hides = (16.0 * miss > _ALIASED * moves) & (moves > _RIPPLE * big)
+                if anywhere(hides):
+                    rise, fall = select(sign * (y - y1) > 0.0, y, y1), select(sign * (y - y1) > 0.0, y1, y)
+                    up, down = sign * rise + 0.25 * moves, 0.25 * moves - sign * fall
+                    store(state, select(hides & (up > load(state, _UP)), up, load(state, _UP)), _UP)
+                    store(state, select(hides & (down > load(state, _DOWN)), down, load(state, _DOWN)), _DOWN)
+                    reach = select(up > down, up, down)
+                    store(state, select(hides & (reach > load(state, _HID2)), reach, load(state, _HID2)), _HID2)
+                    store(state, select(hides & (reach > load(state, _HID5)), reach, load(state, _HID5)), _HID5)
+                    if rising:
+                        unsure = hides & (load(state, _L90) == _NONE) & (moves > 0.02 * size)
+                        store(state, select(unsure, 1.0, load(state, _MIXED)), _MIXED)
             worst = select(miss > worst, miss, worst)
             value = magnitude(y + goal)
             big = select(value > big, value, big)

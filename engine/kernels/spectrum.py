@@ -203,7 +203,7 @@ def _look(
     reference = static * FALL
     store(level, reference, c)
     full = 0
-    falls = spread(0.0)
+    falls, tallest = spread(0.0), static
     doubt, phase_doubt, gain_doubt = spread(0.0), spread(0.0), spread(0.0)
     peak_doubt, level_doubt, high_doubt = spread(0.0), spread(0.0), spread(0.0)
     x2, y2 = first_re, first_im
@@ -260,6 +260,7 @@ def _look(
                 elif anywhere(changes):
                     full |= _note(kinds, at, counts, of, lanes_of(changes), _CROSS_AXIS, k, c)
         if wants & BANDWIDTH:
+            tallest = select(m > tallest, m, tallest)
             below = (m < reference) & (falls == 0.0)
             if anywhere(below):
                 if k in (1, last):
@@ -290,6 +291,7 @@ def _look(
                 store(before2, a1, p)
                 store(before1, size, p)
         x2, y2, x1, y1, m1 = x1, y1, x, y, m
+    store2(readings, root(tallest), c, HIGHEST)
     some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
     store2(readings, select(doubt > 0.0, doubt, some), c, DOUBT)
     for lane in range(LANES):
