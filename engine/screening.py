@@ -14,6 +14,7 @@ import numpy as np
 
 from engine.errors import EngineError
 from engine.kernels.batch import Batch, UnsuitableError
+from engine.kernels.readings import TIME_READINGS
 from engine.linear.screening import Screened
 from engine.linear.screening import Screening as Collocation
 
@@ -66,9 +67,11 @@ class Screening:
             rest = self._only(others)(overrides)
             columns = list(others)
             values[:, columns], doubtful[:, columns] = rest.values, rest.doubtful
-        # A second opinion on whom the kernels could not vouch for: two methods that agree have found the same event, and
-        # the kernels' value of it is the more exact one.
-        mine = np.flatnonzero(batch.measured)
+        # A second opinion on responses for which the kernels could not vouch: two methods that agree have found the same
+        # event, and the kernels' value of it is the more exact one. In frequency both read a table and may err alike.
+        mine = np.array(
+            [k for k, own in enumerate(batch.measured) if own and self._requests[k].metric in TIME_READINGS], int
+        )
         unsure = np.flatnonzero(doubtful[:, mine].any(axis=1) & exists)
         if unsure.size:
             part = {name: np.asarray(column)[unsure] for name, column in overrides.items()}

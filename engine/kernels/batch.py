@@ -36,10 +36,10 @@ Real = npt.NDArray[np.float64]
 MOST_STATES: Final = 64
 _BLOCK: Final = 2048
 _PER_DECADE: Final = 30
-_DETAILS: Final = (1, 2, 8)
+_DETAILS: Final = (1, 2, 8, 64)
 """How densely time is sampled, at first and where that is not enough."""
-_FINER: Final = 4
-"""How much denser frequency is sampled where the first table is not enough."""
+_DENSITIES: Final = (1, 4, 16)
+"""How densely frequency is sampled, likewise."""
 _MARGIN: Final = 30.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
@@ -136,7 +136,7 @@ class Batch:
         self._time = part.program(registers, [(o, e, wants[t]) for (o, e), t in traces.items()])
         span = _span(diagram, traced)
         self._spectra = [
-            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in (1, _FINER)
+            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in _DENSITIES
         ]
         self._no_spectrum = self._spectra[0]._replace(wants=np.zeros(0, dtype=np.int32))
         self._no_time = self._time._replace(traces=np.zeros((0, 3), dtype=np.int32))
@@ -212,9 +212,10 @@ class Batch:
                 if again.size:
                     alone = self._time._replace(traces=self._time.traces[trace : trace + 1])
                     self._look(points, results, again, (alone, {trace: 0}), self._no_spectrum, detail)
-        again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
-        if again.size:
-            self._look(points, results, again, (self._no_time, {}), self._spectra[1], 1)
+        for spectrum in self._spectra[1:]:
+            again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
+            if again.size:
+                self._look(points, results, again, (self._no_time, {}), spectrum, 1)
         results.doubtful[span][:, [not measured for measured in self.measured]] = True
 
     def _look(

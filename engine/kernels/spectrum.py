@@ -198,7 +198,11 @@ def _look(
     for k in range(READINGS):
         readings[c, k] = math.inf
     first_re, first_im = load2(store_re, c, 0), load2(store_im, c, 0)
+    next_re, next_im = load2(store_re, c, 1), load2(store_im, c, 1)
+    beside = next_re * next_re + next_im * next_im
     static = first_re * first_re + first_im * first_im
+    # What still falls with frequency down there has no gain at rest at all.
+    static = select(static < 1e-6 * beside, 0.0, static)
     store2(readings, root_of(static, first_re), c, AT_REST)
     reference = static * FALL
     store(level, reference, c)
@@ -300,6 +304,7 @@ def _look(
         if (
             wants & GAIN
             and store_re[c, 0, lane] < -_SMALLEST
+            and store_re[c, 0, lane] > 2.0 * store_re[c, 1, lane]  # it is finite at rest
             and abs(store_im[c, 0, lane]) < 1e-3 * abs(store_re[c, 0, lane])
         ):
             readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, 0, lane]
