@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -36,10 +37,10 @@ Real = npt.NDArray[np.float64]
 MOST_STATES: Final = 64
 _BLOCK: Final = 2048
 _PER_DECADE: Final = 30
-_DETAILS: Final = (1, 2, 8, 64)
+_DETAILS: Final = (1, 2, 8, 64, 512)
 """How densely time is sampled, at first and where that is not enough."""
-_DENSITIES: Final = (1, 4, 16)
-"""How densely frequency is sampled, likewise."""
+_DENSITIES: Final = (1, 4, 16, 64)
+"""How densely frequency is sampled, likewise, and so much further beyond the poles."""
 _MARGIN: Final = 30.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
@@ -135,10 +136,11 @@ class Batch:
         self._smallest = np.array([_NEAR_SINGULAR * abs(pivot.real) for pivot in assembly.pivots], dtype=float)
         self._time = part.program(registers, [(o, e, wants[t]) for (o, e), t in traces.items()])
         span = _span(diagram, traced)
-        self._spectra = [
-            _spectrum_program(curves, targets, bits, registers, _frequencies(*span, detail)) for detail in _DENSITIES
-        ]
-        self._no_spectrum = self._spectra[0]._replace(wants=np.zeros(0, dtype=np.int32))
+        # The finer tables are made when they are needed for the first time.
+        self._spectrum = cache(
+            lambda density: _spectrum_program(curves, targets, bits, registers, _frequencies(*span, density))
+        )
+        self._no_spectrum = self._spectrum(1)._replace(wants=np.zeros(0, dtype=np.int32))
         self._no_time = self._time._replace(traces=np.zeros((0, 3), dtype=np.int32))
         self.measured = tuple(k in self._timed or k in self._framed for k in range(len(self.requests)))
 
@@ -203,7 +205,7 @@ class Batch:
         """Evaluate one block, and again with finer samples what the first look cannot vouch for, curve by curve."""
         rows = np.arange(span.start, span.stop)
         every = {trace: trace for trace in range(len(self._time.traces))}
-        self._look(points, results, rows, (self._time, every), self._spectra[0], _DETAILS[0])
+        self._look(points, results, rows, (self._time, every), self._spectrum(1), 1)
         known = ~np.isnan(results.growth[rows])
         for detail in _DETAILS[1:]:
             for trace in every:
@@ -212,10 +214,10 @@ class Batch:
                 if again.size:
                     alone = self._time._replace(traces=self._time.traces[trace : trace + 1])
                     self._look(points, results, again, (alone, {trace: 0}), self._no_spectrum, detail)
-        for spectrum in self._spectra[1:]:
+        for density in _DENSITIES[1:]:
             again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
             if again.size:
-                self._look(points, results, again, (self._no_time, {}), spectrum, 1)
+                self._look(points, results, again, (self._no_time, {}), self._spectrum(density), 1)
         results.doubtful[span][:, [not measured for measured in self.measured]] = True
 
     def _look(
@@ -299,6 +301,7 @@ def _span(diagram: Diagram, traced: Any) -> tuple[float, float]:
 
 def _frequencies(low: float, high: float, detail: int) -> Real:
     """Return the table of frequencies; the first and last stand for 0 and infinity."""
+    low, high = low / detail**2, high * detail**2
     count = int(np.ceil(detail * _PER_DECADE * np.log10(high / low)))
     count += -(count + 2) % CHUNK
     return np.concatenate([[low * 1e-4], np.geomspace(low, high, count), [high * 1e4]])
