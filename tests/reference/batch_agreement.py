@@ -15,7 +15,7 @@ from engine.verdicts import Verdict
 
 TOLERANCE = 1e-7
 ABSOLUTE = frozenset({"overshoot", "undershoot", "steady_state_error"})
-"""Compared as they are: differences that may vanish, of commands of size one."""
+"""Differences that may vanish: compared on the scale of a command of size one, or on their own where that is larger."""
 FLAT = {"peak_time": 1e-6}
 """At a turning point the value is flat: its instant is known to the square root of what the value is known to."""
 
@@ -64,5 +64,5 @@ def _agree(metric: str, exact: float | None, verdict: Verdict, value: float) -> 
         return not np.isfinite(value)
     if verdict is not Verdict.OK and not np.isfinite(value):
         return True
-    scale = 1.0 if metric in ABSOLUTE else abs(exact)
+    scale = max(1.0, abs(exact)) if metric in ABSOLUTE else abs(exact)
     return bool(abs(value - exact) <= FLAT.get(metric, TOLERANCE) * scale)
