@@ -11,7 +11,6 @@ import resource
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -20,7 +19,7 @@ from bench import inner_velocity_loop as inner
 from bench.table import Job, Row
 from engine.screening import Screening
 
-CHUNK = 8192
+CHUNK = 65_536
 PATIENCE = 20.0  # s that one thread may take
 
 
@@ -39,7 +38,7 @@ def screen(count: int, threads: int) -> Throughput:
     """Screen ``count`` candidates, all results kept; structure and kernels are warm."""
     candidates = inner.sample(count, seed=7)
     requests = inner.requests()
-    screening = Screening(inner.diagram(), requests)
+    screening = Screening(inner.diagram(), requests, threads=threads)
     values = np.empty((count, len(requests)))
     growth = np.empty(count)
 
@@ -50,8 +49,8 @@ def screen(count: int, threads: int) -> Throughput:
 
     work(0)
     wall, cpu = time.perf_counter(), time.process_time()
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, range(0, count, CHUNK)))
+    for start in range(0, count, CHUNK):
+        work(start)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return Throughput(count=count, threads=threads, wall=wall, cpu=cpu, peak=peak)

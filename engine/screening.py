@@ -36,6 +36,8 @@ class Screening:
     ----------
     diagram : Diagram
     requests : sequence of MetricRequest
+    threads : int, optional
+        How many threads the kernels use; as many as there are processors for this process by default.
 
     Attributes
     ----------
@@ -43,8 +45,9 @@ class Screening:
         Which requests can be screened at all.
     """
 
-    def __init__(self, diagram: Diagram, requests: Sequence[MetricRequest]) -> None:
+    def __init__(self, diagram: Diagram, requests: Sequence[MetricRequest], *, threads: int | None = None) -> None:
         self._diagram = diagram
+        self._threads = threads
         self._requests = tuple(requests)
         self._all = Collocation(diagram, requests)
         self.measurable = self._all.measurable
@@ -59,7 +62,8 @@ class Screening:
         batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))
         if batch is None:
             return self._all(overrides)
-        found = batch(np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1))
+        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
+        found = batch(points, threads=self._threads)
         values, doubtful, growth = found.values, found.doubtful, found.growth
         exists = found.valid & ~(growth >= 0)
         others = tuple(np.flatnonzero(~np.array(batch.measured) & np.array(self.measurable)).tolist())
