@@ -45,6 +45,8 @@ _GRAZE: Final = 1e-6
 _NOISE: Final = 1e-12
 _RIPPLE: Final = 1e-7
 """What moves by less than this part of the largest value between samples changes no metric that is read here."""
+_SWING: Final = 0.15
+"""The trapezoidal rule misses by s²/12 of the steepest slope where a swing goes on by s rad between samples."""
 _ALIASED: Final = 0.03
 """Interpolation over two steps misses by this part of what moves where there are about two samples to a swing."""
 _RIVAL: Final = 0.03
@@ -89,7 +91,9 @@ def begin(state: Real, start: Real, slope: Real, final: Real) -> None:
     way = select(goal >= 0.0, 1.0, -1.0)
     progress = way * value
     store(state, away, _Y)
+    store(state, away, _Y2)
     store(state, load(slope, 0), _D)
+    store(state, load(slope, 0), _D2)
     store(state, magnitude(value), _BIG)
     store(state, select(progress >= 0.1 * size, _EDGE, _NONE), _L10)
     store(state, select(progress >= 0.9 * size, _EDGE, _NONE), _L90)
@@ -174,6 +178,7 @@ def scan(
     sign = select(goal >= 0.0, 1.0, -1.0)
     y1, d1, y2, d2 = load(state, _Y), load(state, _D), load(state, _Y2), load(state, _D2)
     worst, big = load(state, _RES), load(state, _BIG)
+    last_miss = load(state, _ERROR)
     rising = bool(wants & RISE) and anywhere(load(state, _L90) == _NONE)
     extremes = bool(wants & (TOP | BOTTOM))
     need = 0.015 if wants & SETTLE_2 else (0.04 if wants & SETTLE_5 else (0.1 if wants & RISE else 1e300))
@@ -188,16 +193,22 @@ def scan(
             wide = 2.0**before
             n_before = n - wide
             # Cubic Hermite interpolation over two steps beside the sample in the middle; a single step errs a sixteenth.
-            known = 1.0 / 16.0 if (index >= 2 or not changed) and n > unit else 0.0
+            known = 1.0 / 16.0 if (index != 1 or not changed) and n > unit else 0.0
             y, d = load2(samples, at, column), load2(samples, at + 1, column)
             middle = 0.5 * (y2 + y) + (0.25 * wide) * h * (d2 - d)
-            miss = known * magnitude(middle - y1)
-            # Where interpolation misses by a part of what moves, turning points hide between samples.
-            if anywhere(16.0 * miss > _ALIASED * magnitude(y - y1)):
+            # Where two unequal steps meet, the last estimate stands for it: a step twice as wide errs 16 times as much.
+            miss = known * magnitude(middle - y1) if known > 0.0 else 16.0 * last_miss
+            last_miss = miss
+            # Where interpolation misses by a part of what moves, or slopes do not add up to what happened, turning points
+            # hide between samples.
+            ahead = wide * h
+            slip = magnitude(y - y1 - 0.5 * ahead * (d + d1))
+            swings = slip > _SWING * ahead * select(magnitude(d) > magnitude(d1), magnitude(d), magnitude(d1))
+            if anywhere((16.0 * miss > _ALIASED * magnitude(y - y1)) | swings):
                 moves = (
                     magnitude(y - y1) + magnitude(y1 - y2) + wide * h * (magnitude(d) + magnitude(d1) + magnitude(d2))
                 )
-                hides = (16.0 * miss > _ALIASED * moves) & (moves > _RIPPLE * big)
+                hides = ((16.0 * miss > _ALIASED * moves) | swings) & (moves > _RIPPLE * big)
                 if anywhere(hides):
                     rise, fall = select(sign * (y - y1) > 0.0, y, y1), select(sign * (y - y1) > 0.0, y1, y)
                     up, down = sign * rise + 0.25 * moves, 0.25 * moves - sign * fall
@@ -257,6 +268,7 @@ def scan(
     store(state, y2, _Y2)
     store(state, d2, _D2)
     store(state, worst, _RES)
+    store(state, last_miss, _ERROR)
     store(state, big, _BIG)
 
 

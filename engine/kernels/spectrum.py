@@ -212,7 +212,7 @@ def _look(
     peak_doubt, level_doubt, high_doubt = spread(0.0), spread(0.0), spread(0.0)
     x2, y2 = first_re, first_im
     x1, y1 = first_re, first_im
-    m1 = static
+    m1, m2 = static, static
     best = np.empty((3, LANES))
     second, where, runner_up = np.empty((3, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
     before1, before2 = np.empty((3, LANES)), np.empty((3, LANES))
@@ -248,6 +248,14 @@ def _look(
                     level_doubt = select(abrupt & (falls == 0.0) & (gap * gap < way), float(BANDWIDTH), level_doubt)
                 if wants & PEAK:
                     high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
+        if 2 < k < last:
+            if wants & (PHASE | DELAY):
+                phase_doubt = select(_hidden(m2, m1, m, 1.0), float(PHASE + DELAY), phase_doubt)
+            if wants & GAIN:
+                twice = _hidden(y2, y1, y, 0.0) & (x1 < 0.0) & (m1 > _SMALLEST * _SMALLEST)
+                gain_doubt = select(twice, float(GAIN), gain_doubt)
+            if wants & BANDWIDTH:
+                level_doubt = select(_hidden(m2, m1, m, reference) & (falls == 0.0), float(BANDWIDTH), level_doubt)
         if crossings:
             passes = ((m > 1.0) & (m1 <= 1.0)) | ((m <= 1.0) & (m1 > 1.0))
             if k in (1, last):
@@ -294,7 +302,7 @@ def _look(
                     store(where, select(wins, float(k - 1), load(where, p)), p)
                 store(before2, a1, p)
                 store(before1, size, p)
-        x2, y2, x1, y1, m1 = x1, y1, x, y, m
+        x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
     store2(readings, root(tallest), c, HIGHEST)
     some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
     store2(readings, select(doubt > 0.0, doubt, some), c, DOUBT)
@@ -334,6 +342,19 @@ def _suspect(readings: Real, c: int, lane: int, bit: float) -> None:
     """Mark one kind of reading as doubtful."""
     if readings[c, DOUBT, lane] < _ALL and int(readings[c, DOUBT, lane]) & int(bit) == 0:
         readings[c, DOUBT, lane] += bit
+
+
+@compiled
+def _hidden(left: Any, middle: Any, right: Any, goal: Any) -> Any:
+    """Where a curve turns at the middle of three samples, so near to a level that it may cross it twice unseen.
+
+    The parabola through the samples, and half as much again, reaches the level; the samples are all on one side of it.
+    """
+    tip = middle - (right - left) * (right - left) / (8.0 * (left - 2.0 * middle + right))
+    beyond = tip + 0.5 * (tip - middle)
+    turns = (middle - left) * (middle - right) > 0.0
+    side = middle - goal
+    return turns & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0) & (side * (beyond - goal) <= 0.0)
 
 
 @compiled

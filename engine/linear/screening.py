@@ -143,6 +143,10 @@ class Screening:
         here = np.flatnonzero(stack.valid)
         if not here.size:
             return
+        if not stack.a.shape[1] and not stack.delays.shape[1]:
+            # Nothing moves by itself: no width of time to march over.
+            doubtful[here], growth[here] = True, -np.inf
+            return
         lanes, equal = self._lanes(stack, here)
         doubtful[here[~equal]] = True
         here = here[equal]

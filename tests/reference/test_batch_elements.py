@@ -18,16 +18,9 @@ ELEMENTS = [
     kind for kind, e in engine.elements.catalogue().items() if not issubclass(e, NonlinearElement) and kind != "input"
 ]
 CANDIDATES = 3
-HIDDEN_SWINGS = pytest.param(
-    "compliant_arm",
-    marks=pytest.mark.xfail(
-        strict=True,
-        reason="samples 0.3 s apart at 5 s hide the last swings of 0.16 s beyond the 2 % band of the stroke",
-    ),
-)
 
 
-@pytest.mark.parametrize("kind", [*(kind for kind in ELEMENTS if kind != "compliant_arm"), HIDDEN_SWINGS])
+@pytest.mark.parametrize("kind", ELEMENTS)
 def test_an_element_before_a_lag(kind: str) -> None:
     element = engine.elements.catalogue()[kind]
     values = {param.name: param.default for param in element.parameters} | dict(element.example)

@@ -65,10 +65,6 @@ def test_wide_candidates_of_the_inner_velocity_loop(seed: int) -> None:
 
 
 @pytest.mark.parametrize("row", [1809, 1844], ids=["settling_time", "phase_margin"])
-@pytest.mark.xfail(
-    strict=True,
-    reason="between two samples: a tip beyond the 2 % band (0.505 s, read 0.475 s), two crossings of |L| = 1 (0.949, read 1.643)",
-)
 def test_what_the_full_size_found(row: int) -> None:
     diagram, requests = inner_velocity_loop.diagram(), inner_velocity_loop.requests()
     candidates = inner_velocity_loop.wide(CANDIDATES, 7)
@@ -124,10 +120,6 @@ def resonant_loop() -> Diagram:
     )  # fmt: skip
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="samples 0.26 s apart at 4 s cannot tell the crests of a ripple of 0.11 s: a lower neighbour is taken for the top",
-)
 def test_a_fast_ripple_on_a_slow_hump() -> None:
     diagram = resonant_loop()
     step = {"r": make("step", {})}

@@ -50,15 +50,7 @@ UNSUITABLE = {
 }  # fmt: skip
 
 
-NO_STATES = pytest.param(
-    "no dynamics",
-    marks=pytest.mark.xfail(
-        strict=True, raises=ValueError, reason="collocation has no width of time for a system without states"
-    ),
-)
-
-
-@pytest.mark.parametrize("name", [*(name for name in UNSUITABLE if name != "no dynamics"), NO_STATES])
+@pytest.mark.parametrize("name", list(UNSUITABLE))
 def test_what_is_not_covered_is_still_right(name: str) -> None:
     diagram, varied = UNSUITABLE[name]
     with pytest.raises(UnsuitableError):
