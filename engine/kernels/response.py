@@ -197,18 +197,19 @@ def scan(
             y, d = load2(samples, at, column), load2(samples, at + 1, column)
             middle = 0.5 * (y2 + y) + (0.25 * wide) * h * (d2 - d)
             # Where two unequal steps meet, the last estimate stands for it: a step twice as wide errs 16 times as much.
-            miss = known * magnitude(middle - y1) if known > 0.0 else 16.0 * last_miss
+            seen = known * magnitude(middle - y1)
+            miss = seen if known > 0.0 else 16.0 * last_miss
             last_miss = miss
             # Where interpolation misses by a part of what moves, or slopes do not add up to what happened, turning points
             # hide between samples.
             ahead = wide * h
             slip = magnitude(y - y1 - 0.5 * ahead * (d + d1))
             swings = slip > _SWING * ahead * select(magnitude(d) > magnitude(d1), magnitude(d), magnitude(d1))
-            if anywhere((16.0 * miss > _ALIASED * magnitude(y - y1)) | swings):
+            if anywhere((16.0 * seen > _ALIASED * magnitude(y - y1)) | swings):
                 moves = (
                     magnitude(y - y1) + magnitude(y1 - y2) + wide * h * (magnitude(d) + magnitude(d1) + magnitude(d2))
                 )
-                hides = ((16.0 * miss > _ALIASED * moves) | swings) & (moves > _RIPPLE * big)
+                hides = ((16.0 * seen > _ALIASED * moves) | swings) & (moves > _RIPPLE * big)
                 if anywhere(hides):
                     rise, fall = select(sign * (y - y1) > 0.0, y, y1), select(sign * (y - y1) > 0.0, y1, y)
                     up, down = sign * rise + 0.25 * moves, 0.25 * moves - sign * fall
