@@ -83,10 +83,8 @@ def test_step_metrics(case: str) -> None:
     exact = oracle.step_metrics(oracle.Rational(oracle.poly(*numerator), oracle.poly(*denominator)))
     got = time_metrics(transfer_function(numerator, denominator), "u", "y", TIME_METRICS)
     for metric in TIME_METRICS:
-        # common-factor: an overshoot of 1.1e-6 is a difference of numbers near 1, hence the absolute part; the instant of so
-        # flat a peak is known to 1e-13 / 1.1e-6 only
-        flat = metric == "peak_time" and 0 < exact["overshoot"] < 1e-5
-        expect(got[metric], exact[metric], relative=1e-7 if flat else 1e-9, absolute=1e-12)
+        # common-factor: an overshoot of 1.1e-6 is a difference of numbers near 1, hence the absolute part
+        expect(got[metric], exact[metric], relative=1e-9, absolute=1e-12)
     for metric, value in published.items():
         assert got[metric].value == pytest.approx(value, rel=PUBLISHED_WITHIN.get(case, 5e-3)), metric
 
