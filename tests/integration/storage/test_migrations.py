@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -38,6 +40,25 @@ def test_a_database_that_is_behind_is_not_current(fresh_database, statement):
     with fresh_database.engine.begin() as connection:
         connection.execute(text(statement.format(dbos=dbos)))
     assert not fresh_database.is_current()
+
+
+def test_a_new_file_may_be_opened_by_many_at_once(tmp_path):
+    """SQLite refuses all but one of those who switch a file to write-ahead logging; nobody may notice."""
+
+    def ping(url: str, start: threading.Barrier) -> None:
+        database = open_database(url)
+        start.wait()
+        try:
+            database.ping()
+        finally:
+            database.dispose()
+
+    with ThreadPoolExecutor(4) as threads:
+        for number in range(60):
+            start = threading.Barrier(4)
+            waiting = [threads.submit(ping, f"sqlite:///{tmp_path}/{number}.db", start) for _ in range(4)]
+            for each in waiting:
+                each.result()
 
 
 def test_two_processes_migrate_at_once(empty_database_url):
