@@ -76,9 +76,17 @@ class Tracker:
             raise Stopped(cancelled=True)
         if self.evaluator.evaluations + len(positions) > self.budget:
             raise Stopped(cancelled=False)
+        before = self.evaluator.evaluations
         found = self.evaluator.assess(positions)
-        index = int(found.order()[0])
-        self.offer(positions[index], float(found.objective[index]), float(found.violation[index]))
+        # One after the other, so that the history does not depend on how points are put together.
+        objective = np.where(np.isnan(found.objective), np.inf, found.objective)
+        excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
+        places = np.empty(len(positions), dtype=int)
+        places[np.lexsort((objective, excess))] = np.arange(len(positions))
+        for index in np.flatnonzero(places == np.minimum.accumulate(places)):
+            self.offer(
+                positions[index], float(found.objective[index]), float(found.violation[index]), before + int(index) + 1
+            )
         return found
 
     def local(self, position: Vector) -> Local | None:
@@ -99,13 +107,13 @@ class Tracker:
             self.offer(position, objective, float(self.evaluator.violations(found.values, self.margins).max()))
         return found
 
-    def offer(self, position: Vector, objective: float, violation: float) -> None:
-        """Remember a point if it is the best so far."""
+    def offer(self, position: Vector, objective: float, violation: float, evaluation: int | None = None) -> None:
+        """Remember a point if it is the best so far; ``evaluation`` is its number, by default that of the latest."""
         rank = (violation if violation > TOLERANCE else 0.0, objective if np.isfinite(objective) else np.inf)
         if rank < self.rank:
             self.rank, self.best = rank, np.array(position, dtype=float)
             variables = self.evaluator.problem.values(self.best)
-            count = self.evaluator.evaluations
+            count = self.evaluator.evaluations if evaluation is None else evaluation
             self.history.append(
                 HistoryPoint(evaluation=count, objective=objective, violation=violation, variables=variables)
             )
