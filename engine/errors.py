@@ -6,6 +6,7 @@
     ├── DiagramError      a block, port, connection, parameter or size
     ├── ExpressionError   a parameter expression
     ├── SignalError       a command signal
+    ├── MaskError         bounds on a curve
     ├── SpectrumError     a spectrum that cannot be had of this signal
     ├── IllPosedError     an algebraic loop without a solution
     └── UnresolvedError   a response beyond the limits of resolution
@@ -56,6 +57,10 @@ class ExpressionError(EngineError):
 
 class SignalError(EngineError):
     """A command signal's parameters are wrong; ``at`` counts from the signal."""
+
+
+class MaskError(EngineError):
+    """Bounds on a curve are wrong; ``at`` counts from the bounds."""
 
 
 class SpectrumError(EngineError):

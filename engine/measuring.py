@@ -18,6 +18,7 @@ from engine.verdicts import Measured, Verdict
 if TYPE_CHECKING:
     from engine.commanded import CommandParameter
     from engine.diagram import Diagram
+    from engine.masks import Mask
     from engine.metrics import Metric
     from engine.signals import Signal
 
@@ -29,7 +30,8 @@ class MetricRequest:
     """One metric of one experiment.
 
     ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
-    need none. ``duration`` limits integrals, s (None: infinity); ``band`` is what a metric of the spectrum looks at, rad/s.
+    need none. ``duration`` limits integrals, s (None: infinity); ``band`` is what a metric of the spectrum looks at, rad/s;
+    ``mask`` is what a whole curve is held against.
     """
 
     metric: str
@@ -40,6 +42,7 @@ class MetricRequest:
     open_at: str | None = None
     duration: float | None = None
     band: tuple[float, float] | None = None
+    mask: Mask | None = None
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1] < np.inf:
@@ -167,11 +170,12 @@ def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple
         if issubclass(metric, TimeMetric):
             outputs = together.get(command_of(request), [str(request.output)])
             subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-            finding = metric.measure(replace(subject, band=request.band))
+            finding = metric.measure(replace(subject, band=request.band, mask=request.mask))
         elif issubclass(metric, PathMetric):
-            finding = metric.measure(evaluation.path(str(request.source), str(request.target)))
+            path = evaluation.path(str(request.source), str(request.target))
+            finding = metric.measure(replace(path, mask=request.mask))
         elif issubclass(metric, LoopMetric):
-            finding = metric.measure(evaluation.loop(str(request.open_at)))
+            finding = metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
         else:
             assert issubclass(metric, SystemMetric)
             finding = metric.measure(evaluation.system_subject)
@@ -190,6 +194,8 @@ def _lacking(metric: type[Metric], request: MetricRequest) -> str:
         return "it needs 'from' (an input) and 'to' (an output)"
     if issubclass(metric, LoopMetric) and request.open_at is None:
         return "it needs 'open_at': where the loop is cut open"
+    if metric.mask and request.mask is None:
+        return f"it needs 'bounds': the {metric.mask} that the curve is held against"
     return ""
 
 

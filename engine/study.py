@@ -271,8 +271,8 @@ def _curves(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequen
     return {name: curves[name] for name in names}
 
 
-PATH_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, PathMetric))
-LOOP_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, LoopMetric))
+PATH_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, PathMetric) and not metric.mask)
+LOOP_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, LoopMetric) and not metric.mask)
 SYSTEM_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, SystemMetric))
 
 

@@ -46,6 +46,11 @@ def squared_magnitude(re: Array, im: Array) -> Array:
     return np.asarray(re * re + im * im)
 
 
+def squared_error(re: Array, im: Array) -> Array:
+    """|1 - G|²."""
+    return np.asarray((1 - re) * (1 - re) + im * im)
+
+
 def squared_sensitivity(re: Array, im: Array) -> Array:
     """|1 / (1 + L)|²."""
     return np.asarray(1 / ((1 + re) * (1 + re) + im * im))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from engine.linear.frequency import FrequencyResponse, Shape
     from engine.linear.poles import Poles
     from engine.linear.system import Array
+    from engine.masks import Mask
 
 NEGLIGIBLE = 1e-9
 """A difference below this part of the signal is not a difference: rounding of the exact response is far below it."""
@@ -29,6 +30,7 @@ _TOUCHES = 1e-7
 """A turning point this near to the band, relative to the band, touches it."""
 
 Domain = Literal["time", "path", "loop", "system"]
+MaskKind = Literal["", "envelope", "reference", "frequency bounds"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,6 +82,8 @@ class TimeSubject:
         Of the path from the input to this output.
     band : (float, float) or None
         Angular frequencies between which a spectrum is looked at, rad/s.
+    mask : Mask or None
+        What the curve is held against.
     moving_start, moving_end : ndarray or None
         Start and end of the command with what the lanes carry; None where no lane moves them.
     """
@@ -94,6 +98,7 @@ class TimeSubject:
     duration: float | None
     verdict: Verdict
     band: tuple[float, float] | None = None
+    mask: Mask | None = None
     moving_start: Array | None = None
     moving_end: Array | None = None
 
@@ -115,6 +120,7 @@ class PathSubject:
     response: FrequencyResponse
     static: Array | None
     verdict: Verdict
+    mask: Mask | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,6 +132,7 @@ class LoopSubject:
     opened: Poles
     closed: Poles
     verdict: Verdict
+    mask: Mask | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,6 +159,8 @@ class Metric(abc.ABC):
     """The metric grows with this power of the time scale."""
     belongs_to: ClassVar[tuple[str, ...]] = ()
     """Units of the outputs that it is shown for by default; empty for any."""
+    mask: ClassVar[MaskKind] = ""
+    """What a request must bring besides, for a metric that holds a whole curve against something."""
     absent_is_infinite: ClassVar[bool] = False
     """``never_crosses`` means that the metric is as large as can be (no finite margin, no finite bandwidth)."""
 

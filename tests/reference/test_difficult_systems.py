@@ -168,6 +168,8 @@ def requests() -> dict[str, MetricRequest]:
     """Every metric of the pneumatic loop that its definition allows, for a step of 1 cm."""
     found = {}
     for name, metric in catalogue().items():
+        if metric.mask:  # it holds the curve against bounds of the user's own
+            continue
         if metric.domain == "loop":
             found[name] = MetricRequest(metric=name, open_at="error")
         elif metric.domain == "path":
@@ -195,7 +197,9 @@ def test_the_units_of_the_document_do_not_matter() -> None:
     # the same motor in SI and in daN-cm-s: 10 decades between the coefficients; a step of 1 cm
     si, centimetres = pneumatic_loop(), in_centimetres()
     times = [
-        m for m in catalogue().values() if m.domain == "time" and m.amplitude_power == 0 and "output" not in m.unit
+        m
+        for m in catalogue().values()
+        if m.domain == "time" and m.amplitude_power == 0 and "output" not in m.unit and not m.mask
     ]
     names = tuple(metric.kind for metric in times)
     one = simulate(si, signals={"reference": step(0.01)}, outputs=["position"], metrics=names).metrics["position"]
