@@ -13,17 +13,17 @@ import numpy as np
 from scipy.stats import qmc
 
 from engine.parameters import Param
-from optimizers.certificate import TOLERANCE, certificate_of
+from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
+from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Monitor, Result, Status
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
 _BLOCK = 128
 _ROUNDS = 4
-_PROOFS = 3
 _APART = 0.08
 _STANDSTILL = 1e-3
 _SHORT, _LONG = 25, 60
@@ -101,7 +101,7 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
         if not tracker.rank < known:
             radius /= 4
         gain = _gain(entered, tracker.rank)
-    _prove(tracker, margins)
+    descend_to_proof(tracker, margins)
     return gain < _STANDSTILL
 
 
@@ -136,23 +136,3 @@ def _apart(points: Matrix, count: int) -> list[Vector]:
             if len(chosen) == count:
                 break
     return chosen
-
-
-def _prove(tracker: Tracker, margins: Vector) -> None:
-    """Tighten what the exact engine finds violated, and descend again; a bounded number of rounds."""
-    problem = tracker.evaluator.problem
-    for _ in range(_PROOFS):
-        assert tracker.best is not None
-        if tracker.rank[0] > 0:
-            return
-        rows = tracker.evaluator.exact(problem.values(tracker.best))
-        certificate = certificate_of(problem, [[measured for measured, _ in row] for row in rows])
-        if certificate.valid:
-            return
-        for proof in certificate.goals:
-            if proof.violation > 0:
-                margins[proof.goal] += 1.5 * proof.violation + SAFETY
-        # Points found with less margin no longer count: not even the one that the descent starts from.
-        start, tracker.rank = tracker.best, (np.inf, np.inf)
-        tracker.margins = np.maximum(margins - SAFETY, 0.0)
-        Descent(tracker, margins).run(start, evaluations=_LONG)

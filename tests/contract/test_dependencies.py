@@ -19,12 +19,12 @@ OURS = {"api", "engine", "optimizers", "storage", "servotune", "tests", "bench",
 ROOMS = {
     "servotune": [],
     "engine": ["server", "interop"],
-    "optimizers": ["server"],
+    "optimizers": ["server", "convex", "pareto"],
     "storage": ["server"],
     "api": ["server"],
     "examples": ["demo"],
     "bench": ["server", "interop", "bench"],
-    "tests": ["server", "interop", "bench", "demo", "dev"],
+    "tests": ["server", "convex", "pareto", "interop", "bench", "demo", "dev"],
 }
 # Never imported by name: the acquisition and the convex library, whose code comes later; programs, Postgres among them; and what
 # an editable install needs.
