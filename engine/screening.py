@@ -54,10 +54,15 @@ class Screening:
         self._batches: dict[tuple[str, ...], Batch | None] = {}
         self._rest: dict[tuple[int, ...], Collocation] = {}
 
-    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
+    def compiled(self, parameters: Sequence[str]) -> bool:
+        """Return whether compiled kernels answer everything that can be screened, for these parameters varied."""
+        batch = self._batch(tuple(parameters))
+        return batch is not None and np.array(batch.measured)[np.array(self.measurable)].all().item()
+
+    def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
 
-        Complex overrides carry derivatives, by collocation.
+        Complex overrides carry derivatives, by collocation. Without a second opinion, what the kernels doubt stays so.
         """
         batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))
         if batch is None:
@@ -77,7 +82,7 @@ class Screening:
             [k for k, own in enumerate(batch.measured) if own and self._requests[k].metric in TIME_READINGS], int
         )
         unsure = np.flatnonzero(doubtful[:, mine].any(axis=1) & exists)
-        if unsure.size:
+        if second_opinion and unsure.size:
             part = {name: np.asarray(column)[unsure] for name, column in overrides.items()}
             again = self._only(tuple(mine.tolist()))(part)
             first, second = values[np.ix_(unsure, mine)], again.values

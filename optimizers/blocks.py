@@ -18,7 +18,7 @@ _SHORT, _LONG = 0.15, 0.4
 """Seconds: blocks that take less grow, those that take more shrink."""
 
 
-def in_blocks(tracker: Tracker, positions: Matrix) -> Iterator[tuple[slice, Assessment]]:
+def in_blocks(tracker: Tracker, positions: Matrix, *, roughly: bool = False) -> Iterator[tuple[slice, Assessment]]:
     """Evaluate points block by block; yield which rows they were and what was found.
 
     The budget is used up to its last evaluation before the search stops.
@@ -28,6 +28,8 @@ def in_blocks(tracker: Tracker, positions: Matrix) -> Iterator[tuple[slice, Asse
     tracker : Tracker
     positions : ndarray, shape (B, V)
         In the unit cube.
+    roughly : bool
+        For a first look: what the fast evaluation doubts is not looked at again.
 
     Raises
     ------
@@ -39,7 +41,7 @@ def in_blocks(tracker: Tracker, positions: Matrix) -> Iterator[tuple[slice, Asse
         left = tracker.budget - tracker.evaluator.evaluations
         rows = slice(first, min(first + size, len(positions), first + max(left, 1)))
         begin = time.perf_counter()
-        found = tracker.assess(positions[rows])
+        found = tracker.assess(positions[rows], roughly=roughly)
         taken = time.perf_counter() - begin
         yield rows, found
         first = rows.stop

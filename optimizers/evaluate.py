@@ -93,9 +93,18 @@ class Evaluator:
                 norms[goal] = max(sizes) or 1.0
         return norms
 
-    def assess(self, positions: Matrix) -> Assessment:
-        """Return the ranking quantities of points (B, V) in the unit cube."""
-        values, growth, doubtful = self._values(positions)
+    @cached_property
+    def compiled(self) -> bool:
+        """Whether compiled kernels evaluate the goals: a candidate then costs microseconds."""
+        axes = [axis.parameter for axis in self.problem.axes if axis.parameter not in self.problem.commands]
+        return not self.problem.commands and self._screening.compiled([*axes, *self._keys])
+
+    def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
+        """Return the ranking quantities of points (B, V) in the unit cube.
+
+        With ``roughly``, for a first look at many points, what the fast evaluation doubts is not looked at again.
+        """
+        values, growth, doubtful = self._values(positions, roughly=roughly)
         return self._assessment(values, growth, doubtful)
 
     def exact(self, point: Mapping[str, float]) -> list[list[Exact]]:
@@ -177,18 +186,19 @@ class Evaluator:
             objective=objective, violation=broken.max(axis=1), values=values, doubtful=np.asarray(doubtful.any(axis=(1, 2)))
         )  # fmt: skip
 
-    def _values(self, positions: Matrix) -> tuple[Matrix, Matrix, npt.NDArray[np.bool_]]:
+    def _values(self, positions: Matrix, *, roughly: bool) -> tuple[Matrix, Matrix, npt.NDArray[np.bool_]]:
         """Return metric values (B, S, G), growth (B, S) and doubt (B, S, G); infinite growth: no such system."""
         batch, count = len(positions), len(self.problem.scenarios)
         self.evaluations += batch
         points = np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
-        screened = self._screened(self._overrides(points))
+        roughly = roughly and self.compiled
+        screened = self._screened(self._overrides(points), second_opinion=not roughly)
         shape = (count, batch, len(self.problem.goals))
         values = screened.values.reshape(shape).swapaxes(0, 1).copy()
         doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
         growth = np.where(screened.valid, screened.growth, np.inf).reshape(count, batch).T.copy()
         # What screening does not know at all has to be measured one by one.
-        unknown = doubtful & np.isnan(values) & ~(growth >= 0)[:, :, None]
+        unknown = doubtful & np.isnan(values) & ~(growth >= 0)[:, :, None] & (not roughly)
         for b, s in zip(*np.nonzero(unknown.any(axis=2)), strict=True):
             asked = np.flatnonzero(unknown[b, s])
             overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
@@ -201,7 +211,7 @@ class Evaluator:
                 growth[b, s] = 0.0 if diverges else -1.0
         return values, growth, doubtful
 
-    def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]]) -> Screened:
+    def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]], *, second_opinion: bool = True) -> Screened:
         """Screen scenarios together that have the same structure: a delay that is 0 in one and not in another changes it."""
         total, count = len(next(iter(overrides.values()))), len(self.problem.scenarios)
         rows = np.arange(total).reshape(count, -1)
@@ -210,7 +220,9 @@ class Evaluator:
             groups.setdefault(tuple(name for name in self._keys if scenario.get(name) == 0.0), []).append(index)
         order = np.concatenate([rows[group].ravel() for group in groups.values()])
         parts = [
-            self._screening({name: column[rows[group].ravel()] for name, column in overrides.items()})
+            self._screening(
+                {name: column[rows[group].ravel()] for name, column in overrides.items()}, second_opinion=second_opinion
+            )
             for group in groups.values()
         ]
         back = np.argsort(order)

@@ -64,8 +64,8 @@ class Tracker:
         self.margins = np.zeros(len(evaluator.problem.goals))
         self.started = time.perf_counter()
 
-    def assess(self, positions: Matrix) -> Assessment:
-        """Evaluate points, remember the best of them.
+    def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
+        """Evaluate points, remember the best of them; ``roughly`` for a first look at many.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Tracker:
         if self.evaluator.evaluations + len(positions) > self.budget:
             raise Stopped(cancelled=False)
         before = self.evaluator.evaluations
-        found = self.evaluator.assess(positions)
+        found = self.evaluator.assess(positions, roughly=roughly)
         # One after the other, so that the history does not depend on how points are put together.
         objective = np.where(np.isnan(found.objective), np.inf, found.objective)
         excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)

@@ -115,7 +115,7 @@ def _sample(tracker: Tracker, rng: np.random.Generator) -> Vector:
     count = min(_SAMPLE, max(1, tracker.budget // 8))
     tracker.monitor.progress(0.0, "sampling")
     sobol = qmc.Sobol(len(problem.axes), rng=rng).random_base2(math.ceil(math.log2(count)))[: count - 1]
-    for _ in in_blocks(tracker, np.vstack([problem.start(), sobol])):
+    for _ in in_blocks(tracker, np.vstack([problem.start(), sobol]), roughly=True):
         pass
     assert tracker.best is not None
     return tracker.best
