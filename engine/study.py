@@ -91,6 +91,7 @@ def simulate(
     duration: float | None = None,
     samples: int = 1000,
     metrics: Sequence[str] | None = None,
+    band: tuple[float, float] | None = None,
 ) -> Simulation:
     """Return sampled curves, and metrics of the continuous response (they do not depend on ``samples``).
 
@@ -109,16 +110,20 @@ def simulate(
         Points of the curves, both ends included.
     metrics : sequence of str, optional
         Time metrics; by default all that have a value or a telling verdict for each output.
+    band : (low, high), optional
+        What a metric of the spectrum looks at, rad/s.
     """
     names = tuple(diagram.outputs if outputs is None else outputs)
     evaluation = Evaluation(diagram, overrides)
     if diagram.nonlinear:
-        return _simulate_nonlinear(evaluation, signals, names, duration=duration, samples=samples, metrics=metrics)
+        return _simulate_nonlinear(
+            evaluation, signals, names, duration=duration, samples=samples, metrics=metrics, band=band
+        )
     response = evaluation.time_response(signals, names)
     length = duration if duration is not None else _length(evaluation, signals, names)
     time = np.linspace(0.0, length, samples)
     curves = _curves(evaluation, signals, names, time)
-    found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics)
+    found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band)
     remarks = (*diagram.warnings, *_hidden(response.hidden))
     return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
 
@@ -130,13 +135,14 @@ def _metrics(
     *,
     duration: float | None,
     metrics: Sequence[str] | None,
+    band: tuple[float, float] | None,
 ) -> dict[str, dict[str, Measured]]:
     """Return the metrics of every output; by default those that have a value or a telling verdict."""
     diagram = evaluation.diagram
     found: dict[str, dict[str, Measured]] = {}
     for name in names:
         wanted = _fitting(named_unit(diagram, name)) if metrics is None else metrics
-        requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration) for m in wanted]
+        requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration, band=band) for m in wanted]
         together = {command_of(r): names for r in requests}
         found[name] = {r.metric: measured_of(diagram, r, find(evaluation, r, together)) for r in requests}
         if metrics is None:
@@ -152,6 +158,7 @@ def _simulate_nonlinear(
     duration: float | None,
     samples: int,
     metrics: Sequence[str] | None,
+    band: tuple[float, float] | None,
 ) -> Simulation:
     """Return curves and metrics of a system with nonlinear blocks; curves are NaN beyond where it could be followed."""
     for name in names:
@@ -164,7 +171,8 @@ def _simulate_nonlinear(
         )
         periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
         ends = [last + 5 * periods] + [_moves_until(response.output(name), last) for name in names if not periods]
-        length = min(_rounded(max(ends)) or 1.0, response.outcome.end)
+        longest = max(ends)
+        length = min(_rounded(longest) if longest > 0 else 1.0, response.outcome.end)
     time = np.linspace(0.0, length, samples)
     curves = {name: np.clip(response.output(name).sample(time), *response.limits(name)) for name in names}
     for values in curves.values():
@@ -177,7 +185,7 @@ def _simulate_nonlinear(
     return Simulation(
         time=time,
         curves=curves,
-        metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics),
+        metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band),
         verdict=verdict,
         warnings=(*evaluation.diagram.warnings, *advice),
         error=outcome.error,

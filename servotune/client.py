@@ -88,6 +88,7 @@ class Client:
         duration: float | None = None,
         samples: int | None = None,
         metrics: Sequence[str] | None = None,
+        band: Sequence[float] | None = None,
         variants: Sequence[Document] | None = None,
     ) -> Simulation:
         """Return the response to a command: curves and metrics, one set for each variant of the parameters.
@@ -104,6 +105,8 @@ class Client:
             Length of the curves (s); chosen by the service by default.
         samples : int, optional
             Points of each curve. Metrics do not depend on it.
+        band : (low, high), optional
+            What `band_energy` looks at, rad/s.
         variants : sequence of mappings, optional
             Parameter values to compare, `[{"kp": 50}, {"kp": 200}]`.
         """
@@ -114,6 +117,7 @@ class Client:
             duration=duration,
             samples=samples,
             metrics=metrics,
+            band=band,
             variants=variants,
         )
         return cast("Simulation", self._transport.post("/v1/simulations", body))
@@ -155,6 +159,8 @@ class Client:
     ) -> Influence:
         """Return how strongly each parameter moves each metric: exact elasticities, and eq. (4) at a finite change.
 
+        `parameters` are paths of the system's, and `signals.<input>.<parameter>` of the command's. Where a nonlinear
+        response cannot be differentiated, an elasticity comes from differences (`method`) with its estimated `error`.
         For each set of changes in `predict`, parameter -> new value or `{"change": 0.1}`, the reply tells what the
         elasticities predict for every metric, what it really becomes, and the error.
         """

@@ -194,6 +194,8 @@ class Elasticity(TypedDict):
     value: float | None
     one_sided: bool
     verdict: str
+    method: NotRequired[str]
+    error: NotRequired[float | None]
 
 
 class Coefficient(TypedDict):

@@ -12,6 +12,7 @@ from api.convert.values import nested_si, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.signals import MOST_POINTS, InputDocument, SampledSignal
+from engine.commanded import CommandParameter
 from engine.diagram import Diagram
 from engine.errors import SignalError
 from engine.signals import Signal, catalogue, changed, make
@@ -102,15 +103,36 @@ def changed_signals(given: Mapping[str, Any], signals: Mapping[str, Signal], *, 
     """
     found = dict(signals)
     for path, value in given.items():
-        _, port, name = (*path.split(".", 2), "")[:3]
         here = (*place, path)
-        check_name(port, tuple(found), name="port", what="those that are commanded", place=here)
+        port, name = _command_place(path, found, place=here)
         try:
             number = si(value, unit_of_parameter(found[port], name), name=path, place=here)
             found[port] = changed(found[port], name, number)
         except SignalError as error:
             raise invalid(error.message, *here) from error
     return found
+
+
+def command_parameter(path: str, signals: Mapping[str, Signal], *, place: Place) -> CommandParameter:
+    """Return the number of a command that ``signals.<port>.<parameter>`` names.
+
+    Raises
+    ------
+    Problem
+        422 at a path that leads to no number.
+    """
+    port, name = _command_place(path, signals, place=place)
+    try:
+        return CommandParameter(signal=signals[port], path=name)
+    except SignalError as error:
+        raise invalid(error.message, *place) from error
+
+
+def _command_place(path: str, signals: Mapping[str, Signal], *, place: Place) -> tuple[str, str]:
+    """Return port and parameter of a command's path."""
+    _, port, name = (*path.split(".", 2), "")[:3]
+    check_name(port, tuple(signals), name="port", what="those that are commanded", place=place)
+    return port, name
 
 
 def unit_of_parameter(signal: Signal, path: str) -> str:

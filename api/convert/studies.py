@@ -106,6 +106,8 @@ def influence_to_wire(influence: Influence) -> dict[str, Any]:
                     "value": number(elasticity.value),
                     "one_sided": bool(elasticity.one_sided),
                     "verdict": str(elasticity.verdict),
+                    "method": str(elasticity.method),
+                    "error": number(elasticity.error),
                 }
                 for parameter, elasticity in row.items()
             }

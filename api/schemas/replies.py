@@ -220,6 +220,10 @@ class ElasticityReply(Reply):
     value: Number
     one_sided: bool
     verdict: VerdictWord
+    method: Literal["exact", "differences"] = Field(
+        default="exact", description="carried through the whole computation, or from differences that converge"
+    )
+    error: Number = Field(default=None, description="what a value from differences is estimated to miss")
 
 
 class CoefficientReply(Reply):

@@ -22,6 +22,7 @@ class SimulationRequest(Document):
     duration: AutoOrQuantity = Field(default="auto", description="s, or chosen by the service")
     samples: int = Field(default=1000, ge=2, description="points of each curve, both ends included")
     metrics: Names | None = Field(default=None, description="default: those that apply")
+    band: Band | None = Field(default=None, description="for `band_energy`")
     variants: list[Overrides] | None = Field(default=None, min_length=1)
     keep: bool = Field(default=False, description="remember the reply under /v1/results")
 
@@ -51,7 +52,11 @@ class InfluenceRequest(Document):
     target: Port | None = Field(default=None, alias="to", description="default: output")
     duration: AutoOrQuantity = "auto"
     band: Band | None = Field(default=None, description="for `band_energy`")
-    parameters: list[Path] = Field(min_length=1, max_length=200)
+    parameters: list[Path] = Field(
+        min_length=1,
+        max_length=200,
+        description="paths of the system's, and `signals.<input>.<parameter>` of the command's",
+    )
     metrics: list[str] = Field(min_length=1, max_length=100)
     change: float = Field(default=0.1, gt=-1.0, description="relative change for the coefficients of eq. (4)")
     predict: list[Annotated[dict[Path, Change], Field(min_length=1, max_length=50)]] | None = Field(

@@ -13,6 +13,7 @@ from api.convert.optimizations import duration_from_wire
 from api.convert.signals import (
     changed_signals,
     check_name,
+    command_parameter,
     is_command_path,
     signal_from_wire,
     signals_from_wire,
@@ -33,6 +34,7 @@ from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
+from engine.commanded import CommandParameter
 from engine.diagram import Diagram
 from engine.errors import EngineError, IllPosedError
 from engine.influence import influence
@@ -93,6 +95,7 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
         check_name(name, diagram.outputs, name="output", what="the system's outputs", place=("outputs", i))
     metrics = check_metrics(request.metrics)
     duration = duration_from_wire(request.duration, place=("duration",))
+    band = band_from_wire(request.band, place=("band",))
     variants = variants_of(request.variants, diagram, signals)
     service.computing.check_size(samples=request.samples, curves=len(outputs) + 1, variants=len(variants))
 
@@ -105,6 +108,7 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
             duration=duration,
             samples=request.samples,
             metrics=metrics,
+            band=band,
         )
         return simulation_to_wire(found), found.warnings
 
@@ -233,10 +237,10 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
         )
         for name in metrics
     }
-    _check_parameters(request.parameters, diagram)
+    commands = _check_parameters(request.parameters, diagram, {request.input: signal})
     parameters = tuple(dict.fromkeys(request.parameters))
     with service.computing.slot(), at("system"):
-        found = influence(diagram, requests, parameters, change=request.change)
+        found = influence(diagram, requests, parameters, change=request.change, commands=commands)
     body = influence_to_wire(found)
     if request.predict is not None:
         body["predictions"] = _predictions(service, request.predict, diagram, requests)
@@ -276,10 +280,19 @@ def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> Metri
     return MetricRequest(metric=name)
 
 
-def _check_parameters(paths: Sequence[str], diagram: Diagram) -> None:
+def _check_parameters(
+    paths: Sequence[str], diagram: Diagram, signals: Mapping[str, Signal]
+) -> dict[str, CommandParameter]:
+    """Refuse what cannot be varied; return those paths that name a number of a command."""
+    commands: dict[str, CommandParameter] = {}
     for i, path in enumerate(paths):
+        place: Place = ("parameters", i)
+        if is_command_path(path, diagram):
+            commands[path] = command_parameter(path, signals, place=place)
+            continue
         info = diagram.parameters.get(path)
         if info is None:
-            raise invalid(f"parameter must be one of the system's, got {path!r}", "parameters", i)
+            raise invalid(f"parameter must be one of the system's, got {path!r}", *place)
         if info.bound:
-            raise invalid(f"{path} must be a number to be varied, but an expression gives it", "parameters", i)
+            raise invalid(f"{path} must be a number to be varied, but an expression gives it", *place)
+    return commands

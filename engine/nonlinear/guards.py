@@ -15,6 +15,8 @@ Real = npt.NDArray[np.float64]
 
 _SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
 _TO_SCAN = weights(_SCAN)
+_NEARLY = 1e-2  # a polynomial that stays so far below 0 between two points of the scan does not reach it
+_NEWTON = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +30,24 @@ class Crossing:
 def crosses(values: Real, tolerance: float) -> npt.NDArray[np.bool_]:
     """Return for each step whether a guard, (K, 17) at its nodes, becomes positive on it."""
     return np.asarray((values @ _TO_SCAN.T > tolerance).any(axis=1) | (values[:, [0, -1]] > tolerance).any(axis=1))
+
+
+def touches(values: Real, tolerance: float) -> bool:
+    """Return whether a guard (17,) reaches 0 inside a step without passing it: a little more, and there is an event."""
+    scan = _TO_SCAN @ values
+    place = int(np.argmax(scan))
+    ends = max(float(scan[0]), float(scan[-1]))
+    if not 0 < place < len(scan) - 1 or scan[place] - ends <= 10 * tolerance or scan[place] > tolerance:
+        return False
+    if scan[place] < -_NEARLY * float(np.abs(scan).max()):
+        return False
+    slope = np.polynomial.chebyshev.chebder(coefficient_matrix() @ values)
+    bend = np.polynomial.chebyshev.chebder(slope)
+    x = 2 * float(_SCAN[place]) - 1
+    for _ in range(_NEWTON):
+        x -= float(np.polynomial.chebyshev.chebval(x, slope) / np.polynomial.chebyshev.chebval(x, bend))
+    top = float(weights(np.asarray((min(max(x, -1.0), 1.0) + 1) / 2)) @ values)
+    return abs(top) <= tolerance
 
 
 def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence[float]) -> Crossing | None:

@@ -28,7 +28,7 @@ from engine.errors import UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.linear.curve import Curve
 from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
-from engine.nonlinear.guards import Crossing, first_crossing
+from engine.nonlinear.guards import Crossing, first_crossing, touches
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
 from engine.nonlinear.switching import StoppedError, Switchboard
@@ -372,6 +372,9 @@ class Integration:
         board = self._board
         nodes = step.nodes
         if self.system.complex:
+            self.smooth = self.smooth and not any(
+                touches(values, board.tolerance(number, guard, values)) for number, guard, values in step.guards
+            )
             ends = np.full(self.system.lanes, end, dtype=complex) if lanes is None else lanes
             path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
             if event is not None:

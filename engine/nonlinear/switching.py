@@ -197,11 +197,12 @@ class Switchboard:
         """Switch the first law whose guard is positive; return whether there was one."""
         at = self.instant()
         flow = self.system.flow(at)
+        largest = np.maximum(self._largest, np.abs(flow.e[0, 0].real))
         for number, law in enumerate(self.system.laws):
             mode = self.modes[number]
             seen = self.system.seen(number, at, flow.e, flow.v)
             found = law.element.guards(seen, mode, law.values)
-            size = float(self._largest[law.inputs].max(initial=0.0))
+            size = float(largest[law.inputs].max(initial=0.0))
             for k, guard in enumerate(found):
                 least = max(NEGLIGIBLE * self._scale.get((number, mode, k), size), self._rounding(number))
                 if float(np.ravel(guard)[0].real) > least:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from api.schemas.replies import FrequencyReply, SimulationReply
+from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply
 
 SATURATED = {
     "name": "integrator behind a saturation",
@@ -78,6 +78,52 @@ def test_influence_passes_through_the_limit(client) -> None:
     value = 1.7 - math.log(0.3)
     # d/du [(3 - u)/u + ln(u/0.3) - 0.3/u] at u = 1: -3 + 1 + 0.3
     assert body["elasticities"]["rise_time"]["s.upper"]["value"] == pytest.approx(-1.7 / value, rel=1e-8)
+
+
+def test_influence_of_the_command_comes_from_differences_and_says_so(client) -> None:
+    """t_r = (A - 1) + ln(10/A) - A/10 of the saturated integrator: dt_r/dA = 9/10 - 1/A."""
+    reply = client.post(
+        "/v1/influence",
+        json={"system": SATURATED, "input": STEP["port"], "signal": STEP["signal"], "output": "y",
+              "parameters": ["signals.r.amplitude", "s.upper"], "metrics": ["rise_time"]},
+    )  # fmt: skip
+    assert reply.status_code == 200, reply.text
+    InfluenceReply.model_validate(reply.json())
+    row = reply.json()["elasticities"]["rise_time"]
+    cell = row["signals.r.amplitude"]
+    assert cell["value"] == pytest.approx((0.9 - 1 / 3) * 3 / (1.7 - math.log(0.3)), rel=1e-6)
+    assert (cell["method"], cell["one_sided"], cell["verdict"]) == ("differences", False, "ok")
+    assert 0 <= cell["error"] < 1e-5
+    assert (row["s.upper"]["method"], row["s.upper"]["error"]) == ("exact", None)
+
+
+WRONG_NUMBERS = {"signals.ghost.amplitude": "port", "signals.r.beauty": "amplitude", "signals.r": "amplitude"}
+
+
+@pytest.mark.parametrize("path", WRONG_NUMBERS)
+def test_a_number_that_the_command_does_not_have_is_refused_at_its_place(client, path) -> None:
+    reply = client.post(
+        "/v1/influence",
+        json={"system": SATURATED, "input": "r", "output": "y", "parameters": [path], "metrics": ["rise_time"]},
+    )
+    assert reply.status_code == 422, reply.text
+    (fault,) = reply.json()["errors"]
+    assert fault["pointer"] == "/parameters/0"
+    assert WRONG_NUMBERS[path] in fault["detail"]
+
+
+def test_energy_in_a_band_of_a_simulation(client) -> None:
+    """x' = r - x with r = a jump of 1 between the limits: e^-t for the velocity, whose energy up to w is atan(w)/pi."""
+    system = SATURATED | {"outputs": {"u": "s"}}
+    step = {"port": "r", "signal": {"kind": "step", "amplitude": 1}}
+    body = {"system": system, "input": step, "metrics": ["band_energy"], "band": [0, 2.0]}
+    reply = client.post("/v1/simulations", json=body)
+    assert reply.status_code == 200, reply.text
+    energy = reply.json()["variants"][0]["metrics"]["u"]["band_energy"]
+    assert energy["verdict"] == "ok", energy
+    assert energy["value"] == pytest.approx(math.atan(2.0) / math.pi, rel=1e-6)
+    reply = client.post("/v1/simulations", json=body | {"band": [2.0, 1.0]})
+    assert (reply.status_code, reply.json()["errors"][0]["pointer"]) == (422, "/band")
 
 
 def test_an_ill_posed_loop_through_a_law_is_refused_with_its_place(client) -> None:

@@ -76,6 +76,18 @@ def test_inside_its_limits_a_nonlinear_loop_is_the_linear_one():
         assert found.metrics["y"][name].value == pytest.approx(metric.value, rel=1e-8, abs=1e-12), name
 
 
+def test_a_command_that_just_reaches_a_limit():
+    """x' = sat(r - x) with r = 1 and a limit of 1: no more than touched, x = 1 - e^-t."""
+    made = diagram(
+        {"e": block("sum", signs="+-"), "s": block("saturation"), "x": block("integrator")},
+        ["r -> e.in1", "x -> e.in2", "e -> s", "s -> x"],
+        {"y": "x"},
+    )
+    found = run(made, 3.0, amplitude=1.0)
+    assert found.verdict is Verdict.OK
+    np.testing.assert_allclose(found.curves["y"], 1 - np.exp(-found.time), atol=1e-10)
+
+
 def test_a_nonlinear_loop_is_linearised_about_its_operating_point():
     ask = {"source": "r", "target": "y", "frequencies": np.array([0.1, 1.0, 20.0])}
     linear = frequency_response(loop(limited=False), **ask)
