@@ -69,7 +69,7 @@ def certificate_of(problem: Problem, rows: list[list[Measured]]) -> Certificate:
         scenario = worst_scenario(goal, [row[index] for row in rows])
         measured = rows[scenario][index]
         proofs.append(Proof(goal=index, scenario=scenario, measured=measured, violation=violation_of(goal, measured)))
-    worst = max(proof.violation for proof in proofs)
+    worst = max((proof.violation for proof in proofs if problem.goals[proof.goal].hard), default=0.0)
     return Certificate(valid=worst <= TOLERANCE, worst_violation=worst, goals=tuple(proofs))
 
 
@@ -99,11 +99,7 @@ def signed_excess(
 
     Relative to the bound, plain where the bound is 0; negative where there is room.
     """
-    rows = [
-        sign * (values - bound) / (abs(bound) or 1.0)
-        for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0))
-        if bound is not None
-    ]
+    rows = [sign * (values - bound) / (abs(bound) or 1.0) for bound, sign in goal.bounds]
     return np.clip(np.array(rows).reshape(len(rows), *np.shape(values)), -BROKEN, BROKEN)
 
 

@@ -1,7 +1,10 @@
 """Candidates -> goals: the one place for scenarios, penalties and the ranking of points.
 
-    objective(p) = max_s Σ_g w_g σ_g f_g(p, s) / n_g,   σ = 1 to minimise, -1 to maximise
-    violation(p) = max_{g,s} excess over the bound / |bound|   (the plain excess where the bound is 0)
+    objective(p) = max_s or mean_s Σ_g w_g σ_g f_g(p, s) / n_g + max over soft g of w_g max(excess_g, 0)
+    violation(p) = max over hard g and s of excess_g,   excess = (f - bound) / |bound|   (plain where the bound is 0)
+
+σ is 1 to minimise, -1 to maximise. Without any sense the objective is the worst weighted excess itself, negative where there
+is room. It is the largest of several smooth functions, which is how a descent sees it.
 
 A single objective is not normalised (n = 1); of several, each is divided by its size before the optimisation in the
 scenario that serves it worst, so that weights compare relative changes. A point that has no value is ranked by why:
@@ -23,7 +26,8 @@ from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
 from optimizers.measuring import measured as measured_goals
 from optimizers.measuring import screened as screened_requests
-from optimizers.problem import Problem, Sense, Vector
+from optimizers.problem import Across, Problem, Sense, Vector
+from optimizers.problem.ties import resolved
 
 UNSTABLE = 1e3
 """Violation of an unstable system; it grows with the logarithm of the rate at which it diverges."""
@@ -79,7 +83,7 @@ class Evaluator:
     def before(self) -> list[list[Measured]]:
         """Every goal in every scenario at the present parameter values, exactly: [scenario][goal]."""
         return [
-            [measured for measured, _ in measured_goals(self.problem, self.problem.before, scenario)]
+            [measured for measured, _ in measured_goals(self.problem, self.problem.before, scenario, tied=False)]
             for scenario in self.problem.scenarios
         ]
 
@@ -148,11 +152,40 @@ class Evaluator:
         return Local(values=values, slopes=np.ascontiguousarray(slopes))
 
     def objectives(self, values: Matrix) -> Matrix:
-        """Return the weighted objective in each scenario, (..., S), of metric values (..., S, G)."""
+        """Return the smooth functions whose largest is the objective, (..., R), of metric values (..., S, G).
+
+        One for each scenario, or their mean; then the same with each soft bound's excess in each scenario.
+        """
         total = np.zeros(values.shape[:-1])
         for goal in self.problem.objectives:
             total += self.objective_weight(goal) * np.clip(values[..., goal], -UNLIMITED, UNLIMITED)
-        return total
+        if self.problem.across is Across.MEAN:
+            total = total.mean(axis=-1, keepdims=True)
+        if not self.problem.soft:
+            return total
+        rows = [total] if self.problem.objectives else []
+        for index in self.problem.soft:
+            bounded = self.problem.goals[index]
+            rows.extend(total + bounded.weight * excess for excess in signed_excess(bounded, values[..., index]))
+        return np.concatenate(rows, axis=-1)
+
+    def objective_slopes(self, local: Local) -> Matrix:
+        """Return the slopes of :meth:`objectives` by the position, (R, V)."""
+        weights = np.zeros(local.values.shape[1])
+        for index in self.problem.objectives:
+            weights[index] = self.objective_weight(index)
+        total = np.asarray(np.einsum("g,sgv->sv", weights, local.slopes))
+        if self.problem.across is Across.MEAN:
+            total = total.mean(axis=0, keepdims=True)
+        if not self.problem.soft:
+            return total
+        rows = [total] if self.problem.objectives else []
+        for index in self.problem.soft:
+            goal = self.problem.goals[index]
+            rows.extend(
+                total + goal.weight * sign * local.slopes[:, index] / (abs(bound) or 1.0) for bound, sign in goal.bounds
+            )
+        return np.concatenate(rows)
 
     def objective_weight(self, goal: int) -> float:
         """Return σ w / n of an objective."""
@@ -160,12 +193,14 @@ class Evaluator:
         return sign * self.problem.goals[goal].weight / float(self.norms[goal])
 
     def violations(self, values: Matrix, margins: Vector | None = None) -> Matrix:
-        """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones.
+        """Return the violation of each hard goal, (..., S, G); infinite values meet lower bounds and break upper ones.
 
         With ``margins`` (G,), a goal counts as violated as soon as it is nearer to its bound than that.
         """
         result = np.zeros(values.shape)
         for index, goal in enumerate(self.problem.goals):
+            if not goal.hard:
+                continue
             here = values[..., index]
             kept = 0.0 if margins is None else margins[index]
             excess = (signed_excess(goal, here) + kept).max(axis=0, initial=0.0)
@@ -251,4 +286,7 @@ class Evaluator:
         for name in self._keys:
             own = self.problem.diagram.parameters[name].value
             columns[name] = np.repeat([scenario.get(name, own) for scenario in scenarios], batch)
-        return columns
+        tied = resolved(self.problem.ties, columns, self.problem.own_value)
+        return columns | {
+            name: np.broadcast_to(np.asarray(values), batch * len(scenarios)) for name, values in tied.items()
+        }

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
 
 from engine.commanded import CommandParameter
 from engine.errors import SignalError
 from engine.study import Gradient, MetricRequest, measure, unit_of
 from engine.verdicts import Measured, Verdict
+from optimizers.problem.ties import resolved
 
 if TYPE_CHECKING:
     from optimizers.problem import Experiment, Problem, Scenario
+
+_STEP = 1e-30
 
 
 def measured(
@@ -22,6 +29,7 @@ def measured(
     *,
     goals: Sequence[int] | None = None,
     gradient: bool = False,
+    tied: bool = True,
 ) -> list[tuple[Measured, Gradient | None]]:
     """Return the metrics of goals on the exact path, with their derivatives by the variables where asked for.
 
@@ -36,16 +44,42 @@ def measured(
         Which goals; all by default.
     gradient : bool
         Derivatives by the variables, in the order of the problem's axes.
+    tied : bool
+        Whether tied variables have the values that their expressions give them, whatever ``values`` says.
     """
     chosen = range(len(problem.goals)) if goals is None else goals
-    overrides = {path: value for path, value in {**scenario, **values}.items() if path not in problem.commands}
+    bound = problem.tied({axis.parameter: values[axis.parameter] for axis in problem.axes}, scenario) if tied else {}
+    if any(math.isnan(value) for value in bound.values()):
+        return [(_refused(problem, goal, "a tied variable has no value here"), None) for goal in chosen]
+    overrides = {path: value for path, value in {**scenario, **values, **bound}.items() if path not in problem.commands}
     try:
         experiments = {experiment.name: experiment for experiment in problem.experiments_at(values)}
     except SignalError as error:  # numbers that are each within their bounds, but not together
-        return [(_refused(problem, goal, error), None) for goal in chosen]
+        return [(_refused(problem, goal, error.message), None) for goal in chosen]
     requests = [_request_at(problem, goal, experiments) for goal in chosen]
     lanes = [_lane(problem, axis.parameter, experiments) for axis in problem.axes] if gradient else []
-    return measure(problem.diagram, requests, overrides=overrides, gradient=lanes)
+    found = measure(problem.diagram, requests, overrides=overrides, gradient=[*lanes, *(bound if gradient else ())])
+    if not (gradient and bound):
+        return found
+    moves = _moves(problem, values, scenario)
+    return [(one, None if slopes is None else _folded(slopes, moves)) for one, slopes in found]
+
+
+def _moves(problem: Problem, values: Mapping[str, float], scenario: Scenario) -> npt.NDArray[np.float64]:
+    """Return the derivatives of the tied variables by the free ones, (T, V)."""
+    free = {axis.parameter: values[axis.parameter] for axis in problem.axes}
+    columns = []
+    for axis in problem.axes:
+        lane = {**scenario, **free, axis.parameter: free[axis.parameter] + _STEP * 1j}
+        found = resolved(problem.ties, lane, problem.own_value)
+        columns.append([float(np.imag(np.asarray(found[name]))) / _STEP for name in problem.ties])
+    return np.array(columns).T
+
+
+def _folded(slopes: Gradient, moves: npt.NDArray[np.float64]) -> Gradient:
+    """Return the derivatives by the free variables alone, what they move through the tied ones included."""
+    free = moves.shape[1]
+    return Gradient(values=slopes.values[:free] + slopes.values[free:] @ moves, one_sided=slopes.one_sided)
 
 
 def screened(problem: Problem) -> tuple[MetricRequest, ...]:
@@ -69,6 +103,6 @@ def _lane(problem: Problem, path: str, experiments: Mapping[str, Experiment]) ->
     return CommandParameter(signal=experiments[place.experiment].signals[place.port], path=place.parameter)
 
 
-def _refused(problem: Problem, goal: int, error: SignalError) -> Measured:
+def _refused(problem: Problem, goal: int, advice: str) -> Measured:
     unit = unit_of(problem.diagram, problem.requests[goal])
-    return Measured(value=None, unit=unit, verdict=Verdict.ILL_POSED, advice=error.message)
+    return Measured(value=None, unit=unit, verdict=Verdict.ILL_POSED, advice=advice)

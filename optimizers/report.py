@@ -2,30 +2,42 @@
 
 At an optimum the slopes balance (Karush, Kuhn, Tucker); the multipliers are their least-squares solution,
 
-    Σ_s μ_s ∇f_s + Σ_c λ_c ∇excess_c + bounds = 0,   Σ μ = 1,   μ, λ ≥ 0
+    Σ_r μ_r ∇objective_r + Σ_c λ_c ∇excess_c + bounds = 0,   Σ μ = 1,   μ, λ ≥ 0
 
-so λ tells by how much the objective would change for a change of the bound relative to itself.
+so λ tells by how much the objective would change for a change of the bound relative to itself. Where no point serves every
+goal, the worst excess takes the place of the objective: the μ of the goals whose slopes balance say who fights whom.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import nnls
 
-from engine.verdicts import Measured
-from optimizers.certificate import TOLERANCE, Certificate, certificate_of, number_of, signed_excess, worst_scenario
-from optimizers.evaluate import Evaluator, Matrix
-from optimizers.problem import Vector
-from optimizers.result import GoalReport, GridMap, Result, Status
+from engine.verdicts import Measured, Verdict
+from optimizers.certificate import TOLERANCE, Certificate, certify, number_of, signed_excess, worst_scenario
+from optimizers.evaluate import Evaluator, Local, Matrix
+from optimizers.problem import Goal, Vector
+from optimizers.result import Front, GoalReport, GridMap, Result, Status
 from optimizers.search import Tracker
 
 ACTIVE = 1e-3
 """A bound is active when less room than this (relative to the bound) is left."""
+_IN_THE_FIGHT = 0.01
+"""A goal with less than this share of the multipliers is a bystander."""
 
 
-def conclude(tracker: Tracker, position: Vector, status: Status, advice: str, *, grid: GridMap | None = None) -> Result:
+def conclude(
+    tracker: Tracker,
+    position: Vector,
+    status: Status,
+    advice: str,
+    *,
+    grid: GridMap | None = None,
+    front: Front | None = None,
+    bound: float | None = None,
+) -> Result:
     """Measure the best point exactly and say everything about it.
 
     Parameters
@@ -37,6 +49,9 @@ def conclude(tracker: Tracker, position: Vector, status: Status, advice: str, *,
         How the search ended; becomes ``infeasible`` when the exact values break a goal.
     advice : str
     grid : GridMap, optional
+    front : Front, optional
+    bound : float, optional
+        An objective that no choice can beat.
     """
     evaluator = tracker.evaluator
     problem = evaluator.problem
@@ -47,15 +62,16 @@ def conclude(tracker: Tracker, position: Vector, status: Status, advice: str, *,
     slopes = np.array(
         [[np.full(len(names), np.nan) if gradient is None else gradient.values for _, gradient in row] for row in found]
     )
-    certificate = certificate_of(problem, rows)
+    certificate = certify(problem, best)
     values = np.array([[number_of(measured) for measured in row] for row in rows])
     by_position = slopes * np.array([axis.slope(best[axis.parameter]) for axis in problem.axes])
-    multipliers, active = _multipliers(evaluator, position, values, by_position)
+    local = Local(values=values, slopes=np.where(np.isfinite(by_position), by_position, 0.0))
+    multipliers, active = _multipliers(evaluator, position, local)
     goals = []
     for g, goal in enumerate(problem.goals):
         proof = certificate.goals[g]
         before = [row[g] for row in evaluator.before]
-        after = proof.measured
+        after = rows[proof.scenario][g]
         moves = slopes[proof.scenario, g]
         goals.append(
             GoalReport(
@@ -66,15 +82,32 @@ def conclude(tracker: Tracker, position: Vector, status: Status, advice: str, *,
                 active=bool(active[g]),
                 multiplier=float(multipliers[g]) if active[g] else None,
                 elasticities={name: _elasticity(after, best[name], float(moves[v])) for v, name in enumerate(names)},
+                score=_score(goal, after),
             )
         )
-    if not certificate.valid and status in {Status.CONVERGED, Status.STALLED}:
-        status, advice = Status.INFEASIBLE, _conflict(evaluator, certificate, active)
+    conflict: dict[int, float] = {}
+    if not certificate.valid:
+        conflict = _conflict(evaluator, position, local)
+        if status in {Status.CONVERGED, Status.STALLED}:
+            status, advice = Status.INFEASIBLE, _advice(evaluator, certificate, rows, conflict)
     return Result(
         status=status, advice=advice, best=best, goals=tuple(goals), certificate=certificate,
         history=tuple(tracker.history), evaluations=evaluator.evaluations, seconds=tracker.seconds,
-        map=grid, warnings=_idle(names, slopes),
+        map=grid, warnings=_idle(names, slopes), objective=_objective(evaluator, values), conflict=conflict,
+        bound=bound, front=front,
     )  # fmt: skip
+
+
+def _objective(evaluator: Evaluator, values: Matrix) -> float:
+    return float("nan") if np.isnan(values).any() else float(evaluator.objectives(values).max())
+
+
+def _score(goal: Goal, after: Measured) -> float | None:
+    """Return how a metric stands to its bounds, met at 1; None without a bound or a value."""
+    value = number_of(after)
+    if not goal.bounded or np.isnan(value):
+        return None
+    return 1.0 + float(signed_excess(goal, np.array(value)).max())
 
 
 def _elasticity(after: Measured, parameter: float, slope: float) -> float | None:
@@ -92,53 +125,84 @@ def _idle(names: list[str], slopes: Matrix) -> tuple[str, ...]:
     )
 
 
-def _multipliers(evaluator: Evaluator, position: Vector, values: Matrix, slopes: Matrix) -> tuple[Vector, Vector]:
-    """Return the multiplier of each goal's bound and which bounds are active, both (G,)."""
+def _multipliers(evaluator: Evaluator, position: Vector, local: Local) -> tuple[Vector, Vector]:
+    """Return the multiplier of each hard goal's bound and which bounds are active, both (G,)."""
     problem = evaluator.problem
     total, active = np.zeros(len(problem.goals)), np.zeros(len(problem.goals), dtype=bool)
-    if np.isnan(values).any():
+    if np.isnan(local.values).any():
         return total, active
-    moves = np.where(np.isfinite(slopes), slopes, 0.0)
-    objective = evaluator.objectives(values)
-    weights = np.array(
-        [evaluator.objective_weight(g) if g in problem.objectives else 0.0 for g in range(len(problem.goals))]
-    )
+    objective = evaluator.objectives(local.values)
     size = max(float(np.abs(objective).max()), 1e-300)
     worst = np.flatnonzero(objective >= objective.max() - ACTIVE * size)
-    columns = [np.einsum("g,gv->v", weights, moves[s]) / size for s in worst]
-    owners: list[int] = [-1] * len(columns)
-    for g, goal in enumerate(problem.goals):
-        excess = signed_excess(goal, values[:, g])
-        bounds = [(bound, sign) for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0)) if bound is not None]
-        for row, (bound, sign) in zip(excess, bounds, strict=True):
-            for s in np.flatnonzero(row >= -(ACTIVE if bound else TOLERANCE)):
-                active[g] = True
-                columns.append(sign * moves[s, g] / (abs(bound) or 1.0))
-                owners.append(g)
-    for v, x in enumerate(position):
-        if x <= TOLERANCE or x >= 1 - TOLERANCE:
-            unit = np.zeros(len(position))
-            unit[v] = -1.0 if x <= TOLERANCE else 1.0
-            columns.append(unit)
-            owners.append(-1)
-    matrix = np.array(columns).T
-    share = np.array([1.0 if i < len(worst) else 0.0 for i in range(len(columns))])
-    heavy = 1e3 * max(float(np.abs(matrix).max()), 1.0)
-    solution, _ = nnls(np.vstack([matrix, heavy * share]), np.append(np.zeros(len(position)), heavy))
-    for owner, weight in zip(owners, solution, strict=True):
+    columns = list(evaluator.objective_slopes(local)[worst] / size)
+    owners = [-1] * len(columns)
+    for g, column, excess, bound in _excesses(evaluator, local):
+        if excess >= -(ACTIVE if bound else TOLERANCE):
+            active[g] = True
+            columns.append(column)
+            owners.append(g)
+    for owner, weight in zip(owners, _balance(columns, len(worst), position), strict=True):
         if owner >= 0:
             total[owner] += weight * size
     return total, active
 
 
-def _conflict(evaluator: Evaluator, certificate: Certificate, active: Vector) -> str:
-    """Return which goals cannot be met together at the least-violated point."""
+def _excesses(evaluator: Evaluator, local: Local) -> list[tuple[int, Vector, float, float]]:
+    """Return (goal, slope of its excess, excess, bound) of every hard bound in every scenario."""
+    found = []
+    for g, goal in enumerate(evaluator.problem.goals):
+        if goal.hard:
+            for row, (bound, sign) in zip(signed_excess(goal, local.values[:, g]), goal.bounds, strict=True):
+                found += [
+                    (g, sign * local.slopes[s, g] / (abs(bound) or 1.0), float(row[s]), bound) for s in range(len(row))
+                ]
+    return found
+
+
+def _balance(columns: Sequence[Vector], leading: int, position: Vector) -> Vector:
+    """Return weights >= 0 at which slopes balance, those of the first ``leading`` columns adding up to 1; ends may hold."""
+    columns = list(columns)
+    count = len(columns)
+    for v, x in enumerate(position):
+        if x <= TOLERANCE or x >= 1 - TOLERANCE:
+            unit = np.zeros(len(position))
+            unit[v] = -1.0 if x <= TOLERANCE else 1.0
+            columns.append(unit)
+    matrix = np.array(columns).T
+    share = np.array([1.0 if i < leading else 0.0 for i in range(len(columns))])
+    heavy = 1e3 * max(float(np.abs(matrix).max()), 1.0)
+    solution, _ = nnls(np.vstack([matrix, heavy * share]), np.append(np.zeros(len(position)), heavy))
+    return np.asarray(solution[:count])
+
+
+def _conflict(evaluator: Evaluator, position: Vector, local: Local) -> dict[int, float]:
+    """Return the share of each goal in the balance of the worst excesses: those that fight each other."""
+    known = [one for one in _excesses(evaluator, local) if np.isfinite(one[2])]
+    if not known or np.isnan(local.values).any():
+        return {}
+    top = max(excess for _, _, excess, _ in known)
+    worst = [one for one in known if one[2] >= top - ACTIVE * max(abs(top), 1.0)]
+    total: dict[int, float] = {}
+    weights = _balance([column for _, column, _, _ in worst], len(worst), position)
+    for (g, _, _, _), weight in zip(worst, weights, strict=True):
+        total[g] = total.get(g, 0.0) + float(weight)
+    return {g: weight for g, weight in total.items() if weight >= _IN_THE_FIGHT}
+
+
+def _advice(
+    evaluator: Evaluator, certificate: Certificate, rows: list[list[Measured]], conflict: Mapping[int, float]
+) -> str:
+    """Return which goals cannot be met together at the least-violated point, and where the system is unstable."""
     names = [_named(evaluator, g) for g in range(len(certificate.goals))]
-    broken = [f"{names[p.goal]} by {p.violation:.3g}" for p in certificate.goals if p.violation > TOLERANCE]
-    against = [names[p.goal] for p in certificate.goals if active[p.goal] and p.violation <= TOLERANCE]
+    hard = [proof for proof in certificate.goals if evaluator.problem.goals[proof.goal].hard]
+    broken = [f"{names[p.goal]} by {p.violation:.3g}" for p in hard if p.violation > TOLERANCE]
     text = f"this is the point that breaks the goals least: {', '.join(broken)} (relative to the bound)"
-    if len(broken) + len(against) > 1:
-        text += f"; in conflict: {', '.join([b.split(' by ')[0] for b in broken] + against)}"
+    unstable = [s for s, row in enumerate(rows) if any(measured.verdict is Verdict.UNSTABLE for measured in row)]
+    if unstable and len(unstable) < len(rows):
+        text += f"; the system is unstable in scenario {', '.join(map(str, unstable))} and stable in the others"
+    if len(conflict) > 1:
+        shares = sorted(conflict.items(), key=lambda item: -item[1])
+        text += f"; in conflict: {', '.join(f'{names[g]} ({weight:.0%})' for g, weight in shares)}"
     return f"{text}. Relax one of them, widen the bounds of the variables, or allow another structure."
 
 

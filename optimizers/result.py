@@ -30,6 +30,7 @@ class GoalReport:
 
     ``multiplier`` is the sensitivity of the optimal objective to the goal's active bound, per unit of relative
     violation (None when the goal is no active constraint). ``elasticities`` are those of the metric after, d ln m/d ln p.
+    ``score`` tells how the metric after stands to its bounds on the scale of all goals, met at 1 (None without a bound).
     """
 
     before: Measured
@@ -39,6 +40,7 @@ class GoalReport:
     active: bool
     multiplier: float | None
     elasticities: Mapping[str, float | None]
+    score: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,9 +62,77 @@ class GridMap:
     violation: npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontPoint:
+    """A point of a front: no other is better in every objective; ``values`` of all goals, exact, worst scenario each."""
+
+    variables: Mapping[str, float]
+    values: tuple[Measured, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Front:
+    """What can be had of several objectives at once.
+
+    ``hypervolume`` is the share of the box between ``ideal`` and ``nadir`` (best and worst value of each objective on the
+    front, in the order of the problem's objectives) that the front dominates; ``knee`` is the index of the point where giving
+    up one objective begins to cost most of another.
+    """
+
+    points: tuple[FrontPoint, ...]
+    hypervolume: float
+    knee: int
+    ideal: tuple[float, ...]
+    nadir: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """What another method reached: its objective less that of the result, relative to the latter's size."""
+
+    method: str
+    status: Status
+    objective: float
+    violation: float
+    gap: float
+    best: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robustness:
+    """How ranges of uncertain parameters were served.
+
+    ``scenarios`` are all that the variables were chosen for: corners, and what an adversary found besides. ``worst`` is the
+    least favourable point of the ranges at the end, with its violation and objective; ``evaluations`` those of the adversary.
+    """
+
+    scenarios: tuple[Mapping[str, float], ...]
+    worst: Mapping[str, float]
+    violation: float
+    objective: float
+    rounds: int
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Yield:
+    """Share of samples of the uncertain parameters that meet every hard goal, with its 95 % interval (Wilson)."""
+
+    share: float
+    lower95: float
+    upper95: float
+    samples: int
+    failures: Mapping[int, int]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """The best point with everything that a user needs to trust it; ``goals`` in the order of the problem."""
+    """The best point with everything that a user needs to trust it; ``goals`` in the order of the problem.
+
+    ``objective`` is its exact value at the best point, NaN where a metric has none. ``conflict`` names by index the goals that
+    fight each other at the point that breaks them least, each with its share in the fight. ``bound`` is an objective that no
+    choice can beat, where a method knows one.
+    """
 
     status: Status
     advice: str
@@ -74,6 +144,13 @@ class Result:
     seconds: float
     map: GridMap | None = None
     warnings: tuple[str, ...] = ()
+    objective: float = float("nan")
+    conflict: Mapping[int, float] = field(default_factory=dict)
+    bound: float | None = None
+    front: Front | None = None
+    gaps: tuple[Gap, ...] = ()
+    robustness: Robustness | None = None
+    expected: Yield | None = None
 
 
 class Monitor(Protocol):

@@ -146,12 +146,7 @@ class Descent:
         self._points: dict[bytes, Local | None] = {}
         self._left = 0
         goals = self._evaluator.problem.goals
-        self._bounds = [
-            (g, bound, sign)
-            for g, goal in enumerate(goals)
-            for bound, sign in ((goal.upper, 1.0), (goal.lower, -1.0))
-            if bound is not None
-        ]
+        self._bounds = [(g, bound, sign) for g, goal in enumerate(goals) if goal.hard for bound, sign in goal.bounds]
 
     def run(self, start: Vector, *, evaluations: int) -> None:
         """Descend from ``start``; the tracker remembers the best point passed.
@@ -194,7 +189,7 @@ class Descent:
             nonlocal last
             last = self._at(np.clip(z[:n], 0.0, 1.0)) or last
             excess = self._excess_slopes(last)
-            above = excess if feasibility else self._objective_slopes(last) / scale
+            above = excess if feasibility else self._evaluator.objective_slopes(last) / scale
             rows = np.hstack([-above, np.ones((len(above), 1))])
             if not feasibility:
                 rows = np.vstack([rows, np.hstack([-excess, np.zeros((len(excess), 1))])])
@@ -218,13 +213,6 @@ class Descent:
             self._left -= 1
             self._points[key] = self._tracker.local(x)
         return self._points[key]
-
-    def _objective_slopes(self, local: Local) -> Matrix:
-        """Return the slopes of the weighted objective in every scenario, (S, V)."""
-        weights = np.zeros(local.values.shape[1])
-        for goal in self._evaluator.problem.objectives:
-            weights[goal] = self._evaluator.objective_weight(goal)
-        return np.asarray(np.einsum("g,sgv->sv", weights, local.slopes))
 
     def _excess(self, values: Matrix) -> Vector:
         """Return every bound's excess in every scenario, bound by bound."""

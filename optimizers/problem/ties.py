@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from engine.errors import EngineError, Path
 from engine.expressions import Expression, parse
@@ -66,7 +66,7 @@ def tie_of(
             raise ProblemError(
                 f"expression must be made of free variables and parameters, got {name}, which is tied", at=place
             )
-        if name not in free and name not in diagram.parameters:
+        if name not in diagram.parameters:
             raise ProblemError(f"expression must be made of the system's parameters, got {name!r}", at=place)
     if not any(name in free for name in expression.names):
         raise ProblemError(
@@ -76,7 +76,7 @@ def tie_of(
 
 
 def resolved(
-    ties: Mapping[str, Tie], values: Mapping[str, Scalar], otherwise: Callable[[str], Scalar]
+    ties: Mapping[str, Tie], values: Mapping[str, Any], otherwise: Callable[[str], Scalar]
 ) -> dict[str, Scalar]:
     """Return the values of tied parameters; what ``values`` does not hold is asked of ``otherwise``."""
     return {
