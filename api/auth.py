@@ -1,62 +1,135 @@
-"""Who is calling: a bearer key for everything under /v1, checked before anything of the request is read."""
+"""Who is calling: a bearer key, or the cookie of a browser that has signed in; checked before anything of the request is read.
+
+A cookie is sent by a browser whoever made it send the request, so a request that changes something must also carry what
+only a page of this service can know (the synchronizer token of OWASP's cheat sheet on cross-site request forgery): the
+hash of the cookie's token, which `GET /v1/session` tells. A WebSocket, which a browser opens without any header, needs a ticket.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import hmac
 from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
+from starlette.requests import cookie_parser
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import KNOWN, Problem, problem_of
 from api.handlers import problem_response
+from api.rates import Allowance, Rates
 from api.services.installation import Caller
 from api.services.keys import caller_of
+from api.services.sign_ins import holder_of, visitor_of
+from storage.audit import ACTOR, Actor
+from storage.session import Database
 
 PROTECTED = "/v1"
+COOKIE = "servotune_sign_in"
+CSRF_HEADER = "X-CSRF-Token"
+
+#: Methods that change nothing (RFC 9110, 9.2.1).
+_SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
+#: Close code of a WebSocket whose opener may not come in (RFC 6455, 7.4.1: policy violation).
+_POLICY_VIOLATION = 1008
 
 #: Declares the scheme in the OpenAPI document; the check itself is the middleware's.
 bearer = HTTPBearer(auto_error=False, description="an API key, `Authorization: Bearer <key>`")
 
 
 class Authentication:
-    """ASGI middleware: 401 without a valid key, whatever the path, method or body below /v1."""
+    """ASGI middleware: 401 without a valid key, whatever the path, method or body below /v1; 429 for one that comes too often."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, *, rates: Rates) -> None:
         self.app = app
+        self._rates = rates
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through with its caller in ``scope["state"]``, or answer 401."""
-        if scope["type"] != "http" or not _is_protected(scope["path"]):
+        """Let a request through with its caller in ``scope["state"]``, or refuse it."""
+        if scope["type"] not in {"http", "websocket"} or not _is_protected(scope["path"]):
             await self.app(scope, receive, send)
             return
         try:
-            caller = await self._caller(scope)
-        except Problem as problem:
-            await problem_response(problem)(scope, receive, send)
-            return
-        scope.setdefault("state", {})["caller"] = caller
-        await self.app(scope, receive, send)
-
-    async def _caller(self, scope: Scope) -> Caller:
-        given = Headers(scope=scope).get("authorization")
-        if given is None:
-            raise _unauthorized("the header Authorization: Bearer <key> must be sent, got none")
-        scheme, _, token = given.partition(" ")
-        if scheme.lower() != "bearer" or not token.strip():
-            raise _unauthorized("the header Authorization must be Bearer <key>, got another scheme")
-        try:
-            caller = await run_in_threadpool(caller_of, scope["app"].state.installation.database, token.strip())
+            caller = await run_in_threadpool(_caller, scope["app"].state.installation.database, scope)
+            allowance = self._rates.take(caller.principal)
+            if allowance is not None and allowance.wait > 0.0:
+                raise _too_often(allowance)
         except KNOWN as error:
             problem = problem_of(error)
             assert problem is not None
-            raise problem from error
+            await _refuse(problem, scope, receive, send)
+            return
+        state = scope.setdefault("state", {})
+        state["caller"] = caller
+        acting = ACTOR.set(Actor(principal=caller.principal, request_id=state.get("request_id")))
+        try:
+            await self.app(scope, receive, send if allowance is None else _telling(allowance, send))
+        finally:
+            ACTOR.reset(acting)
+
+
+def _caller(database: Database, scope: Scope) -> Caller:
+    headers = Headers(scope=scope)
+    given = headers.get("authorization")
+    if given is not None:
+        scheme, _, token = given.partition(" ")
+        if scheme.lower() != "bearer" or not token.strip():
+            raise _unauthorized("the header Authorization must be Bearer <key>, got another scheme")
+        caller = caller_of(database, token.strip())
         if caller is None:
-            raise _unauthorized("the key must be one that exists and is not revoked, got another")
+            raise _unauthorized("the key must be one that exists and is neither revoked nor expired, got another")
         return caller
+    if scope["type"] == "websocket":
+        caller = holder_of(database, QueryParams(scope["query_string"]).get("ticket", ""))
+        if caller is None:
+            raise _unauthorized("the ticket must be a fresh one of POST /v1/tickets, got another or none")
+        return caller
+    cookie = cookie_of(headers)
+    if cookie is None:
+        raise _unauthorized("the header Authorization: Bearer <key> must be sent, got none")
+    caller = visitor_of(database, cookie)
+    if caller is None:
+        raise _unauthorized("the browser must have signed in and not out again, got a sign-in that is over")
+    if scope["method"] not in _SAFE and not hmac.compare_digest(
+        headers.get(CSRF_HEADER, "").encode(), csrf_token(cookie).encode()
+    ):
+        raise Problem(
+            403, "csrf", f"a browser must send the header {CSRF_HEADER} with the csrf_token of GET /v1/session"
+        )
+    return caller
+
+
+def cookie_of(headers: Headers) -> str | None:
+    """Return the token of a browser's sign-in."""
+    return cookie_parser(headers.get("cookie", "")).get(COOKIE) or None
+
+
+def csrf_token(cookie: str) -> str:
+    """Return what a page of this service must send beside the cookie; it does not tell the cookie's token."""
+    return hashlib.sha256(b"csrf:" + cookie.encode()).hexdigest()
+
+
+def _telling(allowance: Allowance, send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in allowance.headers().items():
+                headers.setdefault(name, value)
+        await send(message)
+
+    return send_with_headers
+
+
+async def _refuse(problem: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "websocket":
+        await receive()  # the handshake
+        await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": problem.detail})
+        return
+    await problem_response(problem)(scope, receive, send)
 
 
 def _is_protected(path: str) -> bool:
@@ -65,6 +138,11 @@ def _is_protected(path: str) -> bool:
 
 def _unauthorized(detail: str) -> Problem:
     return Problem(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
+
+
+def _too_often(allowance: Allowance) -> Problem:
+    detail = f"a caller must make at most {allowance.quota} requests in a minute, got more"
+    return Problem(429, "too-many-requests", detail, headers=allowance.headers())
 
 
 def scoped(*scopes: str) -> Callable[..., Caller]:
@@ -84,3 +162,13 @@ Reader = Annotated[Caller, Depends(scoped("read", "write", "run", "acquire"))]
 Writer = Annotated[Caller, Depends(scoped("write"))]
 Runner = Annotated[Caller, Depends(scoped("run"))]
 Uploader = Annotated[Caller, Depends(scoped("write", "acquire"))]
+Admin = Annotated[Caller, Depends(scoped("admin"))]
+
+
+def _operator(caller: Admin) -> Caller:
+    if not caller.is_operator:
+        raise Problem(403, "forbidden", "the key must be an admin key of the workspace that runs the installation")
+    return caller
+
+
+Operator = Annotated[Caller, Depends(_operator)]

@@ -6,6 +6,7 @@ about one block must not silently lose one of them.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
 from collections.abc import Callable, Coroutine
@@ -13,6 +14,8 @@ from typing import Any
 
 from fastapi import HTTPException, Request, Response
 from fastapi.routing import APIRoute
+
+from api.settings import Settings
 
 _DEEPEST = 128
 _LONGEST_INTEGER = 300
@@ -106,31 +109,43 @@ def parse(body: bytes) -> Any:
 class _StrictRequest(Request):
     async def body(self) -> bytes:
         if not hasattr(self, "_body"):
-            self._body = await read_limited(self, self.app.state.installation.settings.body_limit, "a document")
+            settings: Settings = self.app.state.installation.settings
+            self._body = await read_limited(self, settings.body_limit, "a document", seconds=settings.body_seconds)
         return self._body
 
     async def json(self) -> Any:
         return parse(await self.body())
 
 
-async def read_limited(request: Request, limit: int, what: str) -> bytes:
-    """Return the body of a request, read no further than the limit.
+async def read_limited(request: Request, limit: int, what: str, *, seconds: float) -> bytes:
+    """Return the body of a request, read no further than the limit, and no longer than some seconds.
 
     Raises
     ------
     HTTPException
-        413 naming the limit.
+        413 naming the limit, 408 naming the time.
     """
     told = request.headers.get("content-length", "")
-    data = bytearray()
-    if not (told.isdigit() and int(told) > limit):
-        async for chunk in request.stream():
-            data += chunk
-            if len(data) > limit:
-                break
-        else:
-            return bytes(data)
+    if not (told.isdigit() and int(told[:20]) > limit):
+        try:
+            async with asyncio.timeout(seconds):
+                data = await _read(request, limit)
+        except TimeoutError:
+            detail = f"{what} must arrive within {seconds:g} s, got a part of it"
+            raise HTTPException(408, detail, headers={"Connection": "close"}) from None
+        if data is not None:
+            return data
     raise HTTPException(413, f"{what} must be at most {limit} bytes, got {told or 'more'}")
+
+
+async def _read(request: Request, limit: int) -> bytes | None:
+    """Return the body, None for one that is longer than the limit."""
+    data = bytearray()
+    async for chunk in request.stream():
+        data += chunk
+        if len(data) > limit:
+            return None
+    return bytes(data)
 
 
 class DocumentRoute(APIRoute):

@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -40,6 +41,14 @@ def answer(body: Any, *, status: int = 200, headers: Mapping[str, str] | None = 
     return Answer(status_code=status, headers=dict(headers or {}), body=text.encode())
 
 
+def shown_once(
+    body: Mapping[str, Any], *, secret: Mapping[str, str], status: int, headers: Mapping[str, str]
+) -> Answer:
+    """Return a reply with a secret in it, which is not kept: a repetition of the reply says null in its place."""
+    kept = answer({**body, **dict.fromkeys(secret)}, status=status, headers=headers)
+    return replace(kept, first_body=answer({**body, **secret}).body)
+
+
 def _json(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return listed(value)
@@ -49,7 +58,8 @@ def _json(value: Any) -> Any:
 def respond(given: Answer, *, replayed: bool = False) -> Response:
     """Return the response that carries an answer."""
     headers = dict(given.headers) | ({"Idempotency-Replayed": "true"} if replayed else {})
-    return Response(given.body, status_code=given.status_code, headers=headers, media_type=JSON)
+    body = given.body if given.first_body is None else given.first_body
+    return Response(body, status_code=given.status_code, headers=headers, media_type=JSON)
 
 
 class Creation:
@@ -117,7 +127,7 @@ async def creation(
     """Return the once-only door of a POST that creates."""
     caller: Caller = request.state.caller
     endpoint = f"{request.method} {request.url.path}"
-    return Creation(service, principal=caller.key, key=key, endpoint=endpoint, body=await request.body())
+    return Creation(service, principal=caller.principal, key=key, endpoint=endpoint, body=await request.body())
 
 
 CreationDep = Annotated[Creation, Depends(creation)]

@@ -51,6 +51,7 @@ def serve(argv: Sequence[str]) -> int:
             port=given.port,
             log_level=settings.log_level,
             access_log=settings.log_level == "debug",
+            server_header=False,
             # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
             timeout_keep_alive=75,
             # Open event streams would hold a shutdown up for ever.
@@ -136,7 +137,8 @@ def _settings() -> Settings:
         wrong = "; ".join(f"SERVOTUNE_{str(e['loc'][0]).upper()}: {e['msg']}" for e in error.errors())
         raise SystemExit(f"settings must be valid: {wrong}") from error
     logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    for library in ("alembic", "dbos"):
+    # The database library would write down every row that it reads.
+    for library in ("alembic", "dbos", "sqlalchemy"):
         logging.getLogger(library).setLevel(logging.WARNING)
     return settings
 

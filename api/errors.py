@@ -25,6 +25,7 @@ from storage.errors import (
     InvalidCursorError,
     MissingSegmentsError,
     NotFoundError,
+    QuotaExceededError,
     RevisionConflictError,
     StateError,
     StorageError,
@@ -122,6 +123,7 @@ _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     InvalidCursorError: (422, "invalid-cursor"),
     IdempotencyMismatchError: (422, "idempotency-key-reused"),
     IdempotencyRunningError: (409, "idempotency-key-in-use"),
+    QuotaExceededError: (403, "quota-exceeded"),
 }
 #: Everything that :func:`problem_of` has an answer for.
 KNOWN: tuple[type[Exception], ...] = (Problem, EngineError, LinAlgError, *_STORAGE, *UNAVAILABLE)
@@ -145,11 +147,22 @@ def problem_of(error: Exception) -> Problem | None:
 def _storage_problem(error: Exception) -> Problem | None:
     if isinstance(error, UNAVAILABLE):
         return Problem(503, "unavailable", "the database does not answer; try again", headers={"Retry-After": "5"})
+    if isinstance(error, QuotaExceededError):
+        return _quota_problem(error)
     for kind, (status, name) in _STORAGE.items():
         if isinstance(error, kind):
             extra = {"missing": list(error.missing)} if isinstance(error, MissingSegmentsError) else {}
             return Problem(status, name, str(error), extra=extra)
     return None
+
+
+def _quota_problem(error: QuotaExceededError) -> Problem:
+    """Return 429 for what passes by itself (jobs end), 403 for what does not."""
+    headers = {"RateLimit-Policy": f'"{error.name}";q={error.limit}', "RateLimit": f'"{error.name}";r=0'}
+    extra = {"quota": error.name, "limit": error.limit, "used": error.used}
+    if error.name == "jobs":
+        return Problem(429, "quota-exceeded", str(error), headers={**headers, "Retry-After": "10"}, extra=extra)
+    return Problem(403, "quota-exceeded", str(error), headers=headers, extra=extra)
 
 
 @contextmanager

@@ -102,8 +102,11 @@ def _on_known(_: Request, error: Exception) -> Response:
 
 
 def _on_unknown(request: Request, error: Exception) -> Response:
-    _log.error("%s %s failed", request.method, request.url.path, exc_info=error)
-    return problem_response(Problem(500, "internal-error", "the service failed on this request; its log says where"))
+    number = request.state.request_id
+    _log.error("request %s, %s %s, failed", number, request.method, request.url.path, exc_info=error)
+    return problem_response(
+        Problem(500, "internal-error", f"the service failed on this request; its log says where, under {number}")
+    )
 
 
 def install(app: FastAPI) -> None:

@@ -10,10 +10,13 @@ from typing import Any
 
 from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
+from starlette.types import ASGIApp
 
 from api import handlers
 from api.auth import Authentication, bearer
+from api.edge import Edge
 from api.errors import MEDIA_TYPE
+from api.rates import Rates
 from api.routers import HEALTH, ROUTERS
 from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
@@ -34,6 +37,7 @@ _PROBLEMS = {
     403: "the key lacks the scope",
     413: "the body is too large",
     422: "the document is wrong: `errors` says where",
+    429: "too many requests, or too many unfinished jobs: `Retry-After` says when to come again",
 }
 
 
@@ -44,7 +48,14 @@ async def _keep_house(service: Installation) -> None:
 
 
 class Application(FastAPI):
-    """The application whose reference also holds the schema of problems, which no endpoint returns as its own reply."""
+    """The application, with the edge outside of all else, and a reference that also holds the schema of problems."""
+
+    encrypted = False
+
+    def build_middleware_stack(self) -> ASGIApp:
+        """Put the edge outside of what answers errors that nobody foresaw."""
+        pages = [path for path in (self.docs_url, self.redoc_url) if path]
+        return Edge(super().build_middleware_stack(), encrypted=self.encrypted, pages=pages)
 
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""
@@ -102,5 +113,6 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     for router in ROUTERS:
         app.include_router(router, dependencies=[Depends(bearer)], responses=problems)
     app.include_router(HEALTH)
-    app.add_middleware(Authentication)
+    app.add_middleware(Authentication, rates=Rates(chosen.requests_per_minute))
+    app.encrypted = chosen.encrypted
     return app

@@ -4,7 +4,11 @@
 |---|---|---|
 | ``SERVOTUNE_DATABASE_URL`` | ``sqlite:///./servotune.db`` | SQLAlchemy URL of the one database |
 | ``SERVOTUNE_BOOTSTRAP_KEY`` | (random, printed once) | the first admin key |
+| ``SERVOTUNE_PUBLIC_URL`` | (that of the request) | address under which browsers reach the service |
+| ``SERVOTUNE_SIGN_IN_HOURS`` | 12 | how long a browser stays signed in, h |
+| ``SERVOTUNE_REQUESTS_PER_MINUTE`` | 30000 | requests of one key or browser, for each process; 0: no limit |
 | ``SERVOTUNE_BODY_LIMIT`` | 1048576 | largest JSON body, bytes |
+| ``SERVOTUNE_BODY_SECONDS`` | 120 | longest time in which a body arrives, s |
 | ``SERVOTUNE_SEGMENT_LIMIT`` | 8388608 | largest segment of a dataset, bytes |
 | ``SERVOTUNE_MAX_SAMPLES`` | 100000 | samples of one curve |
 | ``SERVOTUNE_MAX_VARIANTS`` | 1000 | variants of one request |
@@ -14,6 +18,7 @@
 | ``SERVOTUNE_REQUEST_SECONDS`` | 60 | longest computation inside a request, s |
 | ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
+| ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
 | ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
 """
 
@@ -33,7 +38,11 @@ class Settings(BaseSettings):
 
     database_url: str = "sqlite:///./servotune.db"
     bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200)
+    public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")
+    sign_in_hours: float = Field(default=12.0, gt=0, le=8760)
+    requests_per_minute: int = Field(default=30_000, ge=0)
     body_limit: int = Field(default=1 << 20, ge=1 << 10)
+    body_seconds: float = Field(default=120.0, gt=0)
     segment_limit: int = Field(default=8 << 20, ge=1 << 10)
     max_samples: int = Field(default=100_000, ge=10)
     max_variants: int = Field(default=1000, ge=1)
@@ -43,4 +52,10 @@ class Settings(BaseSettings):
     request_seconds: float = Field(default=60.0, gt=0)
     worker_stale_seconds: float = Field(default=30.0, gt=0)
     idempotency_hours: float = Field(default=24.0, gt=0)
+    audit_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether browsers reach the service by HTTPS, and only so."""
+        return self.public_url is not None and self.public_url.startswith("https://")

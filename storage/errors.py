@@ -10,6 +10,7 @@
     ├── MissingSegmentsError      a manifest that names segments never received
     ├── DocumentError             a document that is no JSON
     ├── InvalidCursorError        a page cursor that this list did not hand out
+    ├── QuotaExceededError        more than the workspace may have
     ├── DatabaseUrlError          a database this package cannot work with
     └── IdempotencyError          a key used for another request, or one still running
         ├── IdempotencyMismatchError
@@ -19,6 +20,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from sqlalchemy.exc import DontWrapMixin, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -80,6 +82,18 @@ class InvalidCursorError(StorageError):
 
     def __init__(self, cursor: str) -> None:
         super().__init__(f"cursor must be a next_cursor of this list, got {cursor!r}")
+
+
+class QuotaExceededError(StorageError):
+    """The workspace has as much as it may have; ``name`` says of what."""
+
+    _THINGS: ClassVar = {"systems": "systems", "stored_bytes": "stored bytes", "jobs": "unfinished jobs"}
+
+    def __init__(self, name: str, *, limit: int, used: int) -> None:
+        super().__init__(f"a workspace must have at most {limit} {self._THINGS[name]}, this one has {used}")
+        self.name = name
+        self.limit = limit
+        self.used = used
 
 
 class DocumentError(StorageError, DontWrapMixin):

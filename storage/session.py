@@ -23,7 +23,8 @@ from storage.errors import DatabaseUrlError, DocumentError
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
 
-_POOL = {"pool_size": 10, "max_overflow": 30}
+#: Values of statements stay out of logs and messages: they are the users' documents and the hashes of their keys.
+_ENGINE: dict[str, Any] = {"pool_size": 10, "max_overflow": 30, "hide_parameters": True}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +84,10 @@ def open_database(url: str) -> Database:
     """
     parsed = _parse(url)
     if parsed.get_backend_name() == "sqlite":
-        engine = create_engine(parsed, json_serializer=_to_json, connect_args={"timeout": LOCK_TIMEOUT}, **_POOL)
+        engine = create_engine(parsed, json_serializer=_to_json, connect_args={"timeout": LOCK_TIMEOUT}, **_ENGINE)
         event.listen(engine, "connect", _prepare_sqlite)
     else:
-        engine = create_engine(parsed, json_serializer=_to_json, pool_pre_ping=True, **_POOL)
+        engine = create_engine(parsed, json_serializer=_to_json, pool_pre_ping=True, **_ENGINE)
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,

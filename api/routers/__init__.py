@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from api.routers import catalog, datasets, health, jobs, results, spectra, studies, systems
+from api.routers import (
+    audit,
+    catalog,
+    datasets,
+    health,
+    jobs,
+    keys,
+    results,
+    sign_ins,
+    spectra,
+    studies,
+    systems,
+    workspaces,
+)
 
 ROUTERS = (
     systems.router,
@@ -12,5 +25,9 @@ ROUTERS = (
     datasets.router,
     results.router,
     catalog.router,
+    keys.router,
+    workspaces.router,
+    sign_ins.router,
+    audit.router,
 )
 HEALTH = health.router

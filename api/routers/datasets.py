@@ -75,7 +75,8 @@ async def put_segment(
     identifier: str, sha256: Sha256, request: Request, caller: Uploader, service: InstallationDep
 ) -> Response:
     """Keep the bytes when they have this SHA-256; the same segment twice is kept once."""
-    data = await read_limited(request, service.settings.segment_limit, "a segment")
+    settings = service.settings
+    data = await read_limited(request, settings.segment_limit, "a segment", seconds=settings.body_seconds)
     new = await run_in_threadpool(_store, service, caller, identifier, sha256, data)
     return respond(answer({"sha256": sha256, "size": len(data)}, status=201 if new else 200))
 

@@ -6,9 +6,10 @@ import logging
 from datetime import timedelta
 
 from api.services.installation import Installation
+from storage import audit
 from storage.errors import UNAVAILABLE
 from storage.models.base import utc_now
-from storage.repositories.idempotency import forget
+from storage.repositories import SignInRepository, idempotency
 
 INTERVAL = 3600.0
 """s between two rounds."""
@@ -17,10 +18,12 @@ _log = logging.getLogger(__name__)
 
 
 def tidy(service: Installation) -> None:
-    """Forget stored replies that are too old to be repeated; a database that does not answer is asked next time."""
-    before = utc_now() - timedelta(hours=service.settings.idempotency_hours)
+    """Forget stored replies, sign-ins and audit entries that are too old; a database that is away is asked next time."""
+    now = utc_now()
     try:
         with service.database.session() as session:
-            forget(session, before=before)
+            idempotency.forget(session, before=now - timedelta(hours=service.settings.idempotency_hours))
+            SignInRepository(session).forget()
+            audit.forget(session, before=now - timedelta(days=service.settings.audit_days))
     except UNAVAILABLE as error:
-        _log.warning("old stored replies could not be forgotten: %s", error)
+        _log.warning("what is too old could not be forgotten: %s", error)

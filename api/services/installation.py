@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
 from api.services.computing import Computing
 from api.settings import Settings
 from storage.jobs.queue import JobQueue
+from storage.models import DEFAULT_WORKSPACE
 from storage.session import Database
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caller:
-    """The key behind a request: what it may do, and in which workspace."""
+    """Who makes a request: a key or a browser that has signed in, what it may do, and in which workspace.
 
-    key: str
+    ``expires_at`` is the end of a browser's sign-in, None for a key.
+    """
+
+    principal: str
     workspace: str
     scopes: frozenset[str]
+    name: str = ""
+    expires_at: datetime | None = None
 
     def may(self, *scopes: str) -> bool:
         """Return whether the key has one of the scopes; admin has them all."""
         return "admin" in self.scopes or not self.scopes.isdisjoint(scopes)
+
+    @property
+    def is_operator(self) -> bool:
+        """Whether the caller runs the installation: an admin of its first workspace."""
+        return "admin" in self.scopes and self.workspace == DEFAULT_WORKSPACE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -141,6 +141,7 @@ class Supervisor:
                 request=job.body,
                 system_id=system.get("id"),
                 system_revision=system.get("revision"),
+                within_quota=False,
             )
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from storage.models.access import AuditEntry, SignIn, Ticket
 from storage.models.base import Base
 from storage.models.blob import Blob, BlobChunk
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
@@ -14,6 +15,7 @@ from storage.models.workspace import DEFAULT_WORKSPACE, ApiKey, Workspace
 __all__ = [
     "DEFAULT_WORKSPACE",
     "ApiKey",
+    "AuditEntry",
     "Base",
     "Blob",
     "BlobChunk",
@@ -27,8 +29,10 @@ __all__ = [
     "JobStatus",
     "Result",
     "ResultArray",
+    "SignIn",
     "System",
     "SystemRevision",
+    "Ticket",
     "Worker",
     "Workspace",
 ]

@@ -7,8 +7,10 @@ from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
 from storage.repositories.jobs import JobRepository
 from storage.repositories.results import ResultRepository
+from storage.repositories.sign_ins import SignInRepository, Visitor
 from storage.repositories.systems import SystemRepository
 from storage.repositories.workers import WorkerRepository
+from storage.repositories.workspaces import WorkspaceRepository
 
 __all__ = [
     "Answer",
@@ -18,7 +20,10 @@ __all__ = [
     "IdempotencyRepository",
     "JobRepository",
     "ResultRepository",
+    "SignInRepository",
     "SystemRepository",
+    "Visitor",
     "WorkerRepository",
+    "WorkspaceRepository",
     "authenticate",
 ]

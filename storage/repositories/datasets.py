@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import select, update
+from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
+from storage import quotas
+from storage.audit import record
 from storage.blobs import iterate_bytes, put_bytes
 from storage.channels import ChannelReader, Envelope, Float, write_channels
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
@@ -58,6 +60,7 @@ class DatasetRepository:
         )
         self._session.add(dataset)
         self._session.flush()
+        record(self._session, self._workspace_id, "dataset.create", dataset.id)
         return dataset
 
     def get(self, identifier: str) -> Dataset:
@@ -74,8 +77,14 @@ class DatasetRepository:
 
     def delete(self, identifier: str) -> None:
         """Forget a recording."""
-        self._session.delete(self.get(identifier))
+        dataset = self.get(identifier)
+        size = self._session.scalar(
+            select(func.sum(DatasetSegment.size)).where(DatasetSegment.dataset_id == identifier)
+        )
+        self._session.delete(dataset)
         self._session.flush()
+        record(self._session, self._workspace_id, "dataset.delete", identifier)
+        quotas.add_bytes(self._session, self._workspace_id, -int(size or 0))
 
     def put_segment(self, identifier: str, sha256: str, data: bytes) -> bool:
         """Keep a segment; False when it was there already.
@@ -86,12 +95,17 @@ class DatasetRepository:
             When ``data`` does not have this SHA-256; nothing is kept.
         StateError
             When the recording has been committed, or the segment is longer than `MAX_SEGMENT`.
+        QuotaExceededError
+            When the workspace may not store that much.
         """
         self._lock(identifier, DatasetStatus.OPEN)
         if len(data) > MAX_SEGMENT:
             raise StateError(f"a segment must be at most {MAX_SEGMENT} bytes, got {len(data)}")
         put_bytes(self._session, data, expected_sha256=sha256)
-        return insert_if_absent(self._session, DatasetSegment, dataset_id=identifier, sha256=sha256, size=len(data))
+        new = insert_if_absent(self._session, DatasetSegment, dataset_id=identifier, sha256=sha256, size=len(data))
+        if new:
+            quotas.add_bytes(self._session, self._workspace_id, len(data))
+        return new
 
     def segments(self, identifier: str) -> Sequence[DatasetSegment]:
         """Return the segments that are there, in the order of their arrival."""
@@ -132,6 +146,7 @@ class DatasetRepository:
         dataset.size = sum(sizes[segment] for segment in segments)
         dataset.status = DatasetStatus.PARSING
         self._session.flush()
+        record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
         return dataset
 
     def original(self, identifier: str) -> Iterator[bytes]:

@@ -33,11 +33,12 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What was answered the first time."""
+    """What was answered the first time; ``first_body`` is sent then in place of ``body`` and never kept."""
 
     status_code: int
     headers: Mapping[str, str]
     body: bytes
+    first_body: bytes | None = None
 
 
 class IdempotencyRepository:

@@ -14,6 +14,8 @@ from typing import Any
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
+from storage import quotas
+from storage.audit import record
 from storage.errors import NotFoundError
 from storage.ids import new_id
 from storage.models import Job, JobEvent, JobStatus
@@ -31,11 +33,19 @@ class JobRepository:
         self._workspace_id = workspace_id
 
     def create(self, *, kind: str, body: Document) -> Job:
-        """Write down a queued job (`storage.jobs.queue.JobQueue.enqueue` also hands it to the workers)."""
+        """Write down a queued job (`storage.jobs.queue.JobQueue.enqueue` also hands it to the workers).
+
+        Raises
+        ------
+        QuotaExceededError
+            When the workspace has too many unfinished ones.
+        """
+        quotas.admit_job(self._session, self._workspace_id)
         job = Job(id=new_id("job"), workspace_id=self._workspace_id, kind=kind, body=body, status=JobStatus.QUEUED)
         self._session.add(job)
         self._session.flush()
         append_event(self._session, job.id, "status", {"status": JobStatus.QUEUED})
+        record(self._session, self._workspace_id, "job.create", job.id, kind=kind)
         self._session.refresh(job)
         return job
 
@@ -71,7 +81,8 @@ class JobRepository:
     def cancel(self, identifier: str) -> Job:
         """Mark a job that is not finished as cancelled; whoever computes it stops within a second."""
         self.get(identifier)
-        finish(self._session, identifier, status=JobStatus.CANCELLED)
+        if finish(self._session, identifier, status=JobStatus.CANCELLED):
+            record(self._session, self._workspace_id, "job.cancel", identifier)
         return self.get(identifier)
 
 

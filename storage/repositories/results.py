@@ -5,17 +5,20 @@ A numpy array anywhere in the body is kept once and replaced by ``{"$array": pos
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from storage import quotas
+from storage.audit import record
 from storage.blobs import Array, get_array, put_array
 from storage.errors import NotFoundError
 from storage.ids import new_id
-from storage.models import Result, ResultArray
+from storage.models import Blob, Result, ResultArray
 from storage.models.base import Document
 from storage.pagination import Page, paginate
 
@@ -38,8 +41,15 @@ class ResultRepository:
         system_id: str | None = None,
         system_revision: int | None = None,
         versions: Mapping[str, str] | None = None,
+        within_quota: bool = True,
     ) -> Result:
-        """Keep a result; ``body`` is JSON that may hold numpy arrays anywhere."""
+        """Keep a result; ``body`` is JSON that may hold numpy arrays anywhere.
+
+        Raises
+        ------
+        QuotaExceededError
+            When the workspace may not store that much; not asked ``within_quota`` (a finished job keeps what it found).
+        """
         arrays: list[Array] = []
         result = Result(
             id=new_id("res"),
@@ -57,6 +67,8 @@ class ResultRepository:
             sha256 = put_array(self._session, array)
             self._session.add(ResultArray(result_id=result.id, position=position, sha256=sha256))
         self._session.flush()
+        record(self._session, self._workspace_id, "result.create", result.id, kind=kind)
+        quotas.add_bytes(self._session, self._workspace_id, self._size(result), within_quota=within_quota)
         return result
 
     def get(self, identifier: str) -> Result:
@@ -85,8 +97,21 @@ class ResultRepository:
 
     def delete(self, identifier: str) -> None:
         """Forget a result."""
-        self._session.delete(self.get(identifier))
+        result = self.get(identifier)
+        size = self._size(result)
+        self._session.delete(result)
         self._session.flush()
+        record(self._session, self._workspace_id, "result.delete", identifier)
+        quotas.add_bytes(self._session, self._workspace_id, -size)
+
+    def _size(self, result: Result) -> int:
+        """Return what a result takes: its body and its arrays, bytes."""
+        arrays = (
+            select(func.sum(Blob.size))
+            .join(ResultArray, ResultArray.sha256 == Blob.sha256)
+            .where(ResultArray.result_id == result.id)
+        )
+        return len(json.dumps(result.body)) + int(self._session.scalar(arrays) or 0)
 
 
 def _take_arrays(value: Any, arrays: list[Array]) -> Any:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from datetime import datetime
 
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
+from storage import quotas
+from storage.audit import record
 from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
 from storage.models import System, SystemRevision
@@ -36,11 +39,12 @@ class SystemRepository:
         self._workspace_id = workspace_id
 
     def create(self, *, name: str, document: Document, schema_version: int = 1) -> StoredSystem:
-        """Keep a new document as revision 1."""
+        """Keep a new document as revision 1; raise `QuotaExceededError` when there are too many."""
+        quotas.admit_system(self._session, self._workspace_id)
         system = System(id=new_id("sys"), workspace_id=self._workspace_id, name=name, revision=1)
         self._session.add(system)
         self._session.flush()
-        return self._append(system, document, schema_version)
+        return self._append(system, document, schema_version, action="system.create")
 
     def get(self, identifier: str, *, revision: int | None = None) -> StoredSystem:
         """Return a document at its current or a given revision.
@@ -72,11 +76,12 @@ class SystemRepository:
         system = self._move(
             identifier, expected_revision, name=name, revision=expected_revision + 1, updated_at=utc_now()
         )
-        return self._append(system, document, schema_version)
+        return self._append(system, document, schema_version, action="system.update")
 
     def delete(self, identifier: str, *, expected_revision: int) -> None:
         """Hide a system; its revisions stay for the results that used them. Raises as `update` does."""
         self._move(identifier, expected_revision, deleted_at=utc_now())
+        record(self._session, self._workspace_id, "system.delete", identifier, revision=expected_revision)
 
     def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[System]:
         """Return the heads (without documents) of the systems that are not deleted, newest first."""
@@ -115,12 +120,14 @@ class SystemRepository:
             raise RevisionConflictError(identifier, expected=expected_revision, actual=system.revision)
         return system
 
-    def _append(self, system: System, document: Document, schema_version: int) -> StoredSystem:
+    def _append(self, system: System, document: Document, schema_version: int, *, action: str) -> StoredSystem:
         row = SystemRevision(
             system_id=system.id, number=system.revision, document=document, schema_version=schema_version
         )
         self._session.add(row)
         self._session.flush()
+        record(self._session, self._workspace_id, action, system.id, revision=row.number)
+        quotas.add_bytes(self._session, self._workspace_id, len(json.dumps(document)))
         return _stored(system, row)
 
 

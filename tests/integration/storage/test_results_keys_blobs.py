@@ -125,15 +125,15 @@ def test_jobs_are_listed_by_kind_and_status(database):
 def test_a_key_opens_until_it_is_revoked(database):
     with database.session() as session:
         keys = ApiKeyRepository(session, DEFAULT_WORKSPACE)
-        assert not keys.any()
-        key, token = keys.create(name="laptop", scopes=["read", "run"])
-        assert keys.any()
+        assert not keys.has_admin()
+        key, token = keys.create(name="laptop", scopes=["admin", "run"])
+        assert keys.has_admin()
         assert token.startswith(key.prefix)
         assert len(token) > 40
         assert token not in str(session.execute(select(*ApiKey.__table__.columns)).all())
     with database.session() as session:
         found = authenticate(session, token)
-        assert (found.id, found.workspace_id, found.scopes) == (key.id, DEFAULT_WORKSPACE, ["read", "run"])
+        assert (found.id, found.workspace_id, found.scopes) == (key.id, DEFAULT_WORKSPACE, ["admin", "run"])
         assert authenticate(session, token[:-1]) is None
         assert authenticate(session, "") is None
     with database.session() as session:
@@ -141,7 +141,7 @@ def test_a_key_opens_until_it_is_revoked(database):
         revoked_at = keys.revoke(key.id).revoked_at
         assert keys.revoke(key.id).revoked_at == revoked_at
         assert authenticate(session, token) is None
-        assert not keys.any()
+        assert not keys.has_admin()
         assert [row.id for row in keys.page().items] == [key.id]
         with pytest.raises(NotFoundError):
             ApiKeyRepository(session, "ws_other").revoke(key.id)

@@ -1,0 +1,54 @@
+"""/v1/session and /v1/tickets: how a browser gets in without keeping a key."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Request, Response
+
+from api.auth import COOKIE, Reader, cookie_of, csrf_token
+from api.calls import InstallationDep, answer, respond
+from api.schemas.access import CallerReply, TicketReply
+from api.services import sign_ins
+
+router = APIRouter(prefix="/v1", tags=["access"])
+
+
+@router.post("/session", status_code=201, response_model=CallerReply, summary="Sign a browser in")
+def sign_in(caller: Reader, service: InstallationDep) -> Response:
+    """Send the key as `Authorization: Bearer <key>` once; the cookie that comes back does as much, out of reach of scripts."""
+    with service.database.session() as session:
+        body, token = sign_ins.sign_in(service, session, caller)
+    response = respond(answer({**body, "csrf_token": csrf_token(token)}, status=201))
+    response.set_cookie(
+        COOKIE,
+        token,
+        max_age=int(service.settings.sign_in_hours * 3600),
+        path="/",
+        secure=service.settings.encrypted,
+        httponly=True,
+        samesite="lax",
+    )
+    return response
+
+
+@router.get("/session", response_model=CallerReply, summary="Who am I?")
+def who(request: Request, caller: Reader) -> Response:
+    """Return what the key or the browser may do, and the token that a page must send with what changes something."""
+    cookie = cookie_of(request.headers) if caller.expires_at is not None else None
+    return respond(answer({**sign_ins.to_wire(caller), "csrf_token": csrf_token(cookie) if cookie else None}))
+
+
+@router.delete("/session", status_code=204, summary="Sign a browser out")
+def sign_out(caller: Reader, service: InstallationDep) -> Response:
+    """Let the cookie open nothing any more, here or where it was copied to."""
+    with service.database.session() as session:
+        sign_ins.sign_out(session, caller)
+    response = Response(status_code=204)
+    response.delete_cookie(COOKIE, path="/", secure=service.settings.encrypted, httponly=True, samesite="lax")
+    return response
+
+
+@router.post("/tickets", status_code=201, response_model=TicketReply, summary="Get a ticket for a WebSocket")
+def ticket(caller: Reader, service: InstallationDep) -> Response:
+    """It opens one connection as the caller, within 30 s."""
+    with service.database.session() as session:
+        return respond(answer(sign_ins.ticket(session, caller), status=201))

@@ -1,0 +1,97 @@
+"""How much a workspace may have: systems, stored bytes, unfinished jobs.
+
+What is counted is counted under a lock on the workspace's row, so that two requests at once cannot both take the last place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from sqlalchemy import func, select, update
+from sqlalchemy.orm import Session
+
+from storage.errors import NotFoundError, QuotaExceededError
+from storage.models import Job, JobStatus, System, Workspace
+
+#: The limits of a workspace that has none of its own.
+DEFAULTS: Mapping[str, int] = MappingProxyType({"systems": 10_000, "stored_bytes": 100 * 2**30, "jobs": 1000})
+
+
+def limits_of(workspace: Workspace) -> dict[str, int]:
+    """Return every limit of a workspace."""
+    return {**DEFAULTS, **(workspace.limits or {})}
+
+
+def admit_system(session: Session, workspace_id: str) -> None:
+    """Make sure that there is room for one more system; raise `QuotaExceededError` otherwise."""
+    limits = limits_of(_lock(session, workspace_id))
+    _check("systems", limits, used=_systems(session, workspace_id), more=1)
+
+
+def admit_job(session: Session, workspace_id: str) -> None:
+    """Make sure that there is room for one more unfinished job; raise `QuotaExceededError` otherwise."""
+    limits = limits_of(_lock(session, workspace_id))
+    _check("jobs", limits, used=_jobs(session, workspace_id), more=1)
+
+
+def add_bytes(session: Session, workspace_id: str, count: int, *, within_quota: bool = True) -> None:
+    """Count ``count`` more bytes (fewer when negative) as stored; the caller's last statement, because it locks.
+
+    Raises
+    ------
+    QuotaExceededError
+        When that is more than the workspace may store; not asked ``within_quota`` or when bytes are given back.
+    """
+    if count == 0:
+        return
+    workspace = _lock(session, workspace_id, more=count)
+    if within_quota and count > 0:
+        _check("stored_bytes", limits_of(workspace), used=workspace.stored_bytes - count, more=count)
+
+
+def usage(session: Session, workspace: Workspace) -> dict[str, int]:
+    """Return how much of each limit is used."""
+    return {
+        "systems": _systems(session, workspace.id),
+        "stored_bytes": workspace.stored_bytes,
+        "jobs": _jobs(session, workspace.id),
+    }
+
+
+def _lock(session: Session, workspace_id: str, *, more: int = 0) -> Workspace:
+    """Lock the workspace's row, on either database, by writing to it."""
+    session.execute(
+        update(Workspace)
+        .where(Workspace.id == workspace_id)
+        .values(stored_bytes=Workspace.stored_bytes + more)
+        .execution_options(synchronize_session=False)
+    )
+    workspace = session.get(Workspace, workspace_id, populate_existing=True)
+    if workspace is None:
+        raise NotFoundError("workspace", workspace_id)
+    return workspace
+
+
+def _systems(session: Session, workspace_id: str) -> int:
+    return _count(
+        session,
+        select(func.count())
+        .select_from(System)
+        .where(System.workspace_id == workspace_id, System.deleted_at.is_(None)),
+    )
+
+
+def _jobs(session: Session, workspace_id: str) -> int:
+    alive = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
+    return _count(session, select(func.count()).select_from(Job).where(Job.workspace_id == workspace_id, alive))
+
+
+def _count(session: Session, question: Any) -> int:
+    return int(session.scalar(question) or 0)
+
+
+def _check(name: str, limits: Mapping[str, int], *, used: int, more: int) -> None:
+    if used + more > limits[name]:
+        raise QuotaExceededError(name, limit=limits[name], used=used)
