@@ -116,13 +116,17 @@ class Robustness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Yield:
-    """Share of samples of the uncertain parameters that meet every hard goal, with its 95 % interval (Wilson)."""
+    """Share of samples of the uncertain parameters that meet every hard goal, with its 95 % interval (Wilson).
+
+    ``failures`` counts for each hard goal, by index, the samples that break it; ``unstable`` those without a stable system.
+    """
 
     share: float
     lower95: float
     upper95: float
     samples: int
     failures: Mapping[int, int]
+    unstable: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,3 +185,22 @@ class Unwatched:
     def cancelled(self) -> bool:
         """Return False: nobody cancels."""
         return False
+
+
+class Share:
+    """A monitor that sees a part of the work as a share of the whole: from ``first``, ``size`` wide."""
+
+    def __init__(self, monitor: Monitor, first: float, size: float) -> None:
+        self._monitor, self._first, self._size = monitor, first, size
+
+    def progress(self, fraction: float, message: str) -> None:
+        """Pass the progress on, as a share."""
+        self._monitor.progress(self._first + self._size * fraction, message)
+
+    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
+        """Pass the new best point on."""
+        self._monitor.best(evaluation, objective, violation, variables)
+
+    def cancelled(self) -> bool:
+        """Return whether to stop."""
+        return self._monitor.cancelled()

@@ -1,0 +1,73 @@
+"""What share of a population meets the goals: uncertain parameters are drawn, evenly over their ranges on their scales.
+
+    share ± : Wilson's interval of k successes in n draws at 95 %
+
+References
+----------
+E. B. Wilson, "Probable inference, the law of succession, and statistical inference", J. Am. Stat. Assoc. 22 (1927) 209-212.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from optimizers.certificate import TOLERANCE
+from optimizers.evaluate import UNSTABLE, Evaluator
+from optimizers.problem import Problem
+from optimizers.result import Monitor, Yield
+from optimizers.turned import turned
+
+_NORMAL = 1.959963984540054
+"""97.5 % quantile of the normal distribution."""
+_BLOCK = 256
+
+
+def expected(
+    problem: Problem, best: Mapping[str, float], *, samples: int, rng: np.random.Generator, monitor: Monitor
+) -> Yield:
+    """Return the yield at given variables: every hard goal must be met in every scenario.
+
+    Parameters
+    ----------
+    problem : Problem
+        With uncertain parameters.
+    best : mapping of str to float
+        The variables, SI.
+    samples : int
+    rng : numpy.random.Generator
+    monitor : Monitor
+        Asked between blocks whether to stop; the yield is then that of the samples so far.
+    """
+    evaluator = Evaluator(turned(problem, best))
+    points = rng.random((samples, len(problem.ranges)))
+    good = done = unstable = 0
+    failures = dict.fromkeys((g for g, goal in enumerate(problem.goals) if goal.hard), 0)
+    for first in range(0, samples, _BLOCK):
+        if first and monitor.cancelled():
+            break
+        found = evaluator.assess(points[first : first + _BLOCK])
+        broken = evaluator.violations(found.values) > TOLERANCE
+        good += int((found.violation <= TOLERANCE).sum())
+        unstable += int((found.violation >= UNSTABLE).sum())
+        for g in failures:
+            failures[g] += int(broken[:, :, g].any(axis=1).sum())
+        done += len(found.violation)
+    low, high = wilson(good, done)
+    return Yield(
+        share=good / done, lower95=low, upper95=high, samples=done, failures=failures, unstable=unstable
+    )  # fmt: skip
+
+
+def wilson(successes: int, draws: int) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share.
+
+    >>> [round(end, 4) for end in wilson(8, 10)]
+    [0.4902, 0.9433]
+    """
+    share, z2 = successes / draws, _NORMAL**2
+    middle = (share + z2 / (2 * draws)) / (1 + z2 / draws)
+    half = _NORMAL / (1 + z2 / draws) * math.sqrt(share * (1 - share) / draws + z2 / (4 * draws**2))
+    return max(middle - half, 0.0), min(middle + half, 1.0)
