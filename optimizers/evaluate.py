@@ -101,7 +101,7 @@ class Evaluator:
     def compiled(self) -> bool:
         """Whether compiled kernels evaluate the goals: a candidate then costs microseconds."""
         axes = [axis.parameter for axis in self.problem.axes if axis.parameter not in self.problem.commands]
-        return not self.problem.commands and self._screening.compiled([*axes, *self._keys])
+        return not self.problem.commands and self._screening.compiled([*axes, *self._keys, *self.problem.ties])
 
     def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
         """Return the ranking quantities of points (B, V) in the unit cube.

@@ -1,33 +1,37 @@
 """Gradient: a Sobol sample finds promising places, sequential quadratic programming descends from the best of them.
 
-Between descents the surroundings of the best point are sampled, because response times jump where a turning point
-grazes their band, and a descent stops there.
+Where a metric jumps or is the largest of several peaks a descent stops early. A cloud of points around the best one, which
+learns its shape from its elite (cross-entropy), knows no slopes and goes on; cuts of exact slopes polish what it finds.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 import numpy as np
 from scipy.stats import qmc
 
 from engine.parameters import Param
+from optimizers.blocks import in_blocks
+from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
-from optimizers.methods._base import Method
+from optimizers.methods._base import Keeper, Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Monitor, Result, Status
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
-_BLOCK = 128
-_ROUNDS = 4
+_SAMPLE, _FEW = 4096, 512
+"""Points of the first look with compiled kernels, and without them."""
 _APART = 0.08
+_DESCENT, _LAST_DESCENT, _POLISH = 25, 60, 40
+"""Evaluations with slopes: of a first descent, of one from the best point, and of a polish."""
 _STANDSTILL = 1e-3
-_SHORT, _LONG = 25, 60
-"""Evaluations of a first descent, and of one from the best point."""
 
 
 @final
@@ -37,9 +41,13 @@ class Gradient(Method):
     kind: ClassVar[str] = "gradient"
     title: ClassVar[str] = "Gradient"
     doc: ClassVar[str] = (
-        "Samples the ranges, then descends with exact derivatives from the best points; the optimum is proven."
+        "Samples the ranges, descends with exact derivatives from the best points, searches around the best of all and "
+        "polishes it; the optimum is proven."
     )
-    source: ClassVar[str] = "D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988"
+    source: ClassVar[str] = (
+        "D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988; "
+        "R. Y. Rubinstein, D. P. Kroese, The Cross-Entropy Method, Springer, 2004, chapter 5"
+    )
     options: ClassVar[tuple[Param, ...]] = (
         Param(name="starts", symbol="k", unit="1", doc="points to descend from", default=8, lower=1, upper=100),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
@@ -48,7 +56,7 @@ class Gradient(Method):
             symbol="",
             unit="1",
             doc="evaluations of all goals in all scenarios",
-            default=5000,
+            default=20_000,
             lower=0,
             upper=1e7,
         ),
@@ -57,7 +65,7 @@ class Gradient(Method):
     def minimize(
         self, problem: Problem, options: Mapping[str, Any], *, rng: np.random.Generator, monitor: Monitor
     ) -> Result:
-        """Return the best point found."""
+        """Return the best point found; go on from where a monitor that keeps states says."""
         tracker = Tracker(Evaluator(problem), monitor, int(options["max_evaluations"]))
         status = Status.CONVERGED
         advice = "descents from different points, and the points around this one, are no better."
@@ -78,29 +86,69 @@ class Gradient(Method):
         return conclude(tracker, best, status, advice)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State:
+    """Where a search is: which starts are still to come, the best point and its rank, and the evaluations until here."""
+
+    left: list[Vector]
+    best: Vector
+    rank: tuple[float, float]
+    evaluations: int
+
+    def document(self) -> dict[str, Any]:
+        """Return the state in plain numbers."""
+        return {
+            "left": [start.tolist() for start in self.left],
+            "best": self.best.tolist(),
+            "rank": list(self.rank),
+            "evaluations": self.evaluations,
+        }
+
+    @staticmethod
+    def of(document: Mapping[str, Any]) -> _State:
+        """Return the state that such numbers describe."""
+        violation, objective = document["rank"]
+        return _State(
+            left=[np.array(start, dtype=float) for start in document["left"]],
+            best=np.array(document["best"], dtype=float),
+            rank=(float(violation), float(objective)),
+            evaluations=int(document["evaluations"]),
+        )
+
+
 def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
-    """Search; return whether the last round around the best point found nothing better worth mentioning."""
-    problem = tracker.evaluator.problem
-    margins = np.full(len(problem.goals), SAFETY)
-    tracker.monitor.progress(0.0, "sampling")
-    points = _sample(tracker, rng)
-    chosen = _apart(points, starts)
-    descent = Descent(tracker, margins)
-    for number, start in enumerate(chosen):
-        tracker.monitor.progress(0.2 + 0.4 * number / len(chosen), f"descent {number + 1} of {len(chosen)}")
-        descent.run(start, evaluations=_SHORT)
+    """Search; return whether the last look around the best point found nothing better worth mentioning."""
+    margins = np.full(len(tracker.evaluator.problem.goals), SAFETY)
+    keeper = tracker.monitor if isinstance(tracker.monitor, Keeper) else None
+    # Drawn before anything is known, so that a run that goes on later draws the same.
+    for_sample, for_cloud = rng.spawn(2)
+    kept = keeper.kept() if keeper is not None else None
+    if kept is None:
+        tracker.monitor.progress(0.0, "sampling")
+        left = _apart(_sample(tracker, for_sample), starts)
+    else:
+        state = _State.of(kept)
+        left, tracker.evaluator.evaluations = state.left, state.evaluations
+        tracker.offer(state.best, state.rank[1], state.rank[0])
+    descent, count = Descent(tracker, margins), len(left)
+    while left:
+        tracker.monitor.progress(0.2 + 0.4 * (1 - len(left) / count), f"{len(left)} descents to come")
+        descent.run(left[0], evaluations=_DESCENT)
+        left = left[1:]
+        if keeper is not None and tracker.best is not None:
+            state = _State(
+                left=left, best=tracker.best, rank=tracker.rank, evaluations=tracker.evaluator.evaluations
+            )  # fmt: skip
+            keeper.keep(state.document())
     assert tracker.best is not None
-    radius, gain = 0.03, 0.0
-    for turn in range(_ROUNDS):
-        entered = tracker.rank
-        tracker.monitor.progress(0.6 + 0.3 * turn / _ROUNDS, "searching around the best point")
-        descent.run(tracker.best, evaluations=_LONG)
-        known = tracker.rank
-        cloud = np.clip(tracker.best + radius * rng.standard_normal((_BLOCK, len(problem.axes))), 0.0, 1.0)
-        tracker.assess(cloud)
-        if not tracker.rank < known:
-            radius /= 4
-        gain = _gain(entered, tracker.rank)
+    tracker.monitor.progress(0.6, "searching around the best point")
+    descent.run(tracker.best, evaluations=_LAST_DESCENT)
+    _surround(tracker, for_cloud)
+    entered = tracker.rank
+    tracker.monitor.progress(0.85, "polishing")
+    descent.run(tracker.best, evaluations=_DESCENT)
+    Polish(tracker, margins).run(tracker.best, evaluations=_POLISH)
+    gain = _gain(entered, tracker.rank)
     descend_to_proof(tracker, margins)
     return gain < _STANDSTILL
 
@@ -113,18 +161,16 @@ def _gain(before: tuple[float, float], after: tuple[float, float]) -> float:
 
 def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
     """Return points from the best to the worst: the start and a Sobol sequence."""
-    problem = tracker.evaluator.problem
-    count = max(1, min(4 * _BLOCK, tracker.budget // 8))
+    problem, compiled = tracker.evaluator.problem, tracker.evaluator.compiled
+    count = max(1, min(_SAMPLE, tracker.budget // 3) if compiled else min(_FEW, tracker.budget // 8))
     sobol = qmc.Sobol(len(problem.axes), rng=rng)
-    points = np.vstack([problem.start(), sobol.random_base2(int(np.ceil(np.log2(count))))[: count - 1]])
-    ranks = []
-    for first in range(0, len(points), _BLOCK):
-        tracker.monitor.progress(0.2 * first / len(points), "sampling")
-        found = tracker.assess(points[first : first + _BLOCK])
-        excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
-        ranks.append(np.stack([excess, np.nan_to_num(found.objective, nan=np.inf)], axis=1))
-    rank = np.concatenate(ranks)
-    return points[np.lexsort((rank[:, 1], rank[:, 0]))]
+    points = np.vstack([problem.start(), sobol.random_base2(math.ceil(math.log2(count)))[: count - 1]])
+    violation, objective = np.empty(len(points)), np.empty(len(points))
+    for rows, found in in_blocks(tracker, points, roughly=True):
+        tracker.monitor.progress(0.2 * rows.stop / len(points), "sampling")
+        violation[rows] = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
+        objective[rows] = np.nan_to_num(found.objective, nan=np.inf)
+    return points[np.lexsort((objective, violation))]
 
 
 def _apart(points: Matrix, count: int) -> list[Vector]:
@@ -136,3 +182,30 @@ def _apart(points: Matrix, count: int) -> list[Vector]:
             if len(chosen) == count:
                 break
     return chosen
+
+
+def _surround(tracker: Tracker, rng: np.random.Generator) -> None:
+    """Sample around the best point, again and again, with the spread of the best of each sample."""
+    compiled = tracker.evaluator.compiled
+    rounds, size = (16, 512) if compiled else (8, 64)
+    assert tracker.best is not None
+    variables = len(tracker.best)
+    # Half of what is left: slopes must still be affordable afterwards.
+    size = min(size, (tracker.budget - tracker.evaluator.evaluations) // (2 * rounds))
+    elite = size // 16 if compiled else size // 8
+    if elite < 2:
+        return
+    mean, spread = tracker.best, 0.05 * np.eye(variables)
+    for turn in range(rounds):
+        points = np.clip(mean + rng.standard_normal((size, variables)) @ spread.T, 0.0, 1.0)
+        orders = []
+        for rows, found in in_blocks(tracker, points, roughly=True):
+            violation = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
+            objective = np.nan_to_num(found.objective, nan=np.inf)
+            orders.append(np.stack([violation, objective, np.arange(rows.start, rows.stop)], axis=1))
+        ranks = np.concatenate(orders)
+        leaders = points[ranks[np.lexsort((ranks[:, 1], ranks[:, 0]))][:elite, 2].astype(int)]
+        steps = leaders - mean  # about the old mean, so that the cloud grows where it moves
+        values, axes = np.linalg.eigh(steps.T @ steps / elite)
+        spread = axes * np.sqrt(np.maximum(values, 1e-16))
+        mean = leaders.mean(axis=0) if turn % 2 else tracker.best
