@@ -170,6 +170,20 @@ class NonlinearElement(Element):
         return m.x
 
     @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return whether rates, outputs and surface are linear functions plus constants in this mode, whatever the time."""
+        return False
+
+    @classmethod
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return the fundamental of the output over the sine at the input, complex, for real values; None: not known.
+
+        ``amplitude`` > 0, unit of the input. Only of laws with one input and one output that do not depend on how fast
+        the input moves.
+        """
+        return None
+
+    @classmethod
     def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:
         """Return the linear block that stands for the law around ``m`` where its slopes do not, else None.
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from engine.elements._base import Ports, Realization, Values
-from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
+from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
 from engine.errors import DiagramError
 from engine.parameters import Param
 
@@ -69,6 +69,16 @@ class SwitchedCurrent(NonlinearElement):
         return [0.0 * m.z[0] + (on if mode == 1 else off)]
 
     @classmethod
+    def feed_through(cls, values: Values) -> Pattern:
+        """Return none for a law that switches: inside a mode the current does not follow the signals."""
+        return np.full((1, 2), bool(np.any(values["transition"])))
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that a current that switches is constant until it does."""
+        return mode != _SLIDES and not np.any(values["transition"])
+
+    @classmethod
     def held(cls, mode: Mode) -> int | None:
         """Return that sliding holds the product."""
         return 0 if mode == _SLIDES else None
@@ -117,6 +127,11 @@ class ConstantCurrent(NonlinearElement):
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the current."""
         return [0.0 * m.t + values["current"]]
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that nothing moves."""
+        return True
 
     @classmethod
     def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:

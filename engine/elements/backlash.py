@@ -5,7 +5,10 @@ y' = u'  where |u - y| = width/2 and the input pushes on,   y' = 0 else
 
 from __future__ import annotations
 
-from engine.elements._base import Ports, Realization, Values, matrix
+import numpy as np
+
+from engine.elements._base import Array, Ports, Realization, Values, matrix
+from engine.elements._fundamental import limited
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
 from engine.parameters import Param
 
@@ -45,6 +48,17 @@ class Backlash(NonlinearElement):
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the state inside the play (mode 0), else the flank that pushes up (1) or down (-1)."""
         return [0.0 * m.z[0] + m.x[0] if mode == 0 else m.z[0] - mode * 0.5 * values["width"]]
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that the output stays, or follows the flank."""
+        return True
+
+    @classmethod
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return (1 + f(r))/2 - j (1 - r²)/π with r = 1 - w/A, the fundamental of a flattened and late sine."""
+        r = np.clip(1.0 - values["width"] / amplitude, -1.0, 1.0)
+        return np.asarray(0.5 * (1.0 + limited(r)) - 1j * (1.0 - r * r) / np.pi)
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

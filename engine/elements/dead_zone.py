@@ -5,13 +5,15 @@ y = u - upper (u > upper),   0,   u - lower (u < lower)
 
 from __future__ import annotations
 
-from engine.elements._base import Ports, Values
-from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
+from engine.elements._base import Array, Values
+from engine.elements._fundamental import limited
+from engine.elements._nonlinear import Mode, Moment, Signals
+from engine.elements._three_zones import ThreeZones
 from engine.errors import DiagramError
 from engine.parameters import Param
 
 
-class DeadZone(NonlinearElement):
+class DeadZone(ThreeZones):
     """Overlap of a valve, play without a memory, an insensitive sensor."""
 
     kind = "dead_zone"
@@ -23,7 +25,6 @@ class DeadZone(NonlinearElement):
         Param(name="lower", symbol="u_1", default=-1.0, doc="lower edge"),
         Param(name="upper", symbol="u_2", default=1.0, doc="upper edge"),
     )
-    modes = (-1, 0, 1)
     example = {"lower": -0.2, "upper": 0.3}
 
     @classmethod
@@ -35,11 +36,6 @@ class DeadZone(NonlinearElement):
             )
 
     @classmethod
-    def ports(cls, values: Values) -> Ports:
-        """Return one input and one output."""
-        return Ports()
-
-    @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return 0 (mode 0), or what exceeds the upper edge (1) or the lower one (-1)."""
         if mode == 0:
@@ -47,13 +43,6 @@ class DeadZone(NonlinearElement):
         return [m.z[0] - (values["upper"] if mode > 0 else values["lower"])]
 
     @classmethod
-    def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return how far the input is beyond the edges, or back between them."""
-        if mode == 0:
-            return [m.z[0] - values["upper"], values["lower"] - m.z[0]]
-        return [values["upper"] - m.z[0]] if mode > 0 else [m.z[0] - values["lower"]]
-
-    @classmethod
-    def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return to one side, or from it to the range between."""
-        return Change(mode=0 if mode else (1, -1)[guard])
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return what a limiter at the two edges leaves of the sine."""
+        return 1.0 - 0.5 * (limited(values["upper"] / amplitude) + limited(-values["lower"] / amplitude)) + 0j

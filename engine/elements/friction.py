@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.special import dawsn
 
-from engine.elements._base import Ports, Realization, Values, matrix
+from engine.elements._base import Array, Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
@@ -104,6 +105,24 @@ class Friction(NonlinearElement):
     def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
         """Return that the direction is open after a jump of the velocity."""
         return Change(mode=_JUMPED)
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that without a Stribeck velocity the force is a straight line of the velocity."""
+        return abs(mode) != _SLIDE or values["stribeck_velocity"] is None
+
+    @classmethod
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return the mean over both directions of b + 4/(π A) (F_c + (F_s - F_c) D(a)/a), a = A/v_s, with Dawson's integral D."""
+        total: Array = np.zeros(np.shape(amplitude), dtype=complex)
+        for side in (1, -1):
+            sliding, static, viscous = _side(side, values)
+            force = sliding + 0.0 * amplitude
+            if values["stribeck_velocity"] is not None:
+                a = amplitude / values["stribeck_velocity"]
+                force = force + (static - sliding) * dawsn(a) / a
+            total = total + 0.5 * (viscous + 4 * force / (np.pi * amplitude))
+        return total
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from engine.elements._base import Ports, Values
+import numpy as np
+
+from engine.elements._base import Array, Ports, Values
+from engine.elements._fundamental import limited
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
 from engine.errors import DiagramError
 from engine.parameters import Param
@@ -73,6 +76,21 @@ class LookupTable(NonlinearElement):
         k = min(max(mode, 0), last - 1)
         rise = (heights[k + 1] - heights[k]) / (points[k + 1] - points[k])
         return [heights[k] + rise * (m.z[0] - points[k])]
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that every interval is a straight line."""
+        return True
+
+    @classmethod
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return Σ slope_k (f(u_k+1/A) - f(u_k/A))/2 over the intervals, f being that of a limiter."""
+        points, heights = np.array(values["points"], dtype=float), np.array(values["values"], dtype=float)
+        rises = np.diff(heights) / np.diff(points)
+        if values["extrapolation"] == "linear":
+            points[[0, -1]] = -np.inf, np.inf
+        shares = limited(points / np.asarray(amplitude)[..., None])
+        return 0.5 * np.diff(shares, axis=-1) @ rises + 0j
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

@@ -71,6 +71,11 @@ class RateLimiter(NonlinearElement):
         return [m.z[0] if mode == 0 else 0.0 * m.z[0] + m.x[0]]
 
     @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that the output follows the input, or moves at one of two rates."""
+        return True
+
+    @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return how much too fast the input is, or how far the output has passed it."""
         if mode == 0:

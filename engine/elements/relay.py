@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.elements._base import Ports, Values
+from engine.elements._base import Array, Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
 from engine.errors import DiagramError
 from engine.parameters import Param
@@ -72,6 +72,19 @@ class Relay(NonlinearElement):
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
         """Return to the other value: the input passes through 0 and the output cannot keep it there."""
         return Change(mode=-1 if mode >= 0 else 1)
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that the output is constant, or held."""
+        return True
+
+    @classmethod
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return 4 M/(π A) (sqrt(1 - x²) - j x) with x = h/(2 A): a rectangle that is late by arcsin x; 0 where it stays."""
+        late = 0.5 * values["hysteresis"] / amplitude
+        height = 2 * (values["high"] - values["low"]) / (np.pi * amplitude)
+        inside = np.minimum(late, 1.0)
+        return np.where(late <= 1.0, height * (np.sqrt(1 - inside * inside) - 1j * inside), 0.0)
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:

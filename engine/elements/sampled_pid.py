@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from engine.elements import _pid
-from engine.elements._base import Ports, Realization, Values
-from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Pattern, Signals, first
+from engine.elements._base import Realization, Values
+from engine.elements._nonlinear import Mode, Moment, Signals, first
+from engine.elements._sampler import TIMING, Sampler
 from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.parameters import Param
 
 
-class SampledPid(NonlinearElement):
+class SampledPid(Sampler):
     """Backward differences; with limits, the integral part waits while the output is at a limit (conditional integration).
 
     The output follows a sample after the time that it takes to compute.
@@ -36,14 +37,7 @@ class SampledPid(NonlinearElement):
             name="filter_frequency", symbol="w", unit="rad/s", default=1e3, lower=0.0, lower_open=True, scale="log",
             doc="corner of the derivative's filter",
         ),
-        Param(
-            name="sample_time", symbol="T", unit="s", lower=0.0, lower_open=True, scale="log",
-            doc="time between samples; the first is taken at 0",
-        ),
-        Param(
-            name="delay", symbol="τ", unit="s", default=0.0, lower=0.0,
-            doc="time from a sample until the output follows it, at most the sample time",
-        ),
+        *TIMING,
         Param(name="lower", symbol="u_min", required=False, doc="least output; absent: none"),
         Param(name="upper", symbol="u_max", required=False, doc="greatest output; absent: none"),
     )  # fmt: skip
@@ -52,27 +46,10 @@ class SampledPid(NonlinearElement):
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Refuse a delay longer than the sample time, and limits in the wrong order."""
-        if values["delay"].real > values["sample_time"].real:
-            limit, got = values["sample_time"].real, values["delay"].real
-            raise DiagramError(f"delay must be <= sample_time ({limit:g} s), got {got:g}", at=("delay",))
+        super().check(given, values)
         lower, upper = values["lower"], values["upper"]
         if lower is not None and upper is not None and lower.real >= upper.real:
             raise DiagramError(f"upper must be > lower ({lower.real:g}), got {upper.real:g}", at=("upper",))
-
-    @classmethod
-    def ports(cls, values: Values) -> Ports:
-        """Return the error and the output."""
-        return Ports()
-
-    @classmethod
-    def feed_through(cls, values: Values) -> Pattern:
-        """Return none: between samples the output does not follow the input."""
-        return np.zeros((1, 1), dtype=bool)
-
-    @classmethod
-    def rates(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return 0: all states move at samples only."""
-        return [0.0 * m.z[0]] * 5
 
     @classmethod
     def unrest(cls, m: Moment, mode: Mode, values: Values) -> Signals:
@@ -81,11 +58,6 @@ class SampledPid(NonlinearElement):
         wanted = cls._limited(values["kp"] * m.z[0] + integral, values)[0]
         rest = values["ki"] * m.z[0] if np.any(values["ki"]) else integral
         return [wanted - output, wanted - computed, rest, m.z[0] - error, derivative]
-
-    @classmethod
-    def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return the output that is held."""
-        return [m.x[0]]
 
     @classmethod
     def limits(cls, values: Values) -> list[tuple[Any, Any]]:
@@ -102,18 +74,6 @@ class SampledPid(NonlinearElement):
         return wanted, 0
 
     @classmethod
-    def period(cls, values: Values) -> Scalar | None:
-        """Return the sample time."""
-        period: Scalar = values["sample_time"]
-        return period
-
-    @classmethod
-    def latency(cls, values: Values) -> Scalar:
-        """Return the delay."""
-        latency: Scalar = values["delay"]
-        return latency
-
-    @classmethod
     def sample(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the states after a sample."""
         output, _, before, last, derivative = m.x
@@ -124,11 +84,6 @@ class SampledPid(NonlinearElement):
         if side * first(integral - before) > 0:
             integral = before
         return [output if np.any(values["delay"]) else wanted, wanted, integral, error, derivative]
-
-    @classmethod
-    def update(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return the output at what has been computed."""
-        return [m.x[1], *m.x[1:]]
 
     @classmethod
     def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:

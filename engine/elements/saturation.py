@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from engine.elements._base import Ports, Values
-from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
+from engine.elements._base import Array, Values
+from engine.elements._fundamental import limited
+from engine.elements._nonlinear import Mode, Moment, Signals
+from engine.elements._three_zones import ThreeZones
 from engine.errors import DiagramError
 from engine.parameters import Param
 
 
-class Saturation(NonlinearElement):
+class Saturation(ThreeZones):
     """Limits of an actuator, an amplifier or a spool. Between the limits it is a gain of 1, exactly."""
 
     kind = "saturation"
@@ -25,7 +27,6 @@ class Saturation(NonlinearElement):
         Param(name="lower", symbol="u_min", default=-1.0, doc="least output"),
         Param(name="upper", symbol="u_max", default=1.0, doc="greatest output"),
     )
-    modes = (-1, 0, 1)
     example = {"lower": -2.0, "upper": 3.0}
 
     @classmethod
@@ -35,11 +36,6 @@ class Saturation(NonlinearElement):
             raise DiagramError(
                 f"upper must be > lower ({values['lower'].real:g}), got {values['upper'].real:g}", at=("upper",)
             )
-
-    @classmethod
-    def ports(cls, values: Values) -> Ports:
-        """Return one input and one output."""
-        return Ports()
 
     @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
@@ -54,13 +50,6 @@ class Saturation(NonlinearElement):
         return [(values["lower"], values["upper"])]
 
     @classmethod
-    def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return how far the input is beyond the limits, or back between them."""
-        if mode == 0:
-            return [m.z[0] - values["upper"], values["lower"] - m.z[0]]
-        return [values["upper"] - m.z[0]] if mode > 0 else [m.z[0] - values["lower"]]
-
-    @classmethod
-    def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return to a limit, or from it to the range between."""
-        return Change(mode=0 if mode else (1, -1)[guard])
+    def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
+        """Return the mean gain of the two half-waves, each cut off at its limit."""
+        return 0.5 * (limited(values["upper"] / amplitude) + limited(-values["lower"] / amplitude)) + 0j

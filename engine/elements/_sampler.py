@@ -1,0 +1,77 @@
+"""What sampling blocks share: a sample at regular instants, and an output that follows it after the time to compute.
+
+y(t) = x_0(k)   for   k T + delay <= t < (k + 1) T + delay,   k = 0, 1, ...
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from engine.elements._base import Ports, Values
+from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Pattern, Signals
+from engine.errors import DiagramError
+from engine.parameters import Param, Scalar
+
+TIMING = (
+    Param(
+        name="sample_time", symbol="T", unit="s", lower=0.0, lower_open=True, scale="log",
+        doc="time between samples; the first is taken at 0",
+    ),
+    Param(
+        name="delay", symbol="τ", unit="s", default=0.0, lower=0.0,
+        doc="time from a sample until the output follows it, at most the sample time",
+    ),
+)  # fmt: skip
+
+
+class Sampler(NonlinearElement):
+    """States that move at samples only: the first is the output, the second what it becomes after the delay."""
+
+    @classmethod
+    def check(cls, given: frozenset[str], values: Values) -> None:
+        """Refuse a delay longer than the sample time."""
+        if values["delay"].real > values["sample_time"].real:
+            limit, got = values["sample_time"].real, values["delay"].real
+            raise DiagramError(f"delay must be <= sample_time ({limit:g} s), got {got:g}", at=("delay",))
+
+    @classmethod
+    def ports(cls, values: Values) -> Ports:
+        """Return one input and one output."""
+        return Ports()
+
+    @classmethod
+    def feed_through(cls, values: Values) -> Pattern:
+        """Return none: between samples the output does not follow the input."""
+        return np.zeros((1, 1), dtype=bool)
+
+    @classmethod
+    def affine(cls, mode: Mode, values: Values) -> bool:
+        """Return that nothing moves between samples."""
+        return True
+
+    @classmethod
+    def rates(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return 0: all states move at samples only."""
+        return [0.0 * m.z[0]] * len(cls.states)
+
+    @classmethod
+    def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return what is held."""
+        return [m.x[0]]
+
+    @classmethod
+    def period(cls, values: Values) -> Scalar | None:
+        """Return the sample time."""
+        period: Scalar = values["sample_time"]
+        return period
+
+    @classmethod
+    def latency(cls, values: Values) -> Scalar:
+        """Return the delay."""
+        latency: Scalar = values["delay"]
+        return latency
+
+    @classmethod
+    def update(cls, m: Moment, mode: Mode, values: Values) -> Signals:
+        """Return the output at what the last sample has made of it."""
+        return [m.x[1], *m.x[1:]]
