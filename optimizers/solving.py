@@ -134,6 +134,8 @@ def compare(
     options: Mapping[str, Any] | None = None,
     *,
     monitor: Monitor | None = None,
+    checks: Sequence[str] = (),
+    samples: int = 0,
 ) -> Comparison:
     """Solve problems that differ in their structure, with the same goals, and say which is the best.
 
@@ -152,7 +154,7 @@ def compare(
     for number, (name, problem) in enumerate(problems.items()):
         share = Share(watch, number / len(problems), 1 / len(problems))
         share.progress(0.0, f"{name}: {number + 1} of {len(problems)}")
-        results[name] = solve(kind, problem, options, monitor=share)
+        results[name] = solve(kind, problem, options, monitor=share, checks=checks, samples=samples)
     scale = Evaluator(first)
     objectives = {name: _comparable(scale, result) for name, result in results.items()}
 

@@ -326,14 +326,52 @@ class Client:
         method: Document,
         experiments: Sequence[Document] | None = None,
         scenarios: Sequence[Document] | None = None,
+        across_scenarios: str | None = None,
+        uncertain: Sequence[Document] | None = None,
+        yield_samples: int | None = None,
+        cross_check: Sequence[str] | None = None,
+        alternatives: Sequence[Document] | None = None,
     ) -> Job[Optimization]:
-        """Start a search for the variables that serve the goals best in the worst of the scenarios."""
+        """Start a search for the variables that serve the goals best in the worst of the scenarios.
+
+        Parameters
+        ----------
+        system : str or mapping
+            Id or document.
+        variables : sequence of mappings
+            `{"parameter": "kp", "lower": 1, "upper": 10}`, with `choices` or `integer` for discrete ones, with
+            `"expression": "=kp/20"` for those that are tied to others.
+        goals : sequence of mappings
+            A metric with a `sense`, with `lower`, `upper` or `target`, `"hard": False` for what need not hold; whole
+            curves with `bounds` (`envelope`, `path_bound` ...) or a `reference` (`tracking_error`).
+        method : mapping
+            `{"kind": "gradient", "seed": 1}`.
+        experiments : sequence of mappings, optional
+            Commands under which time metrics are taken.
+        scenarios : sequence of mappings, optional
+            Parameter values that the same variables must serve.
+        across_scenarios : {"worst", "mean"}, optional
+            Which objective of the scenarios counts.
+        uncertain : sequence of mappings, optional
+            `{"parameter": "mass", "lower": 0.8, "upper": 1.2}`: the variables must serve the worst of the ranges.
+        yield_samples : int, optional
+            Draws of the uncertain parameters, for the share that meets the goals.
+        cross_check : sequence of str, optional
+            Other methods that solve it, too.
+        alternatives : sequence of mappings, optional
+            Structures to be compared, each a `system` or what it has to `add` and `remove`.
+        """
         body = _given(
             system=system,
             variables=variables,
             experiments=experiments,
             goals=goals,
             scenarios=scenarios,
+            across_scenarios=across_scenarios,
+            uncertain=uncertain,
+            yield_samples=yield_samples,
+            cross_check=cross_check,
+            alternatives=alternatives,
             method=method,
         )
         return self._start("/v1/optimizations", body)

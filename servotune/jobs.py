@@ -159,6 +159,10 @@ class Job(Generic[ResultT]):
             raise JobFailedError(status=int(problem.get("status") or 500), problem=problem, request=f"job {self.id}")
         return cast("ResultT", self._transport.get(self.state.get("result") or f"/v1/jobs/{self.id}/result"))
 
+    def script(self) -> str:
+        """Return a standalone Python script that repeats an optimisation, and compares what it finds with the result."""
+        return self._transport.send("GET", f"/v1/jobs/{self.id}/script").text
+
     def _take(self, event: Event) -> None:
         """Take an event into the state: its data is the bare value or an object that holds it."""
         if event.name not in ("status", "progress", "message"):

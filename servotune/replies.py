@@ -326,6 +326,10 @@ class GoalResult(TypedDict):
     met: bool
     active: bool
     multiplier: float | None
+    hard: NotRequired[bool]
+    score: NotRequired[float | None]
+    scenario: NotRequired[int]
+    elasticities: NotRequired[dict[str, float | None]]
 
 
 class CertifiedGoal(TypedDict):
@@ -363,7 +367,70 @@ class Map(TypedDict):
     violation: list[float | None]
 
 
-class Optimization(TypedDict):
+class FrontPoint(TypedDict):
+    """A point of a front: its variables, and every goal there."""
+
+    parameters: dict[str, float]
+    goals: list[Metric]
+
+
+class CrossCheck(TypedDict):
+    """What another method reached; `gap` is relative to the size of the objective, positive where it is worse."""
+
+    method: str
+    status: str
+    objective: float | None
+    violation: float | None
+    gap: float | None
+    best: dict[str, float]
+
+
+class Share(TypedDict):
+    """The share of draws that meet every goal, with its 95 % interval."""
+
+    share: float
+    lower95: float
+    upper95: float
+    samples: int
+    unstable: int
+    failures: list[dict[str, int]]
+
+
+class Alternative(TypedDict):
+    """How the optimisation of one structure ended."""
+
+    name: str
+    status: str
+    advice: str
+    best: dict[str, float]
+    objective: float | None
+    goals: list[GoalResult]
+    certificate: Certificate
+
+
+# Made from a dictionary because one of its keys, yield, is a word of the language.
+_Extras = TypedDict(
+    "_Extras",
+    {
+        "objective": float | None,
+        "bound": float | None,
+        "conflict": list[dict[str, Any]],
+        "front": list[FrontPoint],
+        "hypervolume": float | None,
+        "knee": int,
+        "ideal": list[float | None],
+        "nadir": list[float | None],
+        "cross_check": list[CrossCheck],
+        "robustness": dict[str, Any],
+        "yield": Share,
+        "alternatives": list[Alternative],
+        "chosen": str,
+    },
+    total=False,
+)
+
+
+class Optimization(_Extras):
     """The result of an optimisation."""
 
     status: str
@@ -377,7 +444,6 @@ class Optimization(TypedDict):
     evaluations: int
     seconds: float
     map: NotRequired[Map | None]
-    front: NotRequired[list[Any] | None]
     system: dict[str, Any]
 
 

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.responses import PlainTextResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
@@ -15,9 +16,10 @@ from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
 from api.errors import invalid
-from api.schemas.jobs import IdentificationRequest, OptimizationRequest
+from api.schemas.jobs import IdentificationRequest
+from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import JobReply, Page
-from api.services import identifications, jobs, optimizations
+from api.services import identifications, jobs, optimizations, scripts
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=DocumentRoute)
@@ -33,10 +35,10 @@ def _accepted(job: dict[str, object]) -> Answer:
 @router.post("/optimizations", status_code=202, response_model=JobReply, summary="Optimise parameters")
 def optimize(request: OptimizationRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
     """Prove that the problem makes sense, then hand it to a worker."""
-    subject = optimizations.prepare(service, caller, request)
+    prepared = optimizations.prepare(service, caller, request)
 
     def work(session: Session) -> Answer:
-        return _accepted(optimizations.submit(service, session, caller, request, subject))
+        return _accepted(optimizations.submit(service, session, caller, request, prepared))
 
     return creation.create(work)
 
@@ -84,6 +86,22 @@ def result(identifier: str, caller: Reader, service: InstallationDep) -> Respons
     with service.database.session() as session:
         body = jobs.result(session, caller, identifier)
     return respond(answer(body))
+
+
+@router.get(
+    "/jobs/{identifier}/script",
+    response_class=PlainTextResponse,
+    summary="Export an optimisation as a script",
+)
+def script(identifier: str, caller: Reader, service: InstallationDep) -> PlainTextResponse:
+    """Return a standalone Python script that repeats the optimisation through the client library."""
+    with service.database.session() as session:
+        text = scripts.script_of(session, caller, identifier)
+    return PlainTextResponse(
+        text,
+        media_type="text/x-python",
+        headers={"Content-Disposition": f'attachment; filename="optimization_{identifier}.py"'},
+    )
 
 
 @router.post("/jobs/{identifier}/cancel", response_model=JobReply, summary="Cancel a job")

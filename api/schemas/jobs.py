@@ -1,4 +1,4 @@
-"""The bodies of optimisations, identifications and validations: what a measurement or a set of goals asks for."""
+"""The bodies of identifications and validations: what a measurement asks for."""
 
 from __future__ import annotations
 
@@ -6,57 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from api.schemas.methods import MethodDocument
-from api.schemas.signals import Inputs
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantity, Band, Document, Identifier, Name, Overrides, Path, Port, Quantity
+from api.schemas.values import Document, Identifier, Name, Overrides, Path, Quantity
 
 Window = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[t0, t1] in s")]
-
-
-class VariableDocument(Document):
-    """A parameter that may be chosen; bounds, scale and start default to those of the parameter itself."""
-
-    parameter: Path
-    lower: Quantity | None = None
-    upper: Quantity | None = None
-    scale: Literal["linear", "log"] | None = None
-    start: Quantity | None = None
-
-
-class ExperimentDocument(Document):
-    """Commands under which time metrics are taken."""
-
-    name: str = Field(min_length=1, max_length=100)
-    input: Inputs
-    duration: AutoOrQuantity = "auto"
-
-
-class GoalDocument(Document):
-    """A metric as objective (`sense`), as constraint (`lower`, `upper`), or as both."""
-
-    metric: str
-    experiment: str | None = None
-    output: Port | None = None
-    source: Port | None = Field(default=None, alias="from")
-    target: Port | None = Field(default=None, alias="to")
-    open_at: Port | None = None
-    band: Band | None = Field(default=None, description="for `band_energy`")
-    sense: Literal["minimize", "maximize"] | None = None
-    lower: Quantity | None = None
-    upper: Quantity | None = None
-    weight: float = 1.0
-
-
-class OptimizationRequest(Document):
-    """Variables, experiments, goals, the scenarios that one choice must serve, and the method."""
-
-    system: SystemRef
-    variables: list[VariableDocument] = Field(min_length=1, max_length=100)
-    experiments: list[ExperimentDocument] = Field(default_factory=list, max_length=100)
-    goals: list[GoalDocument] = Field(min_length=1, max_length=100)
-    scenarios: list[Overrides] = Field(default=[{}], min_length=1, max_length=100)
-    method: MethodDocument
 
 
 class IdentifiedParameter(Document):

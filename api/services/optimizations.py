@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from api.convert.optimizations import problem_from_wire, result_to_wire
+from api.convert.alternatives import altered
+from api.convert.optima import result_to_wire, summary_to_wire
+from api.convert.optimizations import problem_from_wire
 from api.convert.studies import warnings_to_wire
-from api.schemas.jobs import OptimizationRequest
+from api.convert.values import number
+from api.errors import Problem as Refused
+from api.errors import invalid
+from api.pointers import Place
+from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
+from api.schemas.systems import SystemDocument
 from api.services.datasets import reader_of
 from api.services.installation import Caller, Installation
 from api.services.jobs import job_to_wire
-from api.services.systems import Subject, compiled, subject_of
+from api.services.systems import Subject, compiled, document_of, subject_of
+from engine.errors import EngineError
 from engine.study import simulate
 from optimizers import methods
 from optimizers.problem import Problem
 from optimizers.result import Monitor
+from optimizers.solving import check_applicable, check_request, compare, solve
 from storage.session import Database
 
 KIND = "optimization"
@@ -30,8 +41,16 @@ def method_options(request: OptimizationRequest) -> tuple[str, dict[str, Any]]:
     return given.pop("kind"), given
 
 
-def prepare(service: Installation, caller: Caller, request: OptimizationRequest) -> Subject:
-    """Prove that an optimisation can be run.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A request that can be run: its system, and the documents of the structures that it compares."""
+
+    subject: Subject
+    alternatives: tuple[dict[str, Any], ...]
+
+
+def prepare(service: Installation, caller: Caller, request: OptimizationRequest) -> Prepared:
+    """Prove that an optimisation can be run, each of its alternatives if it has any.
 
     Raises
     ------
@@ -39,18 +58,73 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)
-    problem_from_wire(request, subject.diagram, read_channel=reader_of(service.database, caller.workspace))
+    read_channel = reader_of(service.database, caller.workspace)
     kind, options = method_options(request)
     methods.catalogue()[kind].resolve(options)
-    return subject
+    if request.alternatives is None:
+        _proven(problem_from_wire(request, subject.diagram, read_channel=read_channel), request)
+        return Prepared(subject=subject, alternatives=())
+    documents = []
+    for index, alternative in enumerate(request.alternatives):
+        place = ("alternatives", index)
+        document = _document(service, caller, subject, alternative, place)
+        diagram = compiled(document, place=(*place, "system"))
+        try:
+            problem = problem_from_wire(
+                request, diagram, read_channel=read_channel, variables=alternative.variables
+            )  # fmt: skip
+            _proven(problem, request)
+        except EngineError as error:
+            own = error.at[:1] == ("variables",) and alternative.variables is not None
+            raise (error.within(*place) if own else error).of(f"alternative {alternative.name!r}") from error
+        written = alternative.model_dump(by_alias=True, exclude_unset=True, include={"variables"})
+        documents.append({"name": alternative.name, "system": document, **written})
+    names = [alternative.name for alternative in request.alternatives]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise invalid(
+                f"name must be different for each alternative, got {name!r} twice", "alternatives", index, "name"
+            )
+    return Prepared(subject=subject, alternatives=tuple(documents))
+
+
+def _proven(problem: Problem, request: OptimizationRequest) -> None:
+    check_applicable(problem)
+    check_request(problem, checks=request.cross_check, samples=request.yield_samples)
+
+
+def _document(
+    service: Installation, caller: Caller, subject: Subject, alternative: AlternativeDocument, place: Place
+) -> dict[str, Any]:
+    """Return the document of an alternative: a system of its own, or the request's with its differences."""
+    if alternative.system is None:
+        document = altered(subject.document, alternative, place)
+    else:
+        for key in ("add", "remove"):
+            if getattr(alternative, key) is not None:
+                raise invalid(f"{key} must be left out beside a system of its own", *place, key)
+        try:
+            document = subject_of(service, caller, alternative.system).document
+        except Refused as error:
+            raise error.within(*place) from error
+    try:
+        return document_of(SystemDocument.model_validate(document))
+    except ValidationError as error:
+        raise invalid(
+            f"alternative {alternative.name!r} makes no system: {error.errors()[0]['msg']}", *place
+        ) from error
 
 
 def submit(
-    service: Installation, session: Session, caller: Caller, request: OptimizationRequest, subject: Subject
+    service: Installation, session: Session, caller: Caller, request: OptimizationRequest, prepared: Prepared
 ) -> dict[str, Any]:
     """Write the job down, in the caller's transaction, with the document revision it is about."""
+    subject = prepared.subject
+    asked = {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document}
+    if prepared.alternatives:
+        asked["alternatives"] = list(prepared.alternatives)
     body = {
-        "request": {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document},
+        "request": asked,
         "system_reference": dict(subject.reference) if subject.reference else None,
         "warnings": subject.warnings(),
     }
@@ -60,20 +134,46 @@ def submit(
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:
     """Compute an optimisation (in a worker) and return what is remembered of it."""
     request = OptimizationRequest.model_validate(body["request"])
-    diagram = compiled(body["request"]["system"], place=("system",))
-    problem = problem_from_wire(request, diagram, read_channel=reader_of(database, workspace))
+    read_channel = reader_of(database, workspace)
     kind, options = method_options(request)
-    result = methods.minimize(kind, problem, options, monitor=monitor)
+    extras: dict[str, Any] = {}
+    if request.alternatives is None:
+        diagram = compiled(body["request"]["system"], place=("system",))
+        problem = problem_from_wire(request, diagram, read_channel=read_channel)
+        result = solve(
+            kind, problem, options, monitor=monitor, checks=request.cross_check, samples=request.yield_samples
+        )  # fmt: skip
+    else:
+        problems = {
+            alternative["name"]: problem_from_wire(
+                request, compiled(alternative["system"], place=("alternatives", i, "system")), read_channel=read_channel,
+                variables=request.alternatives[i].variables,
+            )
+            for i, alternative in enumerate(body["request"]["alternatives"])
+        }  # fmt: skip
+        compared = compare(
+            kind, problems, options, monitor=monitor, checks=request.cross_check, samples=request.yield_samples
+        )  # fmt: skip
+        problem, result = problems[compared.best], compared.results[compared.best]
+        diagram = problem.diagram
+        extras = {
+            "chosen": compared.best,
+            "alternatives": [
+                {"name": name, **summary_to_wire(found, request.goals), "objective": number(compared.objectives[name])}
+                for name, found in compared.results.items()
+            ],
+        }
     monitor.progress(1.0, "curves before and after")
     reference = body["system_reference"]
     place = ("system",) if reference is None else None
-    return result_to_wire(
+    wire = result_to_wire(
         result,
-        request,
+        request.goals,
         curves={"before": _curves(problem, {}), "after": _curves(problem, result.best)},
         system=reference,
         warnings=warnings_to_wire(diagram.warnings, place=place),
     )
+    return wire | extras
 
 
 def _curves(problem: Problem, overrides: Mapping[str, float]) -> dict[str, Any]:

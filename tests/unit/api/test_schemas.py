@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from api.schemas.jobs import OptimizationRequest
+from api.schemas.optimizations import OptimizationRequest
 from api.schemas.signals import SignalDocument
 from api.schemas.systems import BlockDocument, SystemDocument
 from engine.elements import catalogue as elements
