@@ -1,6 +1,6 @@
-"""Pages of a list, newest first, that stay what they are while rows are inserted.
+"""Pages of a list, newest or oldest first, that stay what they are while rows are inserted.
 
-Keyset pagination: the next page holds the rows before ``(created_at, id)`` of the last one seen
+Keyset pagination: the next page holds the rows beyond ``(created_at, id)`` of the last one seen
 (https://use-the-index-luke.com/no-offset).
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Generic, TypeVar
 
-from sqlalchemy import Select, and_, or_
+from sqlalchemy import Select, literal, tuple_
 from sqlalchemy.orm import Session
 
 from storage.errors import InvalidCursorError
@@ -34,8 +34,22 @@ class Page(Generic[Row]):
     next_cursor: str | None
 
 
-def paginate(session: Session, rows: Select[Any], model: type[Any], *, cursor: str | None, limit: int) -> Page[Any]:
-    """Return one page of ``rows``, a selection of ``model`` (which has ``id`` and ``created_at``), newest first.
+def paginate(
+    session: Session,
+    rows: Select[Any],
+    model: type[Any],
+    *,
+    cursor: str | None,
+    limit: int,
+    identifier: str = "id",
+    oldest_first: bool = False,
+) -> Page[Any]:
+    """Return one page of ``rows``, a selection of ``model``, in the order of ``created_at``.
+
+    Parameters
+    ----------
+    identifier : str
+        The attribute that tells rows of the same time apart.
 
     Raises
     ------
@@ -47,17 +61,19 @@ def paginate(session: Session, rows: Select[Any], model: type[Any], *, cursor: s
     if not 1 <= limit <= MAX_LIMIT:
         raise ValueError(f"limit must be from 1 to {MAX_LIMIT}, got {limit}")
     listed: Any = model
+    order = (listed.created_at, getattr(listed, identifier))
     if cursor is not None:
-        created_at, identifier = _decode(cursor)
-        same_time = and_(listed.created_at == created_at, listed.id < identifier)
-        rows = rows.where(or_(listed.created_at < created_at, same_time))
-    found = session.scalars(rows.order_by(listed.created_at.desc(), listed.id.desc()).limit(limit + 1)).all()
+        last = tuple_(*(literal(value, column.type) for value, column in zip(_decode(cursor), order, strict=True)))
+        rows = rows.where(tuple_(*order) > last if oldest_first else tuple_(*order) < last)
+    directed = order if oldest_first else tuple(column.desc() for column in order)
+    found = session.scalars(rows.order_by(*directed).limit(limit + 1)).all()
     items = found[:limit]
-    return Page(items=items, next_cursor=_encode(items[-1]) if len(found) > limit else None)
+    last_seen = _encode(items[-1], identifier) if len(found) > limit else None
+    return Page(items=items, next_cursor=last_seen)
 
 
-def _encode(row: Any) -> str:
-    text = json.dumps([row.created_at.isoformat(), row.id])
+def _encode(row: Any, identifier: str) -> str:
+    text = json.dumps([row.created_at.isoformat(), getattr(row, identifier)])
     return base64.urlsafe_b64encode(text.encode()).decode().rstrip("=")
 
 

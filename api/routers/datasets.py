@@ -87,10 +87,12 @@ def _store(service: Installation, caller: Caller, identifier: str, sha256: str, 
 
 
 @router.get("/{identifier}/segments", response_model=Page[SegmentReply], summary="List the segments that are there")
-def segments(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+def segments(
+    identifier: str, caller: Reader, service: InstallationDep, cursor: Cursor = None, limit: Limit = 1000
+) -> Response:
     """In the order of their arrival: what is missing can be sent again."""
     with service.database.session() as session:
-        return respond(answer(datasets.segments(session, caller, identifier)))
+        return respond(answer(datasets.segments(session, caller, identifier, cursor=cursor, limit=limit)))
 
 
 @router.post(

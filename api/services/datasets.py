@@ -145,10 +145,11 @@ def put_segment(session: Session, caller: Caller, identifier: str, sha256: str, 
     return repository.put_segment(identifier, sha256, data)
 
 
-def segments(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
-    """Return the segments that are there."""
-    rows = DatasetRepository(session, caller.workspace).segments(identifier)
-    return {"items": [{"sha256": row.sha256, "size": row.size} for row in rows], "next_cursor": None}
+def segments(session: Session, caller: Caller, identifier: str, *, cursor: str | None, limit: int) -> dict[str, Any]:
+    """Return one page of the segments that are there."""
+    found = DatasetRepository(session, caller.workspace).segments(identifier, cursor=cursor, limit=limit)
+    items = [{"sha256": row.sha256, "size": row.size} for row in found.items]
+    return {"items": items, "next_cursor": found.next_cursor}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,11 +107,18 @@ class DatasetRepository:
             quotas.add_bytes(self._session, self._workspace_id, len(data))
         return new
 
-    def segments(self, identifier: str) -> Sequence[DatasetSegment]:
+    def segments(self, identifier: str, *, cursor: str | None = None, limit: int = 100) -> Page[DatasetSegment]:
         """Return the segments that are there, in the order of their arrival."""
         self.get(identifier)
-        rows = select(DatasetSegment).where(DatasetSegment.dataset_id == identifier)
-        return self._session.scalars(rows.order_by(DatasetSegment.created_at, DatasetSegment.sha256)).all()
+        return paginate(
+            self._session,
+            select(DatasetSegment).where(DatasetSegment.dataset_id == identifier),
+            DatasetSegment,
+            cursor=cursor,
+            limit=limit,
+            identifier="sha256",
+            oldest_first=True,
+        )
 
     def commit(self, identifier: str, *, segments: Sequence[str], sha256: str) -> Dataset:
         """Close a recording: its bytes are these segments in this order; its status becomes ``parsing``.
@@ -131,7 +138,8 @@ class DatasetRepository:
         if dataset.status != DatasetStatus.OPEN and (dataset.manifest, dataset.sha256) == (list(segments), sha256):
             return dataset
         dataset = self._lock(identifier, DatasetStatus.OPEN)
-        sizes = {segment.sha256: segment.size for segment in self.segments(identifier)}
+        there = select(DatasetSegment.sha256, DatasetSegment.size).where(DatasetSegment.dataset_id == identifier)
+        sizes = {row.sha256: row.size for row in self._session.execute(there)}
         missing = [segment for segment in dict.fromkeys(segments) if segment not in sizes]
         if missing:
             raise MissingSegmentsError(identifier, missing)

@@ -238,3 +238,13 @@ def test_wrong_paths_and_methods_are_problems_too(client, method, path, status) 
     assert reply.status_code == status
     assert reply.headers["Content-Type"] == "application/problem+json"
     assert reply.json()["status"] == status
+
+
+def test_pages_do_not_move_when_something_is_inserted(client) -> None:
+    made = [client.post("/v1/systems", json=LAG | {"name": f"before {i}"}).json()["id"] for i in range(4)]
+    first = client.get("/v1/systems", params={"limit": 2}).json()
+    assert [item["id"] for item in first["items"]] == [made[3], made[2]]
+    client.post("/v1/systems", json=LAG | {"name": "meanwhile"})
+    client.delete(f"/v1/systems/{made[2]}", headers={"If-Match": "*"})
+    second = client.get("/v1/systems", params={"limit": 2, "cursor": first["next_cursor"]}).json()
+    assert [item["id"] for item in second["items"]] == [made[1], made[0]]

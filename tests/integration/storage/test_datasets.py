@@ -140,7 +140,24 @@ def test_a_segment_arrives_once_however_often_it_is_sent(database):
         datasets = DatasetRepository(session, DEFAULT_WORKSPACE)
         assert datasets.put_segment(identifier, sha256_of(data), data)
         assert not datasets.put_segment(identifier, sha256_of(data), data)
-        assert [(row.sha256, row.size) for row in datasets.segments(identifier)] == [(sha256_of(data), 2560)]
+        assert [(row.sha256, row.size) for row in datasets.segments(identifier).items] == [(sha256_of(data), 2560)]
+
+
+def test_segments_are_paged_in_the_order_of_their_arrival(database):
+    identifier = create(database)
+    pieces = [bytes([number]) * 2560 for number in range(5)]
+    seen = []
+    cursor = None
+    with database.session() as session:
+        datasets = DatasetRepository(session, DEFAULT_WORKSPACE)
+        for piece in pieces:
+            datasets.put_segment(identifier, sha256_of(piece), piece)
+        while True:
+            page = datasets.segments(identifier, cursor=cursor, limit=2)
+            seen += [row.sha256 for row in page.items]
+            if (cursor := page.next_cursor) is None:
+                break
+    assert seen == [sha256_of(piece) for piece in pieces]
 
 
 def test_a_corrupt_segment_leaves_nothing(database):
