@@ -167,7 +167,7 @@ def linear_loops(problem: Problem, ratios: Sequence[Ratio]) -> tuple[LinearLoop,
         number of a command, or there are too many.
     """
     _refuse(problem)
-    reasons: list[ProblemError] = []
+    reasons: list[tuple[int, ProblemError]] = []
     for place in _places(problem):
         try:
             loops = tuple(LinearLoop(problem, scenario, ratios, place) for scenario in problem.scenarios)
@@ -179,7 +179,7 @@ def linear_loops(problem: Problem, ratios: Sequence[Ratio]) -> tuple[LinearLoop,
         reasons.append(reason)
     if not reasons:
         raise ProblemError("goals must belong to a diagram with a loop that can be cut, got none", at=("goals",))
-    raise reasons[0]
+    raise min(reasons, key=lambda reason: reason[0])[1]  # the place where least stands in the way
 
 
 def _refuse(problem: Problem) -> None:
@@ -207,11 +207,12 @@ def _refuse(problem: Problem) -> None:
 def _places(problem: Problem) -> list[str]:
     """Return where the loop may be cut: first where the goals do, then at every connection."""
     named = [goal.open_at for goal in problem.goals if goal.open_at is not None]
-    return list(dict.fromkeys([*named, *(c.source for c in problem.diagram.system.connections)]))
+    sources = [c.source for c in problem.diagram.system.connections]
+    return list(dict.fromkeys([*named, *(source for source in sources if source not in problem.diagram.inputs)]))
 
 
-def _curvature(loop: LinearLoop) -> ProblemError | None:
-    """Return why the responses of a loop are not linear in the variables, or None when they are."""
+def _curvature(loop: LinearLoop) -> tuple[int, ProblemError] | None:
+    """Return what is against linear responses (how many variables, and the words for it), or None when nothing is."""
     axes, base = loop.problem.axes, loop.base
     frequencies = np.geomspace(0.1 * loop.slowest, 10 * loop.fastest, _LOOKS)
     known = loop.coefficients(frequencies)
@@ -234,7 +235,7 @@ def _curvature(loop: LinearLoop) -> ProblemError | None:
         else f"in all variables together for the method convex, got products of {names} (controllers in series or in "
         f"different loops): hold some at a value"
     )
-    return ProblemError(
+    return len(alone) or len(axes), ProblemError(
         f"the response of the loop opened at {loop.open_at} must be linear {what}, or use the method gradient",
         at=("variables", alone[0], "parameter") if alone else ("variables",),
     )

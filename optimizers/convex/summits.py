@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.evaluation import Evaluation
     from optimizers.convex.linear_controller import Coefficients, LinearLoop, Real
     from optimizers.problem import Vector
 
@@ -51,9 +53,9 @@ def at_rest(loop: LinearLoop) -> Real:
     return np.array([_AT_REST * loop.slowest])
 
 
-def scan(loop: LinearLoop, x: Vector) -> Real:
-    """Return frequencies (rad/s, rising) fine enough that no summit at ``x`` hides between neighbours."""
-    omega, _ = loop.evaluation(x).loop(loop.open_at).response.scan
+def scan(loop: LinearLoop, evaluation: Evaluation) -> Real:
+    """Return frequencies (rad/s, rising) fine enough that no summit hides between neighbours."""
+    omega, _ = evaluation.loop(loop.open_at).response.scan
     corners = [w for ratio in loop.ratios for w in ratio.corners]
     ends = [min([omega[0], *corners]) / _BEYOND, _BEYOND * max([omega[-1], *corners])]
     between = [np.geomspace(a, b, 30) for a, b in ((ends[0], omega[0]), (omega[-1], ends[1]))]
@@ -62,25 +64,9 @@ def scan(loop: LinearLoop, x: Vector) -> Real:
 
 def grid(loop: LinearLoop, x: Vector) -> Real:
     """Return frequencies for the first convex problem: the scan, thinned."""
-    omega = scan(loop, x)
+    omega = scan(loop, loop.evaluation(x))
     chosen = omega[np.unique(np.linspace(0, len(omega) - 1, _GRID).round().astype(int))]
     return np.unique(np.concatenate([chosen, [w for ratio in loop.ratios for w in ratio.corners]]))
-
-
-def summits(loop: LinearLoop, x: Vector) -> Summits:
-    """Return the largest magnitudes of all ratios at parameter values."""
-    omega = scan(loop, x)
-    known = loop.coefficients(omega)
-    values, frequencies = np.zeros(len(loop.ratios)), [np.zeros(0)]
-    for r, ratio in enumerate(loop.ratios):
-        if ratio.at_rest:
-            values[r] = height(loop.coefficients(at_rest(loop)), x, r)[0]
-            continue
-        inside = (omega >= ratio.band[0]) & (omega <= ratio.band[1])
-        tops, heights = _climbed(loop, x, r, omega[inside], height(known.at(inside), x, r))
-        values[r] = heights.max(initial=0.0)
-        frequencies.append(tops)
-    return Summits(values=values, frequencies=np.concatenate(frequencies), stable=stable(loop, x))
 
 
 def stable(loop: LinearLoop, x: Vector) -> bool:
@@ -88,20 +74,46 @@ def stable(loop: LinearLoop, x: Vector) -> bool:
     return loop.evaluation(x).poles.verdict is Verdict.OK
 
 
-def _climbed(loop: LinearLoop, x: Vector, ratio: int, omega: Real, heights: Real) -> tuple[Real, Real]:
-    """Return (frequencies, heights) of the local summits that come near to the highest."""
+def summits(loop: LinearLoop, x: Vector) -> Summits:
+    """Return the largest magnitudes of all ratios at parameter values."""
+    evaluation = loop.evaluation(x)
+    omega = scan(loop, evaluation)
+    known = loop.coefficients(omega)
+    values = np.zeros(len(loop.ratios))
+    brackets = []
+    for r, ratio in enumerate(loop.ratios):
+        if ratio.at_rest:
+            values[r] = height(loop.coefficients(at_rest(loop)), x, r)[0]
+            continue
+        inside = (omega >= ratio.band[0]) & (omega <= ratio.band[1])
+        brackets += _brackets(r, omega[inside], height(known.at(inside), x, r))
+    tops, owners, heights = _climbed(loop, x, np.array(brackets).reshape(-1, 5))
+    np.maximum.at(values, owners, heights)
+    return Summits(values=values, frequencies=tops, stable=evaluation.poles.verdict is Verdict.OK)
+
+
+def _brackets(ratio: int, omega: Real, heights: Real) -> list[tuple[float, ...]]:
+    """Return (ratio, lower neighbour, frequency, upper neighbour, height) of the local summits near to the highest."""
     padded = np.concatenate([[-np.inf], heights, [-np.inf]])
     local = (heights >= padded[:-2]) & (heights >= padded[2:])
     tops = np.flatnonzero(local & (heights >= _NEAR * heights.max(initial=0.0)))
     tops = tops[np.argsort(heights[tops], kind="stable")[-_MOST:]]
     low, high = omega[np.maximum(tops - 1, 0)], omega[np.minimum(tops + 1, len(omega) - 1)]
-    best, at = heights[tops], omega[tops]
-    rows, shares = np.arange(len(tops)), np.linspace(0, 1, _CLOSER)
+    return list(zip([ratio] * len(tops), low, omega[tops], high, heights[tops], strict=True))
+
+
+def _climbed(loop: LinearLoop, x: Vector, brackets: Real) -> tuple[Real, npt.NDArray[np.intp], Real]:
+    """Return (frequency, ratio, height) of the summits inside their brackets."""
+    owners = brackets[:, 0].astype(np.intp)
+    low, at, high, best = brackets[:, 1:].T
+    rows, shares = np.arange(len(owners)), np.linspace(0, 1, _CLOSER)
     for _ in range(_ROUNDS):
         closer = low[:, None] * (high / low)[:, None] ** shares
-        found = height(loop.coefficients(closer.ravel()), x, ratio).reshape(closer.shape)
-        where = found.argmax(axis=1)
-        better = found[rows, where] > best
-        at, best = np.where(better, closer[rows, where], at), np.maximum(best, found[rows, where])
+        known = loop.coefficients(closer.ravel())
+        found = np.array([height(known, x, r) for r in range(len(loop.ratios))])
+        mine = found.reshape(-1, *closer.shape)[owners, rows]
+        where = mine.argmax(axis=1)
+        better = mine[rows, where] > best
+        at, best = np.where(better, closer[rows, where], at), np.maximum(best, mine[rows, where])
         low, high = closer[rows, np.maximum(where - 1, 0)], closer[rows, np.minimum(where + 1, _CLOSER - 1)]
-    return at, best
+    return at, owners, best

@@ -92,6 +92,8 @@ class Convex(Method):
             status, advice = _outcome(ends, problem)
         monitor.progress(0.95, "proving the optimum")
         best = problem.start() if tracker.best is None else tracker.best
+        if ends:  # what came by on the way may lie beyond the bounds by what the certificate tolerates
+            best = _position(problem, min((point for point, _ in ends), key=lambda point: point.rank).x)
         return conclude(tracker, best, status, advice)
 
 
