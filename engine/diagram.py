@@ -21,6 +21,7 @@ from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.nonlinear.channels import Channels
 from engine.nonlinear.linearize import joined, small_signal
+from engine.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.nonlinear.system import NonlinearSystem
 from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
@@ -86,11 +87,13 @@ class Diagram:
     warnings : tuple of Remark
         Unconnected inputs and unused parameters.
     nonlinear : bool
-        Whether a block is nonlinear. `realize` and its siblings then give the system linearised about its operating point
-        with all inputs 0; `laws` gives the system itself.
+        Whether a block is nonlinear. `realize` and its siblings then give the system linearised about its operating point,
+        with all inputs 0 unless `about` says otherwise; `laws` gives the system itself.
+    constants : mapping of input name to float
+        Constant inputs of the operating point; 0 where left out.
     """
 
-    def __init__(self, system: System, flat: Flat) -> None:
+    def __init__(self, system: System, flat: Flat, constants: Mapping[str, float] | None = None) -> None:
         root = flat.root
         self.system = system
         self.inputs = tuple(name for name, entry in root.entries.items() if entry.role is not None)
@@ -109,6 +112,7 @@ class Diagram:
         self._systems: dict[str | None, LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = _describe(flat.numbers)
         self.warnings = (*unconnected, *flat.warnings)
+        self.constants: Mapping[str, float] = dict(constants or {})
         self._realizations = self._realize_base()
 
     @property
@@ -121,14 +125,56 @@ class Diagram:
         """What a linearised answer must say: that it is one, and what stands for slopes that do not exist."""
         if not self.nonlinear:
             return ()
+        given = ", ".join(f"{name} = {value:g}" for name, value in self.constants.items()) or "0"
         general = Remark(
-            at=("blocks",), detail="the system is nonlinear: linearised about its operating point, inputs 0"
+            at=("blocks",), detail=f"the system is nonlinear: linearised about its operating point, inputs {given}"
         )
         own = [Remark(at=block.at, detail=f"{block.path}: {note}") for block, note in self._channels.notes()]
         return (general, *own)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return compile_system, (self.system,)
+        return _restored, (self.system, self.constants)
+
+    def about(self, constants: Mapping[str, float]) -> Diagram:
+        """Return the same diagram, its nonlinear blocks linearised where it rests under constant inputs.
+
+        Parameters
+        ----------
+        constants : mapping of input name to float
+            SI; 0 where left out.
+
+        Raises
+        ------
+        DiagramError
+            If there is no input of that name.
+        """
+        for name in constants:
+            if name not in self.inputs:
+                msg = f"input must be one of {', '.join(self.inputs) or '(none)'}, got '{name}'"
+                raise DiagramError(msg, at=(name,))
+        return Diagram(self.system, self._flat, constants)
+
+    def operating_point(self, overrides: Mapping[str, float] | None = None) -> OperatingPoint:
+        """Return where the diagram rests under its constant inputs, and whether it rests at all."""
+        return operating_point(self.laws(overrides), self.constants)
+
+    def around(self, law: str, overrides: Mapping[str, float] | None = None) -> LinearSystem:
+        """Return what one nonlinear block sees of the rest: its output is the last input, its input the last output.
+
+        All other nonlinear blocks are linearised. Outputs that read the block's own output read its input instead.
+
+        Parameters
+        ----------
+        law : str
+            Path of a nonlinear block with one input and one output.
+        overrides : mapping, optional
+            Parameter values (SI) by path.
+        """
+        realizations, values = self._changed(overrides or {})
+        found = self._linearized(realizations, self._laws(realizations, values))
+        number = next(n for n in self._channels.numbers if self._flat.blocks[n].path == law)
+        found[number] = Realization.static(np.ones((1, 1)))
+        return self._assemble(found, self._wiring(law))
 
     def realize(
         self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
@@ -220,9 +266,12 @@ class Diagram:
     def _linearized(self, realizations: list[Realization], system: NonlinearSystem) -> list[Realization]:
         """Return the realisations with the slopes of the nonlinear blocks at the operating point."""
         found = list(realizations)
-        for number, realization in zip(self._channels.numbers, small_signal(system), strict=True):
+        for number, realization in zip(self._channels.numbers, self._slopes(system), strict=True):
             found[number] = realization
         return found
+
+    def _slopes(self, system: NonlinearSystem) -> list[Realization]:
+        return small_signal(system, operating_point(system, self.constants))
 
     def realize_stack(
         self, overrides: Mapping[str, npt.NDArray[Any]], open_at: str | None = None, members: int | None = None
@@ -283,7 +332,7 @@ class Diagram:
         members: list[list[Realization] | None] = []
         for index in range(len(admitted)):
             try:
-                members.append(small_signal(system.member(index)) if admitted[index] else None)
+                members.append(self._slopes(system.member(index)) if admitted[index] else None)
             except EngineError:  # a loop through nonlinear blocks has no solution for this member
                 members.append(None)
         for place, number in enumerate(self._channels.numbers):
@@ -458,6 +507,11 @@ class Diagram:
             if name not in used
         )
         return consumers, warnings
+
+
+def _restored(system: System, constants: Mapping[str, float]) -> Diagram:
+    made = compile_system(system)
+    return made.about(constants) if constants else made
 
 
 def _describe(numbers: Numbers) -> dict[str, ParameterInfo]:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from engine.document import Remark
 from engine.errors import DiagramError
 from engine.evaluation import LARGEST, Evaluation
+from engine.limit_cycles import LimitCycle, PredictedCycle, observed, predicted
 from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
 from engine.linear.path import path
@@ -39,6 +40,7 @@ from engine.verdicts import Measured, Verdict
 if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.curve import Curve
+    from engine.nonlinear.response import Response
     from engine.signals import Signal
 
 Real = npt.NDArray[np.float64]
@@ -55,6 +57,8 @@ class Simulation:
     warnings: tuple[Remark, ...]
     error: float | None = None
     """Estimated error of the curves relative to their largest values; None for the exact response of a linear system."""
+    limit_cycle: LimitCycle | None = None
+    """What a nonlinear response swings in for ever after its commands have settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,11 @@ class Margins:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyStudy:
-    """A frequency response with its metrics; ``margins`` only for an open loop, and ``nyquist`` where it can be counted."""
+    """A frequency response with its metrics; ``margins`` only for an open loop, and ``nyquist`` where it can be counted.
+
+    Of a nonlinear system it is that of its linearisation at the ``operating_point``; where its loop is opened,
+    ``limit_cycles`` are those that describing functions predict.
+    """
 
     frequency: Real
     response: npt.NDArray[np.complex128]
@@ -80,6 +88,20 @@ class FrequencyStudy:
     poles: npt.NDArray[np.complex128]
     verdict: Verdict
     warnings: tuple[Remark, ...]
+    operating_point: Rest | None = None
+    limit_cycles: tuple[PredictedCycle, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """Where a nonlinear system is linearised: constant inputs, the outputs there; ``rests`` is False where nothing rests.
+
+    The slopes are then those of the initial state.
+    """
+
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, float]
+    rests: bool
 
 
 def simulate(
@@ -181,15 +203,34 @@ def _simulate_nonlinear(
     verdict = outcome.verdict
     if verdict is Verdict.OK and not response.settled and duration is None:
         verdict = Verdict.NOT_SETTLED
-    advice = (Remark(at=("blocks",), detail=outcome.advice),) if outcome.advice else ()
+    advice = [outcome.advice] if outcome.advice else []
+    cycle = _limit_cycle(evaluation, response, signals, names)
+    if cycle is not None:
+        advice.append(f"the response does not settle: it ends in a limit cycle of {cycle.frequency:.6g} rad/s")
     return Simulation(
         time=time,
         curves=curves,
         metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band),
         verdict=verdict,
-        warnings=(*evaluation.diagram.warnings, *advice),
+        warnings=(*evaluation.diagram.warnings, *(Remark(at=("blocks",), detail=detail) for detail in advice)),
         error=outcome.error,
+        limit_cycle=cycle,
     )
+
+
+def _limit_cycle(
+    evaluation: Evaluation, response: Response, signals: Mapping[str, Signal], names: Sequence[str]
+) -> LimitCycle | None:
+    """Return the limit cycle in which a response to commands that settle ends, None where it does not."""
+    if response.settled or any(signal.final() is None for signal in signals.values()):
+        return None
+    last = max((t for s in signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
+    found = observed(response, names, last)
+    if found is None:
+        return None
+    frequency, outputs = found
+    predictions = predicted(evaluation.diagram, evaluation.overrides)
+    return LimitCycle(frequency=frequency, outputs=outputs, predictions=predictions)
 
 
 def _moves_until(curve: Curve, last: float) -> float:
@@ -319,8 +360,11 @@ def frequency_response(
         msg = "a frequency response must have 'from' and 'to', or 'open_at', got neither"
         raise DiagramError(msg)
     evaluation = Evaluation(diagram, overrides)
-    margins = nyquist = None
+    margins = nyquist = rest = None
     remarks = diagram.warnings
+    if diagram.nonlinear:
+        rest, doubts = _rest(diagram, overrides)
+        remarks = (*remarks, *doubts)
     if open_at is not None:
         loop = evaluation.loop(open_at)
         curve = loop.response
@@ -355,7 +399,21 @@ def frequency_response(
         poles=evaluation.poles.values,
         verdict=evaluation.poles.verdict,
         warnings=(*remarks, *diagram.linearization),
+        operating_point=rest,
+        limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
     )
+
+
+def _rest(diagram: Diagram, overrides: Mapping[str, float] | None) -> tuple[Rest, tuple[Remark, ...]]:
+    """Return where a nonlinear system is linearised, and what to say where it does not rest."""
+    point = diagram.operating_point(overrides)
+    rest = Rest(
+        inputs={name: float(value) for name, value in zip(diagram.inputs, point.inputs, strict=True)},
+        outputs={name: float(value) for name, value in zip(diagram.outputs, point.y[0].real, strict=True)},
+        rests=point.rests,
+    )
+    detail = "no state of rest is found: the system is linearised about its initial state"
+    return rest, () if point.rests else (Remark(at=("blocks",), detail=detail),)
 
 
 def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdict: Verdict) -> tuple[Remark, ...]:

@@ -131,14 +131,22 @@ class Client:
         open_at: str | None = None,
         frequencies: Sequence[float] | None = None,
         metrics: Sequence[str] | None = None,
+        operating_point: Document | None = None,
         variants: Sequence[Document] | None = None,
     ) -> FrequencyResponse:
         """Return the frequency response from an input to an output, or, with `open_at`, of the loop cut at that block.
 
-        Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`.
+        Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
+        linearised where it rests under the constant inputs of `operating_point`, `{"reference": 0.1}`; 0 by default.
         """
         body = _given(
-            system=system, to=to, open_at=open_at, frequencies=frequencies, metrics=metrics, variants=variants
+            system=system,
+            to=to,
+            open_at=open_at,
+            frequencies=frequencies,
+            metrics=metrics,
+            operating_point=operating_point,
+            variants=variants,
         ) | _given(**{"from": from_})
         return cast("FrequencyResponse", self._transport.post("/v1/frequency-responses", body))
 

@@ -116,6 +116,32 @@ class Spectrum(TypedDict):
     warnings: list[Warned]
 
 
+class PredictedCycle(TypedDict):
+    """A limit cycle (rad/s) by the describing function of one block; ``amplitude`` is that at the block's input."""
+
+    block: str
+    frequency: float
+    amplitude: float
+    outputs: dict[str, float]
+    stable: bool
+
+
+class LimitCycle(TypedDict):
+    """What a response swings in for ever (rad/s, amplitudes of the fundamental), beside what is predicted."""
+
+    frequency: float
+    outputs: dict[str, float]
+    predictions: list[PredictedCycle]
+
+
+class OperatingPoint(TypedDict):
+    """Where a nonlinear system is linearised (SI)."""
+
+    inputs: dict[str, float]
+    outputs: dict[str, float]
+    rests: bool
+
+
 class SimulationVariant(TypedDict):
     """The responses of one set of parameter values."""
 
@@ -125,6 +151,7 @@ class SimulationVariant(TypedDict):
     outputs: dict[str, list[float]]
     metrics: dict[str, dict[str, Metric]]
     error_estimate: NotRequired[float | None]
+    limit_cycle: NotRequired[LimitCycle | None]
 
 
 class Simulation(TypedDict):
@@ -179,6 +206,8 @@ class FrequencyVariant(TypedDict):
     margins: NotRequired[Margins | None]
     nyquist: NotRequired[Nyquist | None]
     poles: list[Root]
+    operating_point: NotRequired[OperatingPoint | None]
+    limit_cycles: NotRequired[list[PredictedCycle] | None]
 
 
 class FrequencyResponse(TypedDict):

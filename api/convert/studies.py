@@ -11,6 +11,7 @@ from api.convert.values import measured_to_wire, number, numbers
 from api.errors import invalid
 from api.pointers import Place, pointer
 from engine.influence import Influence
+from engine.limit_cycles import PredictedCycle
 from engine.metrics import catalogue
 from engine.prediction import Prediction
 from engine.study import FrequencyStudy, Simulation
@@ -53,7 +54,7 @@ def warnings_to_wire(warnings: Iterable[Any], *, place: Place | None) -> list[di
 
 def simulation_to_wire(simulation: Simulation) -> dict[str, Any]:
     """Return one variant of a simulation."""
-    return {
+    body: dict[str, Any] = {
         "time": numbers(simulation.time),
         "outputs": {name: numbers(curve) for name, curve in simulation.curves.items()},
         "metrics": {
@@ -62,6 +63,24 @@ def simulation_to_wire(simulation: Simulation) -> dict[str, Any]:
         },
         "verdict": str(simulation.verdict),
         "error_estimate": None if simulation.error is None else number(simulation.error),
+    }
+    cycle = simulation.limit_cycle
+    if cycle is not None:
+        body["limit_cycle"] = {
+            "frequency": number(cycle.frequency),
+            "outputs": {name: number(value) for name, value in cycle.outputs.items()},
+            "predictions": [_predicted_cycle(prediction) for prediction in cycle.predictions],
+        }
+    return body
+
+
+def _predicted_cycle(cycle: PredictedCycle) -> dict[str, Any]:
+    return {
+        "block": cycle.block,
+        "frequency": number(cycle.frequency),
+        "amplitude": number(cycle.amplitude),
+        "outputs": {name: number(value) for name, value in cycle.outputs.items()},
+        "stable": cycle.stable,
     }
 
 
@@ -93,6 +112,15 @@ def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
             "open_loop_unstable_poles": study.nyquist.open_loop,
             "closed_loop_unstable_poles": study.nyquist.closed_loop,
         }
+    point = study.operating_point
+    if point is not None:
+        body["operating_point"] = {
+            "inputs": {name: number(value) for name, value in point.inputs.items()},
+            "outputs": {name: number(value) for name, value in point.outputs.items()},
+            "rests": point.rests,
+        }
+        if study.margins is not None:
+            body["limit_cycles"] = [_predicted_cycle(cycle) for cycle in study.limit_cycles]
     return body
 
 

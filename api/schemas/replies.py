@@ -141,6 +141,32 @@ class StudyReply(Reply):
     warnings: list[WarningReply]
 
 
+class PredictedCycleReply(Reply):
+    """A limit cycle by the describing function of one block; one that is not stable parts what dies from what grows."""
+
+    block: str
+    frequency: Number = Field(description="rad/s")
+    amplitude: Number = Field(description="of the fundamental at the block's input")
+    outputs: dict[str, Number] = Field(description="amplitude of each output's fundamental")
+    stable: bool
+
+
+class LimitCycleReply(Reply):
+    """What a response swings in for ever, beside what describing functions predict."""
+
+    frequency: Number = Field(description="rad/s")
+    outputs: dict[str, Number] = Field(description="amplitude of each output's fundamental")
+    predictions: list[PredictedCycleReply]
+
+
+class OperatingPointReply(Reply):
+    """Where a nonlinear system is linearised; where it does not rest, at its initial state."""
+
+    inputs: dict[str, Number]
+    outputs: dict[str, Number]
+    rests: bool
+
+
 class SimulationVariant(Reply):
     """One set of parameters."""
 
@@ -152,6 +178,9 @@ class SimulationVariant(Reply):
     error_estimate: float | None = Field(
         default=None,
         description="of the curves of a nonlinear system, relative to their largest values; null: exact to rounding",
+    )
+    limit_cycle: LimitCycleReply | None = Field(
+        default=None, description="where a nonlinear response to commands that settle does not"
     )
 
 
@@ -206,6 +235,10 @@ class FrequencyVariant(Reply):
     margins: Margins | None = None
     nyquist: NyquistReply | None = None
     poles: list[Pole]
+    operating_point: OperatingPointReply | None = Field(default=None, description="of a nonlinear system")
+    limit_cycles: list[PredictedCycleReply] | None = Field(
+        default=None, description="of a nonlinear system with `open_at`: what describing functions predict"
+    )
 
 
 class FrequencyReply(StudyReply):

@@ -36,6 +36,10 @@ class FrequencyRequest(Document):
     open_at: Port | None = None
     frequencies: AutoOrQuantities = Field(default="auto", description="rad/s")
     metrics: Names | None = Field(default=None, description="default: those that apply")
+    operating_point: Overrides | None = Field(
+        default=None,
+        description="constant inputs under which a nonlinear system rests where it is linearised; 0 where left out",
+    )
     variants: list[Overrides] | None = Field(default=None, min_length=1)
     keep: bool = False
 

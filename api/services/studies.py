@@ -146,6 +146,8 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
     _check_path(request, diagram)
     metrics = check_metrics(request.metrics)
     frequencies = frequencies_of(request.frequencies)
+    if request.operating_point:
+        diagram = diagram.about(constants_from_wire(request.operating_point, diagram))
     variants = variants_of(request.variants, diagram)
     count = 1000 if frequencies is None else frequencies.size
     service.computing.check_size(samples=count, curves=5, variants=len(variants))
@@ -192,6 +194,16 @@ def check_open_at(open_at: str | None, diagram: Diagram) -> None:
     except EngineError as error:
         # What is wrong is the name in the request, not a place in the document.
         raise invalid(error.message, "open_at") from error
+
+
+def constants_from_wire(given: Mapping[str, Any] | None, diagram: Diagram) -> dict[str, float]:
+    """Return the constant inputs of an operating point, SI (inputs have no unit of their own)."""
+    found = {}
+    for name, value in (given or {}).items():
+        place: Place = ("operating_point", name)
+        check_name(name, diagram.inputs, name="input", what="the system's inputs", place=place)
+        found[name] = si(value, "", name=name, place=place)
+    return found
 
 
 def frequencies_of(given: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:

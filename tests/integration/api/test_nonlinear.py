@@ -126,6 +126,50 @@ def test_energy_in_a_band_of_a_simulation(client) -> None:
     assert (reply.status_code, reply.json()["errors"][0]["pointer"]) == (422, "/band")
 
 
+def test_a_frequency_response_about_an_operating_point(client) -> None:
+    """x = r while |r| < 1, where the slope is 1; beyond, u stays at 1 and x runs on: nothing rests."""
+    body = {"system": SATURATED, "from": "r", "to": "y", "frequencies": [1.0]}
+    reply = client.post("/v1/frequency-responses", json=body | {"operating_point": {"r": 0.5}})
+    assert reply.status_code == 200, reply.text
+    FrequencyReply.model_validate(reply.json())
+    (variant,) = reply.json()["variants"]
+    assert variant["operating_point"] == {
+        "inputs": {"r": 0.5}, "outputs": {"y": pytest.approx(0.5), "u": pytest.approx(0.0, abs=1e-12)}, "rests": True,
+    }  # fmt: skip
+    assert any("inputs r = 0.5" in warning["detail"] for warning in reply.json()["warnings"])
+    reply = client.post("/v1/frequency-responses", json=body | {"operating_point": {"ghost": 0.5}})
+    assert (reply.status_code, reply.json()["errors"][0]["pointer"]) == (422, "/operating_point/ghost")
+
+
+def test_a_limit_cycle_is_told_beside_its_prediction(client) -> None:
+    """10/(s (s+1) (s+2)) behind a saturation: -180° at sqrt 2, N(A) = 0.6."""
+    system = {
+        "blocks": {
+            "r": {"kind": "input"}, "e": {"kind": "sum", "signs": "+-"}, "s": {"kind": "saturation"},
+            "g": {"kind": "transfer_function", "numerator": [10], "denominator": [1, 3, 2, 0]},
+        },
+        "connections": [
+            {"from": "r", "to": "e.in1"}, {"from": "g", "to": "e.in2"}, {"from": "e", "to": "s"}, {"from": "s", "to": "g"},
+        ],
+        "outputs": {"y": "g"},
+    }  # fmt: skip
+    step = {"port": "r", "signal": {"kind": "step", "amplitude": 0.1}}
+    reply = client.post("/v1/simulations", json={"system": system, "input": step, "duration": 80})
+    assert reply.status_code == 200, reply.text
+    SimulationReply.model_validate(reply.json())
+    cycle = reply.json()["variants"][0]["limit_cycle"]
+    (prediction,) = cycle["predictions"]
+    assert prediction["block"] == "s"
+    assert prediction["stable"] is True
+    assert prediction["frequency"] == pytest.approx(math.sqrt(2), rel=1e-8)
+    assert cycle["frequency"] == pytest.approx(math.sqrt(2), rel=0.02)
+    assert cycle["outputs"]["y"] == pytest.approx(prediction["outputs"]["y"], rel=0.03)
+    assert any("limit cycle" in warning["detail"] for warning in reply.json()["warnings"])
+    reply = client.post("/v1/frequency-responses", json={"system": system, "open_at": "s"})
+    FrequencyReply.model_validate(reply.json())
+    assert reply.json()["variants"][0]["limit_cycles"] == [prediction]
+
+
 def test_an_ill_posed_loop_through_a_law_is_refused_with_its_place(client) -> None:
     broken = {
         "blocks": {"r": {"kind": "input"}, "e": {"kind": "sum", "signs": "++"}, "s": {"kind": "saturation"}},
