@@ -1,0 +1,1 @@
+"""Optimisers against published optima and against peers."""
