@@ -16,6 +16,7 @@
 | ``SERVOTUNE_COMPUTE_SLOTS`` | (CPU cores) | requests that compute at the same time |
 | ``SERVOTUNE_WORKER_SLOTS`` | 1 | jobs that a worker computes at the same time |
 | ``SERVOTUNE_REQUEST_SECONDS`` | 60 | longest computation inside a request, s |
+| ``SERVOTUNE_JOB_MEMORY`` | 8589934592 | memory that one job may use, bytes; 0: no limit |
 | ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
 | ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
@@ -49,6 +50,7 @@ class Settings(BaseSettings):
     max_numbers: int = Field(default=5_000_000, ge=1000)
     compute_slots: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     worker_slots: int = Field(default=1, ge=1)
+    job_memory: int = Field(default=8 << 30, ge=0)
     request_seconds: float = Field(default=60.0, gt=0)
     worker_stale_seconds: float = Field(default=30.0, gt=0)
     idempotency_hours: float = Field(default=24.0, gt=0)

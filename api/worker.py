@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from api.errors import KNOWN, problem_of
+from api.errors import KNOWN, Problem, problem_of
 from api.services import datasets, identifications, optimizations, parsing
+from api.settings import Settings
 from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
 from storage.session import Database, open_database
@@ -48,14 +50,25 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     Refusal
         With the problem that the user should read.
     """
+    limit = _bound_memory(Settings().job_memory)
     with _database(job.database_url) as database:
         try:
             return _RUN[job.kind](job, database, reporter)
+        except MemoryError as error:
+            detail = f"a job must need at most {limit} bytes of memory (SERVOTUNE_JOB_MEMORY), got one that needs more"
+            raise Refusal(**Problem(422, "too-large", detail).document()) from error
         except KNOWN as error:
             problem = problem_of(error)
             assert problem is not None
             document = problem.document()
             raise Refusal(**document) from error
+
+
+def _bound_memory(limit: int) -> int:
+    """Let this process, which computes one job and ends, have no more memory than that; 0 is as much as there is."""
+    if limit:
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+    return limit
 
 
 def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import signal
@@ -19,7 +20,7 @@ import pytest
 
 from api.commands import openapi
 from tests.integration.api.conftest import finished
-from tests.integration.api.documents import RAW, lag_recording, upload
+from tests.integration.api.documents import LAG, RAW, lag_recording, upload
 from tests.integration.api.test_datasets import FILE, TEXT
 
 KEY = "a-key-of-the-operator"
@@ -144,3 +145,23 @@ def test_wrong_settings_end_with_a_sentence(tmp_path, settings, says) -> None:
 def test_openapi_is_printed(capsys) -> None:
     assert openapi([]) == 0
     assert '"openapi": "3.1.0"' in capsys.readouterr().out
+
+
+def test_no_secret_gets_into_the_most_talkative_log(tmp_path, database_url) -> None:
+    password = "the-password-of-the-database"
+    with_password = database_url.replace("postgres@/", f"postgres:{password}@/")
+    log = tmp_path / "log.txt"
+    with served(tmp_path, "--no-worker", database=with_password, bootstrap_key=KEY, log_level="debug") as (_, client):
+        made = client.post("/v1/keys", json={"name": "x", "scopes": ["read"]}, headers={"Idempotency-Key": "once"})
+        signed_in = client.post("/v1/session")
+        ticket = client.post("/v1/tickets").json()["ticket"]
+        client.post("/v1/systems", json={"name": "a-name-nobody-else-reads"})
+        client.post("/v1/systems", json=LAG | {"name": "a-name-nobody-else-reads"})
+        client.get("/v1/nothing", headers={"Authorization": "Bearer st_a_wrong_key"})
+        secrets = [KEY, password, made.json()["key"], signed_in.cookies["servotune_sign_in"], ticket]
+        secrets += [signed_in.json()["csrf_token"], "st_a_wrong_key", "a-name-nobody-else-reads"]
+        secrets += [hashlib.sha256(secret.encode()).hexdigest() for secret in secrets]
+    written = log.read_text()
+    assert "POST /v1/keys" in written  # it was talkative
+    assert "Traceback" not in written
+    assert [secret for secret in secrets if secret in written] == []
