@@ -18,6 +18,7 @@ from engine.parameters import Param
 from optimizers.blocks import in_blocks
 from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
+from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import Keeper, Method
 from optimizers.problem import Problem, Vector
@@ -31,6 +32,7 @@ _SAMPLE, _FEW = 4096, 512
 _APART = 0.08
 _DESCENT, _LAST_DESCENT, _POLISH = 25, 60, 40
 """Evaluations with slopes: of a first descent, of one from the best point, and of a polish."""
+_SMALLEST_CLOUD = 16
 _STANDSTILL = 1e-3
 
 
@@ -185,27 +187,10 @@ def _apart(points: Matrix, count: int) -> list[Vector]:
 
 
 def _surround(tracker: Tracker, rng: np.random.Generator) -> None:
-    """Sample around the best point, again and again, with the spread of the best of each sample."""
-    compiled = tracker.evaluator.compiled
-    rounds, size = (16, 512) if compiled else (8, 64)
-    assert tracker.best is not None
-    variables = len(tracker.best)
+    """Search around the best point without slopes."""
+    rounds, size = (16, 512) if tracker.evaluator.compiled else (8, 64)
     # Half of what is left: slopes must still be affordable afterwards.
     size = min(size, (tracker.budget - tracker.evaluator.evaluations) // (2 * rounds))
-    elite = size // 16 if compiled else size // 8
-    if elite < 2:
-        return
-    mean, spread = tracker.best, 0.05 * np.eye(variables)
-    for turn in range(rounds):
-        points = np.clip(mean + rng.standard_normal((size, variables)) @ spread.T, 0.0, 1.0)
-        orders = []
-        for rows, found in in_blocks(tracker, points, roughly=True):
-            violation = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
-            objective = np.nan_to_num(found.objective, nan=np.inf)
-            orders.append(np.stack([violation, objective, np.arange(rows.start, rows.stop)], axis=1))
-        ranks = np.concatenate(orders)
-        leaders = points[ranks[np.lexsort((ranks[:, 1], ranks[:, 0]))][:elite, 2].astype(int)]
-        steps = leaders - mean  # about the old mean, so that the cloud grows where it moves
-        values, axes = np.linalg.eigh(steps.T @ steps / elite)
-        spread = axes * np.sqrt(np.maximum(values, 1e-16))
-        mean = leaders.mean(axis=0) if turn % 2 else tracker.best
+    if size >= _SMALLEST_CLOUD:
+        assert tracker.best is not None
+        search_around(tracker, tracker.best, rng, rounds=rounds, size=size)
