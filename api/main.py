@@ -16,6 +16,7 @@ from api import handlers
 from api.auth import Authentication, bearer
 from api.edge import Edge
 from api.errors import MEDIA_TYPE
+from api.examples import add_examples
 from api.rates import Rates
 from api.routers import HEALTH, ROUTERS
 from api.schemas.replies import ProblemReply
@@ -35,9 +36,16 @@ _SCHEMAS = "#/components/schemas/"
 _PROBLEMS = {
     401: "no key, or one that opens nothing",
     403: "the key lacks the scope",
+    404: "there is no such thing in this workspace",
+    408: "the body does not arrive",
+    409: "the thing is in a state that does not allow this, or an equal request is being answered",
+    412: "the document has changed since the revision in `If-Match`",
     413: "the body is too large",
     422: "the document is wrong: `errors` says where",
+    428: "`If-Match` is missing",
     429: "too many requests, or too many unfinished jobs: `Retry-After` says when to come again",
+    500: "an error of the software; the log says more under the request's id",
+    503: "the database or a computing slot is not to be had; `Retry-After` says when to come again",
 }
 
 
@@ -63,6 +71,7 @@ class Application(FastAPI):
         if "ProblemReply" not in document["components"]["schemas"]:
             problem = ProblemReply.model_json_schema(ref_template=_SCHEMAS + "{model}")
             document["components"]["schemas"] |= {**problem.pop("$defs"), "ProblemReply": problem}
+            add_examples(document)
         return document
 
 

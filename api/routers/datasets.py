@@ -64,6 +64,7 @@ Sha256 = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
     "/{identifier}/segments/{sha256}",
     summary="Send a segment",
     response_model=SegmentReply,
+    responses={201: {"model": SegmentReply, "description": "it is new"}},
     openapi_extra={
         "requestBody": {
             "required": True,

@@ -100,8 +100,22 @@ def client(service: Service) -> Iterator[httpx.Client]:
 @pytest.fixture(scope="module")
 def worker(service: Service) -> Iterator[None]:
     """A worker process on the same database."""
+    with working(service.database_url):
+        yield
+
+
+@pytest.fixture(scope="module")
+def sqlite_worker(sqlite_service: Service) -> Iterator[None]:
+    """A worker process on the database of `sqlite_service`."""
+    with working(sqlite_service.database_url):
+        yield
+
+
+@contextmanager
+def working(database_url: str) -> Iterator[None]:
+    """Run a worker process."""
     code = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
-    environment = {"SERVOTUNE_DATABASE_URL": service.database_url, "PYTHONPATH": ":".join(sys.path)}
+    environment = {"SERVOTUNE_DATABASE_URL": database_url, "PYTHONPATH": ":".join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, env=environment)
     assert process.stdin is not None
     try:

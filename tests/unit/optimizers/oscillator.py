@@ -1,6 +1,6 @@
 """The system of which every answer is known: a mass on a spring with a damper, moved by a force.
 
-    x / F = 1 / (m s² + c s + k),   ζ = c / (2 √(m k)),   overshoot = exp(-π ζ / √(1 - ζ²))
+x / F = 1 / (m s² + c s + k),   ζ = c / (2 √(m k)),   overshoot = exp(-π ζ / √(1 - ζ²))
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ def oscillator() -> Diagram:
             },
             blocks={
                 "force": Block(kind="input"),
-                "body": Block(kind="transfer_function", values={"numerator": ["=k"], "denominator": ["=m", "=c", "=k"]}),
+                "body": Block(
+                    kind="transfer_function", values={"numerator": ["=k"], "denominator": ["=m", "=c", "=k"]}
+                ),
             },
             connections=(Connection(source="force", target="body"),),
             outputs={"x": "body"},

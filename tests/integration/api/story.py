@@ -1,0 +1,259 @@
+"""One use of every operation, in an order that makes sense: what the examples in the API reference are recorded from.
+
+``python -m tests.integration.api.story`` plays it against a service of its own and writes ``api/examples.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from api.main import create_app
+from api.settings import Settings
+from storage import open_database
+from tests.integration.api.conftest import Service, finished, serving, working
+from tests.integration.api.documents import RAW, lag_recording, sha256
+
+TARGET = Path(__file__).parents[3] / "api" / "examples.json"
+DATA = lag_recording(samples=2000)
+_TEXT = "application/json"
+
+SYSTEM: dict[str, Any] = {
+    "name": "position loop",
+    "parameters": {
+        "kp": {"value": 4, "unit": "1/s", "lower": 0.5, "upper": 40, "scale": "log", "doc": "proportional gain"},
+        "tau": {"value": 50, "unit": "ms", "lower": 0.001, "upper": 0.5},
+    },
+    "blocks": {
+        "reference": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "controller": {"kind": "gain", "gain": "=kp"},
+        "drive": {"kind": "transfer_function", "numerator": [1], "denominator": ["=tau", 1, 0]},
+    },
+    "connections": [
+        {"from": "reference", "to": "error.in1"},
+        {"from": "drive", "to": "error.in2"},
+        {"from": "error", "to": "controller"},
+        {"from": "controller", "to": "drive"},
+    ],
+    "outputs": {"position": "drive", "control": "controller"},
+}
+PLANT: dict[str, Any] = {
+    "name": "lag",
+    "parameters": {"k": {"value": 1, "lower": 0.1, "upper": 10}, "tau": {"value": 0.2, "unit": "s", "lower": 0.001}},
+    "blocks": {
+        "u": {"kind": "input"},
+        "plant": {"kind": "transfer_function", "numerator": ["=k"], "denominator": ["=tau", 1]},
+    },
+    "connections": [{"from": "u", "to": "plant"}],
+    "outputs": {"y": "plant"},
+}
+STEP = {"port": "reference", "signal": {"kind": "step", "amplitude": 1}}
+RECORDED = {"inputs": {"u": "u"}, "outputs": {"y": "y"}}
+
+
+@dataclass
+class Story:
+    """Plays the story and remembers, for each operation, what was sent and what came back."""
+
+    client: httpx.Client
+    examples: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def ask(
+        self,
+        operation: str,
+        *,
+        body: Any = None,
+        content: bytes | None = None,
+        headers: dict[str, str] | None = None,
+        query: dict[str, Any] | None = None,
+        **names: str,
+    ) -> Any:
+        """Make one request and return its JSON; ``names`` fill the path."""
+        method, _, path = operation.partition(" ")
+        for name, value in names.items():
+            path = path.replace(f"{{{name}}}", value)
+        reply = self.client.request(method, path, json=body, content=content, headers=headers, params=query)
+        assert reply.is_success, (operation, reply.text)
+        example: dict[str, Any] = {
+            "status": reply.status_code,
+            "parameters": {**names, **(query or {}), **(headers or {})},
+        }
+        if body is not None:
+            example["request"] = body
+        kind = reply.headers.get("Content-Type", "").partition(";")[0]
+        if kind == _TEXT:
+            example["reply"] = shortened(reply.json())
+        elif kind.startswith("text/"):
+            example["reply"] = reply.text[:300].rsplit("\n", 1)[0] + "\n"
+        self.examples[operation] = example
+        return reply.json() if kind == _TEXT else None
+
+
+def shortened(value: Any) -> Any:
+    """Return a reply with its lists cut, its numbers rounded and its secrets replaced."""
+    match value:
+        case dict():
+            return {key: shortened(item) for key, item in value.items()}
+        case list():
+            return [shortened(item) for item in value[: 1 if value and isinstance(value[0], dict) else 3]]
+        case float():
+            return float(f"{value:.5g}")
+        case str():
+            return re.sub(r"\bst_[\w-]{40,}", "st_...", value)
+    return value
+
+
+def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
+    """Use every operation once."""
+    ask = story.ask
+    for path in ("/healthz", "/readyz", "/v1/catalog/elements", "/v1/catalog/signals", "/v1/catalog/metrics"):
+        ask(f"GET {path}")
+    ask("GET /v1/catalog/methods")
+    _systems(ask)
+    _studies(ask)
+    _datasets(ask)
+    _jobs(ask, wait)
+    _access(ask)
+
+
+def _systems(ask: Callable[..., Any]) -> None:
+    one = "/v1/systems/{identifier}"
+    key = {"Idempotency-Key": "8e03978e-40d5-43e8-bc93-6894a57f9324"}
+    identifier = ask("POST /v1/systems", body=SYSTEM, headers=key)["id"]
+    ask("GET /v1/systems", query={"limit": 20})
+    ask(f"GET {one}", identifier=identifier)
+    ask(
+        f"PUT {one}",
+        body=SYSTEM | {"name": "position loop, new drive"},
+        headers={"If-Match": '"1"'},
+        identifier=identifier,
+    )
+    ask(f"GET {one}/revisions", identifier=identifier)
+    ask(f"GET {one}/revisions/{{number}}", identifier=identifier, number="1")
+    ask(f"GET {one}/state-space", identifier=identifier, query={"open_at": "error"})
+    ask("POST /v1/simulations", body={"system": identifier, "input": STEP, "samples": 200, "keep": True})
+    ask(f"DELETE {one}", headers={"If-Match": '"2"'}, identifier=identifier)
+
+
+def _studies(ask: Callable[..., Any]) -> None:
+    result = ask(
+        "POST /v1/simulations",
+        body={"system": SYSTEM, "input": STEP, "outputs": ["position"], "metrics": ["rise_time", "overshoot"],
+              "samples": 200, "variants": [{"kp": 4}, {"kp": 8}], "keep": True},
+    )  # fmt: skip
+    ask(
+        "POST /v1/frequency-responses",
+        body={"system": SYSTEM, "open_at": "error", "from": "reference", "to": "position", "frequencies": [1, 10, 100]},
+    )
+    ask(
+        "POST /v1/influence",
+        body={"system": SYSTEM, "input": "reference", "output": "position", "parameters": ["kp", "tau"],
+              "metrics": ["rise_time", "overshoot"], "change": 0.1},
+    )  # fmt: skip
+    ask("GET /v1/results", query={"kind": "simulation"})
+    ask("GET /v1/results/{identifier}", identifier=result["id"])
+
+
+def _datasets(ask: Callable[..., Any]) -> None:
+    one = "/v1/datasets/{identifier}"
+    identifier = ask("POST /v1/datasets", body=RAW)["id"]
+    digest = sha256(DATA)
+    octets = {"Content-Type": "application/octet-stream"}
+    ask(f"PUT {one}/segments/{{sha256}}", content=DATA, headers=octets, identifier=identifier, sha256=digest)
+    ask(f"GET {one}/segments", identifier=identifier)
+    ask(f"POST {one}/commit", body={"segments": [digest], "sha256": digest}, identifier=identifier)
+    ask("GET /v1/datasets", query={"limit": 20})
+    ask(f"GET {one}", identifier=identifier)
+    ask(f"GET {one}/channels/{{name}}", query={"start": 0.5, "end": 1.5}, identifier=identifier, name="y")
+    ask(f"GET {one}/original", identifier=identifier)
+    ask("POST /v1/spectra", body={"dataset": identifier, "channel": "y", "window": "hann", "segment": 0.5})
+    ask(
+        "POST /v1/validations",
+        body={"system": PLANT, "dataset": identifier, **RECORDED, "parameters": {"k": 3, "tau": 0.05}},
+    )
+    ask(
+        "POST /v1/identifications",
+        body={"system": PLANT, "dataset": identifier, **RECORDED, "parameters": ["k", {"parameter": "tau", "upper": 1}],
+              "offsets": "estimate"},
+    )  # fmt: skip
+    other = ask("POST /v1/datasets", body=RAW)["id"]
+    ask(f"DELETE {one}", headers={"If-Match": '"1"'}, identifier=other)
+
+
+def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> None:
+    one = "/v1/jobs/{identifier}"
+    job = ask(
+        "POST /v1/optimizations",
+        body={
+            "system": SYSTEM,
+            "variables": [{"parameter": "kp"}],
+            "experiments": [{"name": "step", "input": STEP}],
+            "goals": [
+                {"metric": "response_time", "experiment": "step", "output": "position", "sense": "minimize"},
+                {"metric": "overshoot", "experiment": "step", "output": "position", "upper": 0.05},
+            ],
+            "method": {"kind": "gradient", "starts": 2, "seed": 1},
+        },
+    )
+    ask("GET /v1/jobs", query={"kind": "optimization", "limit": 20})
+    wait(job)
+    ask(f"GET {one}", identifier=job["id"])
+    ask(f"GET {one}/result", identifier=job["id"])
+    ask(f"GET {one}/script", identifier=job["id"])
+    ask(f"GET {one}/events", headers={"Last-Event-ID": "1"}, identifier=job["id"])
+    ask(f"POST {one}/cancel", identifier=job["id"])
+
+
+def _access(ask: Callable[..., Any]) -> None:
+    room = ask("POST /v1/workspaces", body={"name": "test bench", "limits": {"systems": 100}})["id"]
+    ask("GET /v1/workspaces")
+    ask("GET /v1/workspaces/{identifier}", identifier=room)
+    ask("PUT /v1/workspaces/{identifier}", body={"name": "bench 1"}, headers={"If-Match": '"1"'}, identifier=room)
+    body = {"name": "lab PC 3", "scopes": ["read", "acquire"], "expires_at": "2030-01-01T00:00:00Z"}
+    key = ask("POST /v1/keys", body=body)["id"]
+    ask("GET /v1/keys")
+    ask("GET /v1/keys/{identifier}", identifier=key)
+    ask("POST /v1/keys/{identifier}/rotate", body={"overlap": 3600}, identifier=key)
+    ask("DELETE /v1/keys/{identifier}", identifier=key)
+    ask("GET /v1/audit", query={"action": "key.rotate"})
+    ask("POST /v1/tickets")
+    ask("POST /v1/session")
+    ask("GET /v1/session")
+    ask("DELETE /v1/session")
+
+
+def told(service: Service) -> dict[str, dict[str, Any]]:
+    """Play the story against a service that has a worker; return the examples."""
+    with service.client() as client:
+        story = Story(client)
+        tell(story, lambda job: finished(client, job))
+    return story.examples
+
+
+def _record() -> Iterator[dict[str, dict[str, Any]]]:
+    with tempfile.TemporaryDirectory() as folder:
+        url = f"sqlite:///{folder}/story.db"
+        database = open_database(url)
+        database.migrate()
+        database.dispose()
+        with working(url), serving(url) as service:
+            yield told(service)
+
+
+def operations() -> list[str]:
+    """Return every operation of the service."""
+    paths = create_app(Settings.model_construct()).openapi()["paths"]
+    return [f"{method.upper()} {path}" for path, methods in paths.items() for method in methods]
+
+
+if __name__ == "__main__":
+    for examples in _record():
+        TARGET.write_text(json.dumps(examples, indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
