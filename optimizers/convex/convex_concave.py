@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from optimizers.convex.point import FEASIBLE, Point
 from optimizers.convex.solvers import Solved, solve
 from optimizers.convex.summits import Summits, at_rest, grid, height, stable, summits
 from optimizers.evaluate import Local
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from optimizers.convex.linear_controller import Coefficients, Complex, LinearLoop, Real
     from optimizers.evaluate import Evaluator
     from optimizers.problem import Vector
-
-FEASIBLE = 1e-7
-"""Largest relative violation of a bound, on the continuous frequency axis, that a solution may have."""
 
 _MOST_ROUNDS = 100
 _SAME = 1e-7
@@ -56,27 +54,6 @@ _HALVINGS = 12
 _AMPLE, _LEAST = 1e3, 1e-300
 _BOUND, _STABLE = -1, -2
 """What a row belongs to, where it is no slack of an objective."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Point:
-    """A point with its largest magnitudes in every scenario, and what they mean: ``goals`` (S, G)."""
-
-    x: Vector
-    summits: tuple[Summits, ...]
-    goals: Real
-    objective: float
-    violation: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether it is stable in every scenario."""
-        return all(one.stable for one in self.summits)
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """First the violation, then the objective."""
-        return (self.violation if self.violation > FEASIBLE else 0.0, self.objective)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -168,15 +145,15 @@ class Procedure:
             for ratio, value in zip(loop.ratios, one.values, strict=True):
                 goals[s, ratio.goal] = max(goals[s, ratio.goal], value)
         return Point(
-            x=x, summits=found, goals=goals, objective=float(self._evaluator.objectives(goals).max()),
+            x=x, goals=goals, objective=float(self._evaluator.objectives(goals).max()),
             violation=float(self._evaluator.violations(goals).max()),
+            stable=all(one.stable for one in found), frequencies=tuple(one.frequencies for one in found),
         )  # fmt: skip
 
     def _add(self, point: Point) -> None:
         """Let the cones see where the response peaks."""
         self._grids = [
-            np.unique(np.concatenate([old, one.frequencies]))
-            for old, one in zip(self._grids, point.summits, strict=True)
+            np.unique(np.concatenate([old, new])) for old, new in zip(self._grids, point.frequencies, strict=True)
         ]
 
     def _further(self, moves: Sequence[Vector]) -> Vector:

@@ -103,15 +103,18 @@ class LinearLoop:
         """Return the closed diagram at parameter values, on the exact path."""
         return Evaluation(self.problem.diagram, self._overrides(x))
 
+    def cut(self, x: Vector, open_at: str) -> Transfer:
+        """Return the responses at parameter values with the loop cut at a place."""
+        return Transfer(self.problem.diagram, self._overrides(x), open_at)
+
     def _overrides(self, x: Vector) -> dict[str, float]:
         own = {axis.parameter: float(value) for axis, value in zip(self.problem.axes, x, strict=True)}
         return {**self.scenario, **own, **self.problem.tied(own, self.scenario)}
 
     def _member(self, x: Vector) -> Mapping[str, Transfer]:
         """Return the diagram at parameter values, cut at every place that a goal or the loop names."""
-        overrides = self._overrides(x)
         places = {self.open_at, *(ratio.open_at for ratio in self.ratios if ratio.open_at is not None)}
-        return {place: Transfer(self.problem.diagram, overrides, place) for place in places}
+        return {place: self.cut(x, place) for place in places}
 
     def _values(self, member: Mapping[str, Transfer], frequencies: Real) -> tuple[Complex, Complex, Complex]:
         system = member[self.open_at]

@@ -16,9 +16,11 @@ import numpy as np
 from scipy.stats import qmc
 
 from engine.parameters import Param
-from optimizers.convex.convex_concave import Point, Procedure
+from optimizers.convex.convex_concave import Procedure
 from optimizers.convex.linear_controller import linear_loops
-from optimizers.convex.ratios import ratios_of
+from optimizers.convex.point import Point
+from optimizers.convex.ratios import INTEGRATED_ERROR, ratios_of
+from optimizers.convex.youla import best_linear
 from optimizers.evaluate import Evaluator
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError, Vector
@@ -49,6 +51,15 @@ class Convex(Method):
     )
     options: ClassVar[tuple[Param, ...]] = (
         Param(name="starts", symbol="k", unit="1", doc="stable points to start from", default=3, lower=1, upper=100),
+        Param(
+            name="limit",
+            symbol="",
+            unit="1",
+            shape="text",
+            default="none",
+            choices=("none", "linear"),
+            doc="linear: also a bound that no linear controller can beat, of whatever order, in the place of this one",
+        ),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
     )
 
@@ -90,11 +101,24 @@ class Convex(Method):
             status, advice = Status.CANCELLED, "cancelled: this is the best point until then."
         if status is not Status.CANCELLED:
             status, advice = _outcome(ends, problem)
+        bound = None
+        if status is Status.CONVERGED and options["limit"] == "linear":
+            monitor.progress(0.9, "how far any linear controller can go")
+            bound = best_linear(problem, loops, min((point for point, _ in ends), key=lambda point: point.rank).x)
+            advice = f"{advice} {_compared(problem, bound)}"
         monitor.progress(0.95, "proving the optimum")
         best = problem.start() if tracker.best is None else tracker.best
         if ends:  # what came by on the way may lie beyond the bounds by what the certificate tolerates
             best = _position(problem, min((point for point, _ in ends), key=lambda point: point.rank).x)
-        return conclude(tracker, best, status, advice)
+        return conclude(tracker, best, status, advice, bound=bound)
+
+
+def _compared(problem: Problem, bound: float | None) -> str:
+    if bound is not None:
+        return f"No linear controller in its place has an objective below {bound:.4g}."
+    if any(problem.goals[g].metric == INTEGRATED_ERROR for g in problem.objectives):
+        return "Linear controllers have no limit here: with a second integrator the integrated error is 0."
+    return "A limit for all linear controllers is known for one objective and one block with one input alone."
 
 
 def _position(problem: Problem, x: Vector) -> Vector:
