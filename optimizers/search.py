@@ -65,7 +65,7 @@ class Tracker:
         self.started = time.perf_counter()
 
     def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
-        """Evaluate points, remember the best of them; ``roughly`` for a first look at many.
+        """Evaluate points, remember the best of them; ``roughly`` for a first look at many, where doubt does not count.
 
         Raises
         ------
@@ -83,6 +83,8 @@ class Tracker:
         excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
         places = np.empty(len(positions), dtype=int)
         places[np.lexsort((objective, excess))] = np.arange(len(positions))
+        if roughly and not found.doubtful.all():
+            places[found.doubtful] = len(positions)
         for index in np.flatnonzero(places == np.minimum.accumulate(places)):
             self.offer(
                 positions[index], float(found.objective[index]), float(found.violation[index]), before + int(index) + 1

@@ -1,6 +1,7 @@
 """Grid: every combination of values of the variables, or an even sample of them; the whole map is kept.
 
-With ``refine`` the cells around the best point are divided again, each time over two cells of the grid before.
+With ``refine`` the cells around the best points are divided again, each time over two cells of the grid before. A grid that
+is too large for one run is cut along its first variable into ``shards``, one of which each run evaluates.
 """
 
 from __future__ import annotations
@@ -10,23 +11,28 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine.parameters import Param
+from optimizers.blocks import in_blocks
+from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.maps import Combinations, around, places, sample
 from optimizers.methods._base import Method
-from optimizers.problem import Problem, ProblemError
+from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import GridMap, Monitor, Result, Status
 from optimizers.search import Stopped, Tracker
 
 MOST_POINTS = 1_000_000
-_BLOCK = 128
+_AT_ONCE = 65_536
+_MOST_IN_CELL = 4096
+_SECOND_LOOK = 1000
+"""So many of the points that the fast evaluation doubts are looked at again, the most promising ones."""
 
 
 @final
 class Grid(Method):
-    """Full factorial grid, Sobol sequence or Latin hypercube, refined around the best point if asked for."""
+    """Full factorial grid, Sobol sequence or Latin hypercube, refined around the best points if asked for."""
 
     kind: ClassVar[str] = "grid"
     title: ClassVar[str] = "Grid"
@@ -35,13 +41,16 @@ class Grid(Method):
     )
     source: ClassVar[str] = "D. C. Montgomery, Design and Analysis of Experiments, 8th ed., chapter 5"
     options: ClassVar[tuple[Param, ...]] = (
-        Param(name="points", symbol="n", unit="1", doc="values of each variable; a number, or one for each", default=21, lower=2, upper=MOST_POINTS),
-        Param(name="refine", symbol="", unit="1", doc="how often the cells around the best point are divided", default=0, lower=0, upper=10),
+        Param(name="points", symbol="n", unit="1", doc="values of each variable; a number, or one for each", default=21, lower=2, upper=1e9),
+        Param(name="refine", symbol="", unit="1", doc="how often the cells around the best points are divided", default=0, lower=0, upper=10),
+        Param(name="cells", symbol="", unit="1", doc="how many of the best cells are divided each time", default=3, lower=1, upper=100),
         Param(
             name="sampling", symbol="", unit="1", doc="all combinations, or an even sample of them", default="full",
             shape="text", choices=("full", "sobol", "latin_hypercube"),
         ),
         Param(name="samples", symbol="N", unit="1", doc="points of a sample", default=1024, lower=1, upper=MOST_POINTS),
+        Param(name="shards", symbol="", unit="1", doc="parts into which a full grid is cut along its first variable", default=1, lower=1, upper=1e6),
+        Param(name="shard", symbol="", unit="1", doc="which part this run evaluates, from 0", default=0, lower=0, upper=1e6),
         Param(name="seed", symbol="", unit="1", doc="makes a sample repeatable", default=0, lower=0, upper=2**32 - 1),
     )  # fmt: skip
 
@@ -53,52 +62,85 @@ class Grid(Method):
         Raises
         ------
         ProblemError
-            Too many points, named; or ``points`` for something that is no variable.
+            Too many points, named; ``points`` for something that is no variable; a shard that does not exist.
         """
-        counts = _counts(problem, options["points"])
         full = options["sampling"] == "full"
-        total = math.prod(counts) if full else int(options["samples"])
-        if total > MOST_POINTS:
-            raise ProblemError(
-                f"points must make at most {MOST_POINTS} combinations, got {' x '.join(map(str, counts))} = {total}: "
-                "take fewer, a sobol sample, or the method gradient",
-                at=("method", "points"),
-            )
-        rounds = 1 + int(options["refine"])
-        tracker = Tracker(Evaluator(problem), monitor, 1 + rounds * (total + 1))
-        axes = [np.linspace(0.0, 1.0, count) for count in counts]
-        positions = _combinations(axes) if full else _sampled(options["sampling"], total, len(problem.axes), rng)
+        design = _grid(problem, options) if full else _sample(problem, options, rng)
+        total, rounds = len(design), int(options["refine"])
+        tracker = Tracker(Evaluator(problem), monitor, budget=10**9)
+        objective, violation = np.full(total, np.nan), np.full(total, np.nan)
         status, advice = (
             Status.CONVERGED,
             "the best point of the grid; between its points there may be better ones (refine, or gradient).",
         )
-        objective, violation = np.full(total, np.nan), np.full(total, np.nan)
         try:
-            _evaluate(tracker, positions, objective, violation, 0.9 / rounds)
-            width = 1.0 / (np.array(counts) - 1) if full else np.full(len(counts), total ** (-1.0 / len(counts)))
-            for _ in range(rounds - 1):
-                assert tracker.best is not None
-                finer = [
-                    np.clip(np.linspace(x - w, x + w, n), 0.0, 1.0)
-                    for x, w, n in zip(tracker.best, width, counts, strict=True)
-                ]
-                nearby = _combinations(finer)
-                _evaluate(tracker, nearby, np.empty(len(nearby)), np.empty(len(nearby)), 0.9 / rounds)
-                width = 2 * width / (np.array(counts) - 1)
+            _evaluate(tracker, design, objective, violation, (0.0, 0.9 / (1 + rounds)))
+            if rounds:
+                _refine(tracker, design, _order(objective, violation), rounds, int(options["cells"]))
         except Stopped:
             status, advice = Status.CANCELLED, "cancelled: this is the best point until then; the map is incomplete."
         if tracker.rank[0] >= UNSTABLE and status is Status.CONVERGED:
             status, advice = Status.INFEASIBLE, unstable_advice(problem.before)
-        shape = tuple(counts) if full else (total,)
-        coordinates = axes if full else list(positions.T)
         grid = GridMap(
-            axes={axis.parameter: axis.value(x) for axis, x in zip(problem.axes, coordinates, strict=True)},
-            objective=objective.reshape(shape),
-            violation=violation.reshape(shape),
+            axes={axis.parameter: axis.value(x) for axis, x in zip(problem.axes, design.axes, strict=True)},
+            objective=objective.reshape(design.shape),
+            violation=violation.reshape(design.shape),
         )
         monitor.progress(0.95, "proving the optimum")
         best = problem.start() if tracker.best is None else tracker.best
         return conclude(tracker, best, status, advice, grid=grid)
+
+
+def _grid(problem: Problem, options: Mapping[str, Any]) -> Combinations:
+    """Return the full grid, or the part of it that this run evaluates."""
+    counts = _counts(problem, options["points"])
+    # Counted before any axis is laid out: a number of points has no bound of its own.
+    counts = [min(n, len(axis.levels) or n) for n, axis in zip(counts, problem.axes, strict=True)]
+    shards, shard = int(options["shards"]), int(options["shard"])
+    if shard >= shards:
+        raise ProblemError(f"shard must be < shards {shards}, got {shard}", at=("method", "shard"))
+    if shards > counts[0]:
+        raise ProblemError(
+            f"shards must be at most the points of {problem.axes[0].parameter}, {counts[0]}, got {shards}",
+            at=("method", "shards"),
+        )
+    total = math.ceil(counts[0] / shards) * math.prod(counts[1:])
+    if total > MOST_POINTS:
+        sizes = (
+            f"{counts[0]}^{len(counts)}" if len(set(counts)) == 1 and len(counts) > 3 else " x ".join(map(str, counts))
+        )
+        number = total if total < 10**9 else f"{float(total):.2g}" if total < 1e300 else "more than 1e300"
+        of = "" if shards == 1 else f" in one of {shards} shards"
+        raise ProblemError(
+            f"points must make at most {MOST_POINTS} combinations, got {sizes} = {number}{of}: take fewer, a sobol sample, "
+            "shards, or the method gradient",
+            at=("method", "points"),
+        )
+    axes = [places(axis, n) for axis, n in zip(problem.axes, counts, strict=True)]
+    return Combinations([np.array_split(axes[0], shards)[shard], *axes[1:]])
+
+
+class _Listed:
+    """Points that are no grid, one beside the other."""
+
+    def __init__(self, positions: Matrix) -> None:
+        self.axes = tuple(positions.T)
+        self.shape = (len(positions),)
+        self._positions = positions
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    def rows(self, first: int, last: int) -> Matrix:
+        """Return the points number ``first`` up to ``last``."""
+        return self._positions[first:last]
+
+
+def _sample(problem: Problem, options: Mapping[str, Any], rng: np.random.Generator) -> _Listed:
+    for name in ("shards", "shard"):
+        if int(options[name]) != (1 if name == "shards" else 0):
+            raise ProblemError(f"{name} must be left out with a sample: take another seed instead", at=("method", name))
+    return _Listed(sample(options["sampling"], int(options["samples"]), len(problem.axes), rng))
 
 
 def _counts(problem: Problem, points: int | Mapping[str, int]) -> list[int]:
@@ -116,21 +158,69 @@ def _counts(problem: Problem, points: int | Mapping[str, int]) -> list[int]:
     return [int(points[name]) for name in names]
 
 
-def _combinations(axes: list[Matrix]) -> Matrix:
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+def _evaluate(
+    tracker: Tracker, design: Combinations | _Listed, objective: Vector, violation: Vector, share: tuple[float, float]
+) -> None:
+    """Evaluate all points, then those that are in doubt and would matter once more, with care."""
+    total = len(design)
+    doubtful = np.zeros(total, dtype=bool)
+    for begin in range(0, total, _AT_ONCE):
+        positions = design.rows(begin, min(begin + _AT_ONCE, total))
+        for rows, found in in_blocks(tracker, positions, roughly=True):
+            here = slice(begin + rows.start, begin + rows.stop)
+            objective[here], violation[here], doubtful[here] = found.objective, found.violation, found.doubtful
+            tracker.monitor.progress(share[0] + share[1] * here.stop / total, f"{here.stop} of {total} points")
+    if not tracker.evaluator.compiled:
+        return
+    order = _order(objective, violation)
+    again = order[doubtful[order]][:_SECOND_LOOK]
+    for first in range(0, len(again), 64):
+        index = again[first : first + 64]
+        found = tracker.assess(np.concatenate([design.rows(k, k + 1) for k in index.tolist()]))
+        objective[index], violation[index] = found.objective, found.violation
 
 
-def _sampled(sampling: str, total: int, dimensions: int, rng: np.random.Generator) -> Matrix:
-    if sampling == "sobol":
-        return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(math.ceil(math.log2(total)))[:total])
-    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(total))
+def _order(objective: Vector, violation: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return indices from the best to the worst; where a metric is absent comes last."""
+    excess = np.where(violation <= TOLERANCE, 0.0, np.nan_to_num(violation, nan=np.inf))
+    return np.lexsort((np.nan_to_num(objective, nan=np.inf), excess))
 
 
-def _evaluate(tracker: Tracker, positions: Matrix, objective: Matrix, violation: Matrix, share: float) -> None:
-    """Evaluate block by block, so that a cancel is heard."""
-    total = len(positions)
-    for first in range(0, total, _BLOCK):
-        tracker.monitor.progress(share * first / total, f"{first} of {total} points")
-        found = tracker.assess(positions[first : first + _BLOCK])
-        objective[first : first + _BLOCK] = found.objective
-        violation[first : first + _BLOCK] = found.violation
+def _refine(
+    tracker: Tracker, design: Combinations | _Listed, order: np.ndarray[tuple[int], np.dtype[np.intp]], rounds: int, cells: int
+) -> None:  # fmt: skip
+    """Divide the cells around the best points, and again around the best point of each."""
+    axes = tracker.evaluator.problem.axes
+    first = np.array(
+        [1.0 / max(n - 1, 1) for n in design.shape] if isinstance(design, Combinations)
+        else [len(design) ** (-1.0 / len(axes))] * len(axes)
+    )  # fmt: skip
+    per_axis = max(3, int(_MOST_IN_CELL ** (1.0 / len(axes))))
+    counts = [min(n, per_axis) for n in design.shape] if isinstance(design, Combinations) else [per_axis] * len(axes)
+    centres = _apart(design, order, 1.5 * first, cells)
+    for number, start in enumerate(centres):
+        centre, width = start, first
+        for turn in range(rounds):
+            finer = Combinations(
+                [around(axis, x, w, max(n, 3)) for axis, x, w, n in zip(axes, centre, width, counts, strict=True)]
+            )
+            scores = np.full(len(finer), np.nan), np.full(len(finer), np.nan)
+            done = (number + turn / rounds) / len(centres)
+            _evaluate(tracker, finer, *scores, (0.9 * (1 + rounds * done) / (1 + rounds), 0.0))
+            best = int(_order(*scores)[0])
+            centre = finer.rows(best, best + 1)[0]
+            width = 2 * width / (np.maximum(counts, 3) - 1)
+
+
+def _apart(
+    design: Combinations | _Listed, order: np.ndarray[tuple[int], np.dtype[np.intp]], width: Vector, count: int
+) -> list[Vector]:  # fmt: skip
+    """Return the best points that do not lie in the cell of a better one."""
+    chosen: list[Vector] = []
+    for index in order[:_SECOND_LOOK].tolist():
+        point = design.rows(index, index + 1)[0]
+        if all((np.abs(point - other) > width).any() for other in chosen):
+            chosen.append(point)
+            if len(chosen) == count:
+                break
+    return chosen

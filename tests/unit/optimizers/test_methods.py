@@ -236,7 +236,10 @@ def test_cancel_keeps_the_best_so_far() -> None:
     result = minimize("grid", problem(variables=("z", "w")), {"points": 41}, monitor=Watch(patience=3))
     assert result.status is Status.CANCELLED
     assert result.map is not None
-    assert np.isnan(result.map.objective).sum() == 41 * 41 - 3 * 128
+    # Three blocks, whose size follows their time.
+    done = int((~np.isnan(result.map.objective)).sum())
+    assert done == result.evaluations
+    assert 0 < done < 41 * 41
     assert result.certificate.goals
     assert minimize("gradient", problem(), monitor=Watch(patience=0)).status is Status.CANCELLED
 
