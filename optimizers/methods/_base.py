@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, final, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +28,24 @@ class Keeper(Protocol):
     def kept(self) -> Mapping[str, Any] | None:
         """Return the last state of an earlier run of the same search, None at its first one."""
         ...
+
+
+@final
+class Quiet:
+    """The monitor of a search inside another one: only a cancel goes through."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+
+    def progress(self, fraction: float, message: str) -> None:
+        """Leave the progress to the search outside."""
+
+    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
+        """Leave the best point to the search outside: what is best here may be none of its problem."""
+
+    def cancelled(self) -> bool:
+        """Return whether to stop."""
+        return self._monitor.cancelled()
 
 
 class Method(abc.ABC):

@@ -10,6 +10,7 @@ the ends of the front by each objective alone, and every value that is shown is 
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from optimizers.certificate import TOLERANCE, certificate_of, number_of, worst_s
 from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.fronts import hypervolume, knee, undominated
-from optimizers.methods._base import Method
+from optimizers.methods._base import Method, Quiet
 from optimizers.problem import Across, Problem, ProblemError, Sense, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Front, FrontPoint, Monitor, Result, Status
@@ -70,8 +71,13 @@ class Pareto(Method):
         Raises
         ------
         ProblemError
-            Fewer than two objectives.
+            Fewer than two objectives, or pymoo is not installed.
         """
+        if importlib.util.find_spec("pymoo") is None:
+            raise ProblemError(
+                "pymoo must be installed for the method pareto (pip install 'servotune[pareto]'), got no such package",
+                at=("method", "kind"),
+            )
         if len(problem.objectives) < 2:
             raise ProblemError(
                 f"goals must be at least two with a sense for the method pareto, got {len(problem.objectives)}",
@@ -209,23 +215,6 @@ def _sample(tracker: Tracker, candidates: _Candidates, size: int, rng: np.random
     return np.asarray(chosen)
 
 
-class _Quiet:
-    """The monitor of a descent inside: only a cancel goes through."""
-
-    def __init__(self, monitor: Monitor) -> None:
-        self._monitor = monitor
-
-    def progress(self, fraction: float, message: str) -> None:
-        """Leave the progress to the method."""
-
-    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
-        """Leave the best point to the method: a single objective is none of the problem."""
-
-    def cancelled(self) -> bool:
-        """Return whether to stop."""
-        return self._monitor.cancelled()
-
-
 def _refine(tracker: Tracker, candidates: _Candidates, points: int, rng: np.random.Generator) -> None:
     """Move the front onto its true place; the points that are met on the way are taken note of."""
     objectives = range(len(candidates.problem.objectives))
@@ -299,7 +288,7 @@ def _search(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector,
 def _descend(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector) -> None:
     """Improve a point for an aim by slopes."""
     alone = aim.problem(candidates.problem)
-    inner = Tracker(Evaluator(alone), _Quiet(tracker.monitor), tracker.budget - tracker.evaluator.evaluations)
+    inner = Tracker(Evaluator(alone), Quiet(tracker.monitor), tracker.budget - tracker.evaluator.evaluations)
     try:
         Descent(inner, np.full(len(alone.goals), SAFETY)).run(start, evaluations=_DESCENT)
     finally:
