@@ -40,6 +40,7 @@ UNSEEN = {
     "scipy-stubs",
     "hatchling",
     "editables",
+    "tzdata",
 }
 
 
