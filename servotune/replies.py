@@ -367,12 +367,13 @@ class CertifiedGoal(TypedDict):
     goal: int
     value: float | None
     violation: float | None
+    independent: NotRequired[float | None]
     scenario: int
     at: dict[str, float] | None
 
 
 class Certificate(TypedDict):
-    """The optimum, computed again by the exact engine."""
+    """The optimum, measured again by the exact engine and by a second way of its own; the worse of both counts."""
 
     valid: bool
     worst_violation: float | None

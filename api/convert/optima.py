@@ -113,6 +113,7 @@ def _proof(proof: Proof, goals: Sequence[GoalDocument]) -> dict[str, Any]:
         "value": number(proof.measured.value),
         "verdict": str(proof.measured.verdict),
         "violation": number(proof.violation),
+        "independent": number(proof.independent),
         "scenario": proof.scenario,
         "at": {"time" if metric.domain == "time" else "frequency": number(where)} if where is not None else None,
     }

@@ -1,0 +1,268 @@
+"""Responses of a linear system with delays, step by step: the drive of a step is a polynomial, its answer exact.
+
+    x' = A x + B v,   v(s) = Σ c_k T_k(2s - 1),   [x; c](s) = exp(s [[h A, h B T(-1)], [0, 2 D]]) [x; c](0)
+
+v holds the commands and the delayed signals, read from the steps before; D differentiates Chebyshev series. A step is halved
+until the series of all its signals end, doubled where they end early; it never crosses an instant where something breaks.
+
+References
+----------
+C. Van Loan, "Computing integrals involving the matrix exponential", IEEE TAC 23 (1978) 395-404.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import chebyshev
+
+if TYPE_CHECKING:
+    from engine.linear.system import LinearSystem
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+
+DEGREE = 10
+NODES = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2
+"""Where a step is known, 0…1."""
+TO_SERIES = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, DEGREE))
+"""Values at the nodes -> Chebyshev coefficients."""
+_DERIVATIVE = np.vstack([2 * chebyshev.chebder(np.eye(DEGREE + 1)), np.zeros(DEGREE + 1)])
+
+_TERMS = 16
+"""Of Taylor's series, for a norm of 1/2: 1e-18 of the first."""
+_ENDS = 1e-11
+"""The last coefficients of a resolved series, relative to the signal's largest value so far."""
+_EARLY = 1e-14
+_DRIVE = 0.1
+"""The drive is integrated: its last coefficients count less."""
+_MOST_STEPS = 6000
+_MOST_WIDTHS = 120
+_ECHOES = 6
+_MOST_BREAKS = 300
+_SETTLED = 1e-10
+
+
+class CannotFollowError(Exception):
+    """The response is beyond what is followed here: too many steps, no end, or it diverges."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class March:
+    """Steps of a response: ``starts``, ``widths`` (K,) in s, outputs at the nodes ``values`` (K, DEGREE + 1, outputs).
+
+    ``finals`` (outputs,) are the values at which the outputs settle, None for commands that do not.
+    """
+
+    starts: Real
+    widths: Real
+    values: Real
+    finals: Real | None
+
+    @property
+    def times(self) -> Real:
+        """Instants of the nodes, (K, DEGREE + 1)."""
+        return np.asarray(self.starts[:, None] + self.widths[:, None] * NODES)
+
+
+class _Step:
+    """The linear map of one width: from the state and the series of the drive to the states at the nodes."""
+
+    def __init__(self, a: Real, b: Real, width: float) -> None:
+        n, drives = b.shape
+        size = DEGREE + 1
+        whole = np.zeros((n + drives * size, n + drives * size))
+        whole[:n, :n] = a * width
+        whole[:n, n:] = width * np.kron(b, (-1.0) ** np.arange(size))
+        whole[n:, n:] = np.kron(np.eye(drives), _DERIVATIVE)
+        self.maps = _exponentials(whole * NODES[:, None, None])[:, :n]
+
+    def states(self, x: Real, series: Real) -> Real:
+        """Return the states at the nodes, (DEGREE + 1, n), for a drive with ``series`` (DEGREE + 1, drives)."""
+        return np.asarray(self.maps @ np.concatenate([x, series.T.ravel()]))
+
+
+def _exponentials(matrices: Real) -> Real:
+    """Return the exponentials of stacked matrices: Taylor's series of the halved matrix, squared back."""
+    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(matrices).sum(axis=2).max()), 1e-300)))) + 1)
+    small = matrices / 2.0**halvings
+    total = np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape).copy()
+    term = total
+    for k in range(1, _TERMS):
+        term = term @ small / k
+        total += term
+    for _ in range(halvings):
+        total = total @ total
+    return total
+
+
+class Marcher:
+    """A system under commands, followed from t = 0.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    commands : sequence of (input index, Signal)
+    outputs : sequence of int
+        Which outputs.
+    """
+
+    def __init__(self, system: LinearSystem, commands: Sequence[tuple[int, Signal]], outputs: Sequence[int]) -> None:
+        self._system = system
+        self._signals = [signal for _, signal in commands]
+        inputs = [index for index, _ in commands]
+        chosen = list(outputs)
+        self._b = np.hstack([system.b1[:, inputs], system.b2])
+        self._read = np.vstack([system.c1[chosen], system.c2])
+        self._direct = np.block(
+            [[system.d11[np.ix_(chosen, inputs)], system.d12[chosen]], [system.d21[:, inputs], system.d22]]
+        )
+        self._count = len(chosen)
+        self._delays = np.asarray(system.delays, dtype=float)
+        self._loudest = np.full(self._b.shape[1], 1e-300)
+        self._steps: dict[float, _Step] = {}
+        self._starts: list[float] = []
+        self._widths: list[float] = []
+        self._values: list[Real] = []
+
+    def run(self, until: float | None = None) -> March:
+        """Follow the response up to ``until`` (s), or until it has settled.
+
+        Raises
+        ------
+        CannotFollowError
+        """
+        finals = self._finals()
+        if until is None and finals is None:
+            raise CannotFollowError
+        last = max((t for signal in self._signals for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
+        breaks = self._breaks(until)
+        x = np.asarray(self._system.x0, dtype=float).copy()
+        time, width = 0.0, self._first_width(until)
+        scale = np.full(len(self._read), 1e-300)
+        top = 0.0
+        while until is None or time < until * (1 - 1e-13):
+            if len(self._starts) >= _MOST_STEPS:
+                raise CannotFollowError
+            ahead = next((b for b in breaks if b > time * (1 + 1e-13) + 1e-300), np.inf)
+            whole = min(ahead - time, np.inf if until is None else until - time)
+            used = whole if width >= whole * (1 - 1e-9) else width
+            states, signals, quality = self._try(time, used, x, scale)
+            if quality > _ENDS and used > 1e-12 * max(time, 1e-12):
+                width = used / 2
+                continue
+            self._starts.append(time)
+            self._widths.append(used)
+            self._values.append(signals)
+            scale = np.maximum(scale, np.abs(signals).max(axis=0))
+            top = max(top, float(np.abs(signals).max()))
+            if not np.isfinite(top) or top > 1e60:
+                raise CannotFollowError
+            x, time = (
+                states[-1],
+                (time + used if used != whole else (ahead if whole == ahead - time else until or time + used)),
+            )
+            if quality < _EARLY:
+                width = min(2 * used, float(self._delays.min(initial=np.inf)))
+            elif used != whole:
+                width = used
+            if until is None and finals is not None and self._settled(finals, scale, last, time):
+                break
+        values = np.stack(self._values)[:, :, : self._count]
+        return March(starts=np.array(self._starts), widths=np.array(self._widths), values=values, finals=finals)
+
+    def _first_width(self, until: float | None) -> float:
+        fastest = float(np.abs(np.linalg.eigvals(self._system.a)).max(initial=0.0))
+        width = min(0.5 / fastest if fastest > 0 else np.inf, float(self._delays.min(initial=np.inf)))
+        return min(width, until or np.inf) if np.isfinite(width) else (until or 1.0)
+
+    def _breaks(self, until: float | None) -> list[float]:
+        """Return the instants at which a command breaks, and their first echoes."""
+        found = {0.0, *(t for signal in self._signals for t in signal.breakpoints())}
+        newest = set(found)
+        for _ in range(_ECHOES):
+            newest = {round(t + delay, 15) for t in newest for delay in self._delays} - found
+            if len(found) + len(newest) > _MOST_BREAKS:
+                break
+            found |= newest
+        return sorted(t for t in found if until is None or t < until)
+
+    def _try(self, time: float, width: float, x: Real, scale: Real) -> tuple[Real, Real, float]:
+        """Return states, signals at the nodes and how far from resolved a step is."""
+        drive = self._drive(time, width)
+        series = TO_SERIES @ drive
+        if width not in self._steps:
+            if len(self._steps) >= _MOST_WIDTHS:
+                raise CannotFollowError
+            self._steps[width] = _Step(np.asarray(self._system.a, dtype=float), self._b, width)
+        states = self._steps[width].states(x, series)
+        signals = states @ self._read.T + drive @ self._direct.T
+        self._loudest = np.maximum(self._loudest, np.abs(drive).max(axis=0))
+        own = np.abs(TO_SERIES @ signals)[-2:].max(axis=0) / np.maximum(scale, np.abs(signals).max(axis=0))
+        driving = np.abs(series[-2:]).max(axis=0) / self._loudest
+        return states, signals, float(max(own.max(initial=0.0), _DRIVE * driving.max(initial=0.0)))
+
+    def _drive(self, time: float, width: float) -> Real:
+        """Return commands and delayed signals at the nodes, (DEGREE + 1, drives); the last node from its left."""
+        t = time + width * NODES
+        inner = t.copy()
+        inner[-1] = np.nextafter(inner[-1], 0.0)
+        columns = [np.asarray(signal.value(inner), dtype=float) for signal in self._signals]
+        columns += [self._past(i, t - delay, width) for i, delay in enumerate(self._delays)]
+        return np.stack(columns, axis=1)
+
+    def _past(self, channel: int, t: Real, width: float) -> Real:
+        """Return a delay's input at earlier instants: 0 before the beginning."""
+        found = np.zeros(len(t))
+        middle = 0.5 * (t[0] + t[-1])
+        if middle < 0 or not self._starts:
+            return found
+        starts, widths = np.array(self._starts), np.array(self._widths)
+        # instants at the seam of two steps belong to the side that the middle of this step lies on
+        nudged = t + np.where(t < middle, 1, -1) * 1e-9 * width
+        index = np.clip(np.searchsorted(starts, nudged, side="right") - 1, 0, len(starts) - 1)
+        for k in np.unique(index):
+            own = index == k
+            place = 2 * (t[own] - starts[k]) / widths[k] - 1
+            series = TO_SERIES @ self._values[k][:, self._count + channel]
+            found[own] = chebyshev.chebval(np.clip(place, -1 - 1e-9, 1 + 1e-9), series)
+        found[nudged < 0] = 0.0
+        return found
+
+    def _finals(self) -> Real | None:
+        """Return where outputs and delays settle, None where a command does not or the system has no rest."""
+        ends = [signal.final() for signal in self._signals]
+        if any(end is None for end in ends):
+            return None
+        s = self._system
+        n, m = s.states, len(self._delays)
+        commands = np.array([float(end or 0.0) for end in ends])
+        through = self._direct[self._count :, : len(commands)]
+        matrix = np.block([[-s.a, -s.b2], [-s.c2, np.eye(m) - s.d22]])
+        right = np.concatenate([self._b[:, : len(commands)] @ commands, through @ commands])
+        if not n + m:
+            return np.asarray(self._direct[: self._count, : len(commands)] @ commands)
+        found, *_ = np.linalg.lstsq(matrix, right, rcond=1e-13)
+        if np.abs(matrix @ found - right).max() > 1e-9 * max(np.abs(right).max(), 1e-300):
+            return None
+        drive = np.concatenate([commands, found[n:]])
+        return np.asarray(self._read[: self._count] @ found[:n] + self._direct[: self._count] @ drive)
+
+    def _settled(self, finals: Real, scale: Real, last: float, time: float) -> bool:
+        """Return whether the outputs have been at rest for a third of the time since the commands ended."""
+        since = time - last
+        if since <= 3 * float(self._delays.sum()) or len(self._starts) < 8:
+            return False
+        begin = max(time - since / 3, time - 40 * max(since, 1e-300))
+        late = [
+            values for start, values in zip(self._starts[-400:], self._values[-400:], strict=True) if start >= begin
+        ]
+        if len(late) < 2 or (len(late) == 400):
+            return False
+        away = np.abs(np.stack(late)[:, :, : self._count] - finals).max(axis=(0, 1))
+        own = np.maximum(scale[: self._count], np.abs(finals))
+        return bool((away <= _SETTLED * own).all())

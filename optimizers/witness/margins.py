@@ -1,0 +1,99 @@
+"""What is read off gains over frequency: peaks, margins, bandwidth and ratios to bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optimizers.witness.sweep import Complex, Height, Sweep
+
+if TYPE_CHECKING:
+    from engine.masks import FrequencyBounds, Magnitude
+    from optimizers.witness.march import Real
+
+_QUIET = 1e-3
+"""Crossings of a loop gain below this do not count."""
+
+
+def _size(g: Complex, _w: Real) -> Real:
+    return np.asarray(np.abs(g))
+
+
+def _sensitivity(g: Complex, _w: Real) -> Real:
+    return np.asarray(np.abs(1 / (1 + g)))
+
+
+def _complementary(g: Complex, _w: Real) -> Real:
+    return np.asarray(np.abs(g / (1 + g)))
+
+
+def _error(g: Complex, _w: Real) -> Real:
+    return np.asarray(np.abs(1 - g))
+
+
+PEAKS: dict[str, Height] = {
+    "sensitivity_peak": _sensitivity,
+    "complementary_peak": _complementary,
+    "control_sensitivity_peak": _size,
+    "compliance_peak": _size,
+}
+BOUNDED: dict[str, Height] = {
+    "sensitivity_bound": _sensitivity,
+    "complementary_bound": _complementary,
+    "loop_bound": _size,
+    "path_bound": _size,
+    "error_bound": _error,
+}
+
+
+def ratio(sweep: Sweep, quantity: Height, bounds: FrequencyBounds) -> float:
+    """Return the worst ratio of a quantity to its bounds."""
+    worst = -np.inf
+    for line, power in bounds.sides:
+        marks = np.array([corner for corner in line.corners if corner > 0])
+        low, high = line.span
+        ends = np.array([x for x in (low, high) if 0 < x < np.inf])
+
+        worst = max(worst, sweep.highest(_ratio(quantity, line, power), np.concatenate([marks, ends]), line.span))
+    return worst
+
+
+def _ratio(quantity: Height, line: Magnitude, power: float) -> Height:
+    def height(g: Complex, w: Real) -> Real:
+        return np.asarray((quantity(g, w) / line(w)) ** power)
+
+    return height
+
+
+def bandwidth(sweep: Sweep) -> float:
+    """Return the first frequency at which the gain has fallen by 3 dB."""
+    rest = abs(sweep(np.array([1e-7 * sweep.frequencies[0]]))[0])
+    level = rest * 10 ** (-3 / 20)
+    return min(sweep.crossings(lambda g, _: np.abs(g) - level), default=np.inf)
+
+
+def gain_margin(sweep: Sweep) -> float:
+    """Return the factor nearest to 1, on a logarithmic scale, that brings L through -1."""
+    places = sweep.crossings(lambda g, _: g.imag)
+    gains = [sweep(np.array([w]))[0].real for w in places]
+    margins = [-1 / g for g in gains if g < -_QUIET]
+    first, below = sweep.gains[0], sweep(sweep.frequencies[:1] / 10)[0]
+    if first.real < -_QUIET and abs(below - first) < 1e-3 * abs(first):
+        margins.append(float(-1 / below.real))  # finite and negative at rest
+    return min(margins, key=lambda margin: abs(np.log(margin)), default=np.inf)
+
+
+def _phases(sweep: Sweep) -> list[tuple[float, float]]:
+    places = sweep.crossings(lambda g, _: np.abs(g) - 1)
+    return [(w, float(np.angle(-sweep(np.array([w]))[0]))) for w in places]
+
+
+def phase_margin(sweep: Sweep) -> float:
+    """Return the angle that is nearest to 0."""
+    return min((angle for _, angle in _phases(sweep)), key=abs, default=np.inf)
+
+
+def delay_margin(sweep: Sweep) -> float:
+    """Return the least delay that brings L through -1."""
+    return min(((angle if angle >= -1e-12 else angle + 2 * np.pi) / w for w, angle in _phases(sweep)), default=np.inf)

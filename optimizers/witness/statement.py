@@ -1,0 +1,159 @@
+"""Which goals the second measurement can state, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.errors import EngineError
+from engine.masks import Envelope, FrequencyBounds, Polyline
+from optimizers.witness import margins, timing
+from optimizers.witness.march import CannotFollowError, Marcher
+from optimizers.witness.sweep import Sweep
+from optimizers.witness.timing import Trace
+
+if TYPE_CHECKING:
+    from engine.linear.system import LinearSystem
+    from engine.measuring import MetricRequest
+    from engine.signals import Signal
+    from optimizers.problem import Problem, Scenario
+
+_OF_TRACES: Mapping[str, Callable[[Trace], float]] = {
+    "rise_time": timing.rise_time,
+    "settling_time": lambda trace: timing.last_entry(trace, 0.02),
+    "response_time": lambda trace: timing.last_entry(trace, 0.05),
+    "overshoot": timing.overshoot,
+    "undershoot": timing.undershoot,
+    "peak": timing.peak,
+    "max_velocity": timing.peak,
+    "max_acceleration": timing.peak,
+    "control_effort": timing.peak,
+}
+_OF_LOOPS: Mapping[str, Callable[[Sweep], float]] = {
+    "gain_margin": margins.gain_margin,
+    "phase_margin": margins.phase_margin,
+    "delay_margin": margins.delay_margin,
+}
+_INTEGRALS = ("iae", "ise", "itae")
+_STABLE = -1e-9
+_FAR = 1e4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """The value of a goal's metric, infinite for one that is never crossed."""
+
+    value: float
+
+
+def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario) -> list[Statement | None]:
+    """Return the value of every goal that can be measured here, None for the others.
+
+    Linear systems that are stable as a whole, commands that settle (or a limited time); a response of very many steps, and
+    metrics without a reading of their own here, are left to the exact engine alone.
+
+    Parameters
+    ----------
+    problem : Problem
+    values : mapping of str to float
+        The variables, SI.
+    scenario : mapping of str to float
+    """
+    nothing: list[Statement | None] = [None] * len(problem.goals)
+    if problem.diagram.nonlinear:
+        return nothing
+    tied = problem.tied({axis.parameter: values[axis.parameter] for axis in problem.axes}, scenario)
+    overrides = {p: v for p, v in {**scenario, **values, **tied}.items() if p not in problem.commands}
+    try:
+        experiments = {experiment.name: experiment.signals for experiment in problem.experiments_at(values)}
+        system = problem.diagram.realize(overrides)
+    except EngineError:
+        return nothing
+    if not _decays(system):
+        return nothing
+    bench = _Bench(problem, overrides, system)
+    found: list[Statement | None] = []
+    for goal, request in zip(problem.goals, problem.requests, strict=True):
+        signals = experiments.get(goal.experiment or "", {}) if request.signals else {}
+        try:
+            value = bench.measure(request, signals)
+        except (CannotFollowError, EngineError, ValueError, IndexError, np.linalg.LinAlgError):
+            value = None  # beyond what is followed here
+        found.append(None if value is None or np.isnan(value) else Statement(value=value))
+    return found
+
+
+def _decays(system: LinearSystem) -> bool:
+    """Return whether every mode of the system without its delays decays; with delays the march itself will tell."""
+    if len(system.delays):
+        return True
+    modes = np.linalg.eigvals(system.a)
+    return bool((modes.real < _STABLE * np.abs(modes).max(initial=0.0)).all())
+
+
+class _Bench:
+    """Responses and sweeps of one system, each made once."""
+
+    def __init__(self, problem: Problem, overrides: Mapping[str, float], system: LinearSystem) -> None:
+        self._diagram = problem.diagram
+        self._overrides = overrides
+        self._system = system
+        self._sweeps: dict[tuple[str | None, ...], Sweep] = {}
+        self._traces: dict[tuple[object, ...], Trace] = {}
+
+    def measure(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
+        """Return the value of a metric, None where it has no reading here."""
+        name, mask = request.metric, request.mask
+        if name in margins.PEAKS:
+            sweep = self._sweep(request)
+            return sweep.highest(margins.PEAKS[name])
+        if name in margins.BOUNDED and isinstance(mask, FrequencyBounds):
+            return margins.ratio(self._sweep(request), margins.BOUNDED[name], mask)
+        if name == "bandwidth":
+            return margins.bandwidth(self._sweep(request))
+        if name in _OF_LOOPS:
+            return _OF_LOOPS[name](self._sweep(request))
+        return self._timed(request, signals) if signals else None
+
+    def _timed(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
+        name, mask = request.metric, request.mask
+        settles = all(signal.final() is not None for signal in signals.values())
+        if isinstance(mask, Envelope) and name == "envelope":
+            end = max(line.times[-1] for line, _ in mask.sides)
+            return timing.envelope(self._trace(request, signals, None if settles else end), mask)
+        if isinstance(mask, Polyline) and name == "tracking_error":
+            return timing.tracking_error(self._trace(request, signals, None if settles else mask.times[-1]), mask)
+        if name in _INTEGRALS:
+            roles = self._diagram.input_roles
+            reference = next((signal for port, signal in signals.items() if roles[port] == "reference"), None)
+            trace = self._trace(request, signals, request.duration)
+            return timing.error_integral(trace, name, reference, request.duration)
+        if name in _OF_TRACES and settles:
+            return _OF_TRACES[name](self._trace(request, signals, None))
+        return None
+
+    def _sweep(self, request: MetricRequest) -> Sweep:
+        key = (request.open_at, request.source, request.target)
+        if key not in self._sweeps:
+            if request.open_at is not None:
+                opened = self._diagram.realize(self._overrides, request.open_at)
+                self._sweeps[key] = Sweep(opened, len(opened.inputs) - 1, len(opened.outputs) - 1, sign=-1.0)
+            else:
+                source = self._system.inputs.index(str(request.source))
+                target = self._system.outputs.index(str(request.target))
+                self._sweeps[key] = Sweep(self._system, source, target)
+        return self._sweeps[key]
+
+    def _trace(self, request: MetricRequest, signals: Mapping[str, Signal], until: float | None) -> Trace:
+        key = (request.output, until, *((port, id(signal)) for port, signal in signals.items()))
+        if key not in self._traces:
+            output = self._system.outputs.index(str(request.output))
+            commands = [(self._system.inputs.index(port), signal) for port, signal in signals.items()]
+            march = Marcher(self._system, commands, [output]).run(until)
+            initial = float(self._system.c1[output] @ self._system.x0)
+            begin = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
+            self._traces[key] = Trace.of(march, 0, initial=initial, begin=begin)
+        return self._traces[key]

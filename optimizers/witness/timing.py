@@ -1,0 +1,251 @@
+"""What is read off a response: extremes and crossings of the polynomial of each step, found by its roots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.optimize import brentq
+
+from optimizers.witness.march import NODES, TO_SERIES, March
+
+if TYPE_CHECKING:
+    from engine.masks import Envelope, Polyline
+    from engine.signals import Signal
+    from optimizers.witness.march import Real
+
+_LOOKS = np.linspace(0.0, 1.0, 33)
+_TO_LOOKS = chebyshev.chebvander(2 * _LOOKS - 1, len(NODES) - 1) @ TO_SERIES
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """One output: ``values`` (K, nodes) on steps from ``starts`` of ``widths``; where it settles, and where it was before."""
+
+    starts: Real
+    widths: Real
+    values: Real
+    final: float | None
+    initial: float
+    begin: float
+
+    @classmethod
+    def of(cls, march: March, column: int, *, initial: float, begin: float) -> Trace:
+        """Return one output of a march; commands begin at ``begin`` (s)."""
+        final = None if march.finals is None else float(march.finals[column])
+        return cls(
+            starts=march.starts, widths=march.widths, values=march.values[:, :, column], final=final, initial=initial, begin=begin
+        )  # fmt: skip
+
+    @property
+    def end(self) -> float:
+        """Last instant, s."""
+        return float(self.starts[-1] + self.widths[-1])
+
+    def minus(self, line: Callable[[Real], Real]) -> Trace:
+        """Return what remains above a function of time that is smooth on every step."""
+        times = self.starts[:, None] + self.widths[:, None] * NODES
+        times[:, -1] = np.nextafter(times[:, -1], 0.0)
+        return Trace(
+            starts=self.starts, widths=self.widths, values=self.values - line(times), final=None, initial=0.0, begin=self.begin
+        )  # fmt: skip
+
+    def at(self, time: float) -> float:
+        """Return the value at an instant; from the right where it jumps."""
+        k = int(np.clip(np.searchsorted(self.starts, time, side="right") - 1, 0, len(self.starts) - 1))
+        return float(chebyshev.chebval(2 * (time - self.starts[k]) / self.widths[k] - 1, TO_SERIES @ self.values[k]))
+
+    def cut(self, start: float, end: float) -> Trace:
+        """Return the part between two instants."""
+        ends = self.starts + self.widths
+        chosen = (ends > start * (1 + 1e-14) + 1e-300) & (self.starts < end * (1 - 1e-14))
+        first = np.maximum(self.starts[chosen], start)
+        width = np.minimum(ends[chosen], end) - first
+        values = np.empty((int(chosen.sum()), len(NODES)))
+        for row, k in enumerate(np.flatnonzero(chosen)):
+            place = 2 * (first[row] + width[row] * NODES - self.starts[k]) / self.widths[k] - 1
+            values[row] = chebyshev.chebval(place, TO_SERIES @ self.values[k])
+        return Trace(
+            starts=first, widths=width, values=values, final=self.final, initial=self.initial, begin=self.begin
+        )  # fmt: skip
+
+    def largest(self) -> float:
+        """Return the greatest value."""
+        looks = self.values @ _TO_LOOKS.T
+        near = np.flatnonzero(looks.max(axis=1) >= looks.max() - 0.05 * np.ptp(self.values))
+        best = float(max(looks.max(), self.values.max()))
+        for k in near:
+            series = TO_SERIES @ self.values[k]
+            slope = np.trim_zeros(chebyshev.chebder(series), "b")
+            if len(slope) > 1:
+                turns = np.asarray(chebyshev.chebroots(slope))
+                real = turns.real[(np.abs(turns.imag) < 1e-6) & (np.abs(turns.real) <= 1)]
+                best = max([best, *chebyshev.chebval(real, series).tolist()])
+        return best
+
+    def crossings(self, level: float) -> list[float]:
+        """Return every instant at which the level is passed, rising."""
+        found: list[float] = []
+        looks = self.values @ _TO_LOOKS.T - level
+        for k in range(len(self.starts)):
+            if k and (looks[k - 1, -1] < 0) != (looks[k, 0] < 0):
+                found.append(float(self.starts[k]))
+            signs = looks[k] < 0
+            series = TO_SERIES @ self.values[k]
+            series[0] -= level
+            for j in np.flatnonzero(signs[1:] != signs[:-1]):
+                root = brentq(
+                    lambda x, s=series: chebyshev.chebval(x, s), 2 * _LOOKS[j] - 1, 2 * _LOOKS[j + 1] - 1, xtol=1e-15
+                )
+                found.append(float(self.starts[k] + self.widths[k] * (root + 1) / 2))
+        return found
+
+    def integral(self, of: Callable[[Real, Real], Real], cuts: list[float]) -> float:
+        """Return the integral of a function of (t, y), smooth between ``cuts``."""
+        edges = np.unique(np.concatenate([self.starts, [self.end], [c for c in cuts if self.starts[0] < c < self.end]]))
+        total = 0.0
+        middles = 0.5 * (edges[1:] + edges[:-1])
+        owner = np.clip(np.searchsorted(self.starts, middles, side="right") - 1, 0, len(self.starts) - 1)
+        for a, b, k in zip(edges[:-1], edges[1:], owner, strict=True):
+            t = 0.5 * (a + b) + 0.5 * (b - a) * _POINTS
+            y = chebyshev.chebval(2 * (t - self.starts[k]) / self.widths[k] - 1, TO_SERIES @ self.values[k])
+            total += 0.5 * (b - a) * float(_WEIGHTS @ of(t, y))
+        return total
+
+
+def _way(trace: Trace) -> float:
+    assert trace.final is not None
+    way = trace.final - trace.initial
+    if abs(way) <= 1e-9 * float(np.abs(trace.values).max(initial=0.0)):
+        raise ValueError("no way")
+    return way
+
+
+def rise_time(trace: Trace) -> float:
+    """First passages of 10 % and 90 %."""
+    way = _way(trace)
+    instants = []
+    for part in (0.1, 0.9):
+        level = trace.initial + part * way
+        if np.sign(way) * (trace.values[0, 0] - level) >= 0:
+            instants.append(float(trace.starts[0]))
+        else:
+            instants.append(trace.crossings(level)[0])
+    return instants[1] - instants[0]
+
+
+def last_entry(trace: Trace, band: float) -> float:
+    """Last passage of either edge of a band around the final value, since the command began."""
+    way = _way(trace)
+    assert trace.final is not None
+    found = [t for edge in (band, -band) for t in trace.crossings(trace.final + edge * way)]
+    return max(found) - trace.begin if found else float(trace.starts[0]) - trace.begin
+
+
+def overshoot(trace: Trace) -> float:
+    """(max - final) / way."""
+    way = _way(trace)
+    assert trace.final is not None
+    sign = np.sign(way)
+    part = Trace(
+        starts=trace.starts, widths=trace.widths, values=sign * trace.values, final=None, initial=0.0, begin=0.0
+    )
+    beyond = (part.largest() - sign * trace.final) / abs(way)
+    return float(beyond) if beyond > 1e-9 else 0.0
+
+
+def undershoot(trace: Trace) -> float:
+    """(initial - min) / way."""
+    way = _way(trace)
+    part = (
+        trace
+        if way < 0
+        else Trace(starts=trace.starts, widths=trace.widths, values=-trace.values, final=None, initial=0.0, begin=0.0)
+    )
+    below = (part.largest() - (trace.initial if way < 0 else -trace.initial)) / abs(way)
+    return float(below) if below > 1e-9 else 0.0
+
+
+def peak(trace: Trace) -> float:
+    """Greatest |y|, its final value included."""
+    other = Trace(starts=trace.starts, widths=trace.widths, values=-trace.values, final=None, initial=0.0, begin=0.0)
+    return max(trace.largest(), other.largest(), abs(trace.final or 0.0))
+
+
+def error_integral(trace: Trace, kind: str, reference: Signal | None, duration: float | None) -> float:
+    """∫|e|, ∫e² or ∫t|e|, from the command on."""
+    error = trace.minus(
+        lambda t: np.zeros_like(t) if reference is None else np.asarray(reference.value(t), dtype=float)
+    )
+    target = 0.0 if reference is None else reference.final()
+    if duration is None and (
+        target is None or trace.final is None or abs(target - trace.final) > 1e-9 * np.abs(error.values).max()
+    ):
+        raise ValueError("the error does not go to zero")
+    error = error.cut(trace.begin, trace.end if duration is None else duration)
+    zeros = error.crossings(0.0)
+    forms: dict[str, Callable[[Real, Real], Real]] = {
+        "iae": lambda _, e: np.abs(e), "ise": _square, "itae": lambda t, e: (t - trace.begin) * np.abs(e),
+    }  # fmt: skip
+    return error.integral(forms[kind], zeros)
+
+
+def envelope(trace: Trace, bounds: Envelope) -> float:
+    """1 plus the worst excess."""
+    worst = -np.inf
+    for line, sign in bounds.sides:
+        for a, b, u, v in _straight(line):
+            slope = (v - u) / (b - a)
+            if a < trace.end:
+                part = trace.cut(a, min(b, trace.end)).minus(_line(a, u, slope))
+                above = Trace(
+                    starts=part.starts,
+                    widths=part.widths,
+                    values=sign * part.values,
+                    final=None,
+                    initial=0.0,
+                    begin=0.0,
+                )
+                worst = max(worst, above.largest())
+            if b > trace.end:
+                assert trace.final is not None
+                first = max(a, trace.end)
+                worst = max(worst, *(sign * (trace.final - u - slope * (t - a)) for t in (first, b)))
+    return 1 + worst / bounds.unit
+
+
+def tracking_error(trace: Trace, line: Polyline) -> float:
+    """Root of the mean square of y - r."""
+    total = span = 0.0
+    for a, b, u, v in _straight(line):
+        slope, span = (v - u) / (b - a), span + b - a
+        if a < trace.end:
+            total += trace.cut(a, min(b, trace.end)).minus(_line(a, u, slope)).integral(_square, [])
+        if b > trace.end:
+            assert trace.final is not None
+            first = max(a, trace.end)
+            d0, d1 = (trace.final - u - slope * (t - a) for t in (first, b))
+            total += (b - first) * (d0 * d0 + d0 * d1 + d1 * d1) / 3
+    return float(np.sqrt(total / span))
+
+
+def _square(_t: Real, e: Real) -> Real:
+    return e * e
+
+
+def _line(start: float, value: float, slope: float) -> Callable[[Real], Real]:
+    def line(t: Real) -> Real:
+        return np.asarray(value + slope * (t - start))
+
+    return line
+
+
+def _straight(line: Polyline) -> list[tuple[float, float, float, float]]:
+    """Return (start, end, value at the start, value at the end) of the straight parts."""
+    points = zip(line.times, line.values, strict=True)
+    return [(a, b, u, v) for (a, u), (b, v) in pairwise(points) if b > a]

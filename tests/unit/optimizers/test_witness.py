@@ -1,0 +1,151 @@
+"""The second measurement against formulas, and against what a grid would have believed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
+from engine.signals import make
+from engine.verdicts import Measured
+from optimizers.certificate import certificate_of, certify
+from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
+from optimizers.witness import witnessed
+from tests.unit.optimizers.oscillator import STEP, oscillator
+
+
+def measured(diagram: Diagram, variable: str, command: Experiment, /, **goal: Any) -> float | None:
+    wanted = {"sense": Sense.MINIMIZE, **goal}
+    problem = Problem(
+        diagram=diagram,
+        variables=(Variable(parameter=variable, lower=0.01, upper=100.0),),
+        experiments=(command,),
+        goals=(Goal(**wanted),),
+    )
+    (found,) = witnessed(problem, problem.before, {})
+    return None if found is None else found.value
+
+
+Z, W = 0.5, 1.0  # c = 1, m = k = 1
+WD = W * math.sqrt(1 - Z * Z)
+PEAK = math.exp(-math.pi * Z / math.sqrt(1 - Z * Z))
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [
+        ({"metric": "overshoot"}, PEAK),
+        ({"metric": "peak"}, 1 + PEAK),
+        ({"metric": "undershoot"}, 0.0),
+        ({"metric": "ise"}, Z + 1 / (4 * Z)),  # ∫e² of a second-order loop
+        # The oscillator is above 1.02 at its first peak and below an upper line of 1.1 from t = 10 on.
+        (
+            {
+                "metric": "envelope",
+                "mask": Envelope(upper=Polyline(times=(0, 10, 10, 20), values=(1.02, 1.02, 1.1, 1.1)), scale=0.5),
+            },
+            1 + (PEAK - 0.02) / 0.5,
+        ),
+    ],
+)
+def test_an_oscillator_answers_a_step_as_in_the_textbooks(goal, expected) -> None:
+    found = measured(oscillator(), "c", STEP, experiment="step", output="x", **goal)
+    assert found == pytest.approx(expected, rel=1e-11, abs=1e-12)
+
+
+def test_an_oscillators_gains_are_those_of_the_textbooks() -> None:
+    path = {"source": "force", "target": "x"}
+    top = 1 / (2 * Z * math.sqrt(1 - Z * Z))
+    assert measured(oscillator(), "c", STEP, metric="compliance_peak", **path) == pytest.approx(top, rel=1e-12)
+    corner = math.sqrt(1 - 2 * Z * Z + math.sqrt(4 * Z**4 - 4 * Z * Z + 10**0.3))
+    assert measured(oscillator(), "c", STEP, metric="bandwidth", **path) == pytest.approx(corner, rel=1e-12)
+    flat = FrequencyBounds(upper=Corners(frequencies=(0.01, 100.0), magnitudes=(2.0, 2.0)))
+    assert measured(oscillator(), "c", STEP, metric="path_bound", mask=flat, **path) == pytest.approx(
+        top / 2, rel=1e-12
+    )
+    # Against its own magnitude every gain is met exactly.
+    own = FrequencyBounds(upper=Rational(numerator=(1.0,), denominator=(1.0, 1.0, 1.0)))
+    assert measured(oscillator(), "c", STEP, metric="path_bound", mask=own, **path) == pytest.approx(1.0, rel=1e-12)
+
+
+def echo() -> Diagram:
+    """An integrator with gain k behind a delay of 1 s, in a loop: ẏ(t) = k (1 - y(t - 1))."""
+    return compile_system(
+        System(
+            parameters={"k": Parameter(value=1.0)},
+            blocks={
+                "u": Block(kind="input"),
+                "error": Block(kind="sum", values={"signs": "+-"}),
+                "wait": Block(kind="delay", values={"time": 1.0}),
+                "body": Block(kind="integrator", values={"gain": "=k"}),
+            },
+            connections=tuple(
+                Connection(source=a, target=b)
+                for a, b in (("u", "error.in1"), ("wait", "error.in2"), ("error", "body"), ("body", "wait"))
+            ),
+            outputs={"y": "body"},
+        )
+    )
+
+
+def test_a_delay_is_exact() -> None:
+    step = Experiment(name="step", signals={"u": make("step", {})})
+    # y = t up to 1, t - (t-1)²/2 up to 2, where its slope 1 - y(1) is 0: the peak is 3/2.
+    assert measured(echo(), "k", step, metric="overshoot", experiment="step", output="y") == pytest.approx(
+        0.5, rel=1e-11
+    )
+    # L = e^-s / s: |L| = 1 at 1 rad/s, where its phase is -π/2 - 1; real at π/2, where |L| = 2/π.
+    loop = {"open_at": "error"}
+    assert measured(echo(), "k", step, metric="phase_margin", **loop) == pytest.approx(math.pi / 2 - 1, rel=1e-12)
+    assert measured(echo(), "k", step, metric="delay_margin", **loop) == pytest.approx(math.pi / 2 - 1, rel=1e-12)
+    assert measured(echo(), "k", step, metric="gain_margin", **loop) == pytest.approx(math.pi / 2, rel=1e-12)
+
+
+def test_what_it_cannot_follow_it_says_nothing_about() -> None:
+    sine = Experiment(name="sine", signals={"force": make("sine", {"frequency": 2.0})})
+    assert measured(oscillator(), "c", sine, metric="peak", experiment="sine", output="x") is None
+    assert measured(oscillator(), "c", STEP, metric="damping_ratio") is None
+
+
+def test_a_point_that_breaks_a_bound_only_between_grid_points_is_refused() -> None:
+    # A resonance of height 50 and width 1e-2 rad/s, seen by a grid of 60 frequencies as 7 at most.
+    problem = Problem(
+        diagram=oscillator(),
+        variables=(Variable(parameter="c", lower=0.01, upper=100.0),),
+        goals=(Goal(metric="compliance_peak", source="force", target="x", upper=8.0, sense=Sense.MINIMIZE),),
+    )
+    c = 0.02
+    omega = np.geomspace(1e-2, 1e2, 60)
+    believed = float(np.abs(1 / (1 - omega**2 + 1j * c * omega)).max())
+    assert believed < 8.0
+    grid = [[Measured(value=believed, unit="1")]]
+    assert certificate_of(problem, grid).valid
+    second = {0: witnessed(problem, {"c": c}, {})}
+    refused = certificate_of(problem, grid, second)
+    assert not refused.valid
+    (proof,) = refused.goals
+    top = 1 / (c * math.sqrt(1 - c * c / 4))
+    assert proof.independent == pytest.approx(top, rel=1e-10)
+    assert refused.worst_violation == pytest.approx(top / 8 - 1, rel=1e-10)
+    assert not certify(problem, {"c": c}).valid
+
+
+def test_a_swing_between_samples_is_refused() -> None:
+    # Samples of 4 s, four fifths of the period beside 5 s, miss the peak of 1.163 at 3.63 s.
+    problem = Problem(
+        diagram=oscillator(),
+        variables=(Variable(parameter="c", lower=0.01, upper=100.0),),
+        experiments=(STEP,),
+        goals=(Goal(metric="overshoot", experiment="step", output="x", upper=0.16, sense=Sense.MINIMIZE),),
+    )
+    t = np.arange(0.0, 60.0, 0.8)
+    y = 1 - np.exp(-Z * t) * (np.cos(WD * t) + Z / WD * np.sin(WD * t))
+    assert y.max() - 1 < 0.16
+    second = {0: witnessed(problem, {"c": 1.0}, {})}
+    refused = certificate_of(problem, [[Measured(value=float(y.max() - 1), unit="1")]], second)
+    assert not refused.valid
+    assert refused.worst_violation == pytest.approx(PEAK / 0.16 - 1, rel=1e-10)
