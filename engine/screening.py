@@ -55,9 +55,9 @@ class Screening:
         self._rest: dict[tuple[int, ...], Collocation] = {}
 
     def compiled(self, parameters: Sequence[str]) -> bool:
-        """Return whether compiled kernels answer everything that can be screened, for these parameters varied."""
+        """Return whether compiled kernels answer every request, for these parameters varied."""
         batch = self._batch(tuple(parameters))
-        return batch is not None and np.array(batch.measured)[np.array(self.measurable)].all().item()
+        return batch is not None and all(batch.measured)
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
