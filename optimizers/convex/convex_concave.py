@@ -22,10 +22,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from optimizers.convex.point import FEASIBLE, Point
+from optimizers.convex.point import FEASIBLE, LEAST, Point, hard_bounds, objective_around, wanted
 from optimizers.convex.solvers import Solved, solve
 from optimizers.convex.summits import Summits, at_rest, grid, height, stable, summits
-from optimizers.evaluate import Local
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +50,7 @@ _REPAIRS = 4
 _FURTHEST = 20.0
 _HALVINGS = 12
 
-_AMPLE, _LEAST = 1e3, 1e-300
+_AMPLE = 1e3
 _BOUND, _STABLE = -1, -2
 """What a row belongs to, where it is no slack of an objective."""
 
@@ -83,10 +82,9 @@ class Procedure:
         self._evaluator = evaluator
         self._loops = tuple(loops)
         self._watch = watch
-        problem, axes = evaluator.problem, evaluator.problem.axes
-        self._bounds = {g: goal.upper for g, goal in enumerate(problem.goals) if goal.hard and goal.upper is not None}
-        wanted = sorted({*problem.objectives, *problem.soft})
-        self._slacks = [(s, g) for s in range(len(self._loops)) for g in wanted]
+        axes = evaluator.problem.axes
+        self._bounds = hard_bounds(evaluator)
+        self._slacks = wanted(evaluator)
         self._lower = np.array([axis.lower for axis in axes])
         self._upper = np.array([axis.upper for axis in axes])
         self._grids: list[Real] = []
@@ -210,21 +208,12 @@ class Procedure:
             problem = cp.Problem(cp.Minimize(worst), [*limits, tau <= _AMPLE])
         else:
             gamma = cp.Variable()
-            levels, slopes = self._model(here)
+            levels, slopes = objective_around(self._evaluator, here, self._slacks)
             problem = cp.Problem(cp.Minimize(gamma), [*limits, gamma >= levels + slopes @ tau])
         answer = solve(problem)
         if answer is not Solved.OPTIMAL or z.value is None:
             return f"the conic solver ended with '{answer}'"
         return np.asarray(np.clip(centre + scale * z.value, self._lower, self._upper))
-
-    def _model(self, here: Point) -> tuple[Vector, Real]:
-        """Return the functions whose largest is the objective, and their slopes by the slacks, relative to its size."""
-        slopes = np.zeros((*here.goals.shape, len(self._slacks)))
-        for k, (s, g) in enumerate(self._slacks):
-            slopes[s, g, k] = here.goals[s, g]
-        size = max(abs(here.objective), _LEAST)
-        local = Local(values=here.goals, slopes=slopes)
-        return self._evaluator.objectives(here.goals) / size, self._evaluator.objective_slopes(local) / size
 
     def _cones(self, here: Point, centre: Vector) -> Cones:
         """Return the cones around ``centre``."""
@@ -238,7 +227,7 @@ class Procedure:
                 if g in self._bounds:
                     parts.append(_cones_of(known, n, m, centre, level=self._bounds[g], owner=_BOUND))
                 if (s, g) in self._slacks:
-                    level = max(here.goals[s, g], _LEAST)
+                    level = max(here.goals[s, g], LEAST)
                     parts.append(_cones_of(known, n, m, centre, level=level, owner=self._slacks.index((s, g))))
         names = ("n0", "n", "d", "owner")
         return Cones(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
@@ -247,7 +236,7 @@ class Procedure:
         """Return for each variable the change that moves some response by its own size, its range where none moves."""
         size = np.maximum(np.abs(cones.d).max(axis=0), np.abs(cones.n).max(axis=0))
         span = self._upper - self._lower
-        return np.asarray(np.where(size * span > 1, 1 / np.maximum(size, _LEAST), span))
+        return np.asarray(np.where(size * span > 1, 1 / np.maximum(size, LEAST), span))
 
 
 def _cones_of(known: Coefficients, n: Complex, m: Complex, centre: Vector, *, level: float, owner: int) -> Cones:
@@ -273,4 +262,4 @@ def _change(here: Point, there: Point) -> float:
         return abs(there.violation - here.violation) / there.violation
     if here.violation > FEASIBLE:
         return float("inf")
-    return abs(there.objective - here.objective) / max(abs(here.objective), _LEAST)
+    return abs(there.objective - here.objective) / max(abs(here.objective), LEAST)

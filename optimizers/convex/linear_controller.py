@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from engine.errors import EngineError
 from engine.evaluation import Evaluation
+from optimizers.convex.ranges import overrides, ranges_of
 from optimizers.convex.transfer import Transfer
 from optimizers.problem import ProblemError
 
@@ -30,7 +31,6 @@ Complex = npt.NDArray[np.complex128]
 _LINEAR = 1e-6
 """Relative deviation from a straight line up to which a response is linear in a parameter."""
 
-_PROBES = (0.37, 0.81, 0.23, 0.59, 0.71, 0.13)
 _LOOKS = 24
 _MOST_PARAMETERS = 40
 
@@ -78,10 +78,8 @@ class LinearLoop:
         self.scenario = scenario
         self.ratios = tuple(ratios)
         self.open_at = open_at
-        axes = problem.axes
-        self.base = np.array([axis.start for axis in axes])
-        ends = [axis.upper if axis.upper - axis.start >= axis.start - axis.lower else axis.lower for axis in axes]
-        self._reach = np.array(ends) - self.base
+        ranges = ranges_of(problem, scenario)
+        self.base, self.inner, self._reach = ranges.base, ranges.inner, ranges.reach
         points = [self.base, *(self.base + np.diag(self._reach))]
         self._members = [self._member(point) for point in points]
         self.slowest, self.fastest = self._members[0][open_at].corners
@@ -101,15 +99,11 @@ class LinearLoop:
 
     def evaluation(self, x: Vector) -> Evaluation:
         """Return the closed diagram at parameter values, on the exact path."""
-        return Evaluation(self.problem.diagram, self._overrides(x))
+        return Evaluation(self.problem.diagram, overrides(self.problem, self.scenario, x))
 
     def cut(self, x: Vector, open_at: str) -> Transfer:
         """Return the responses at parameter values with the loop cut at a place."""
-        return Transfer(self.problem.diagram, self._overrides(x), open_at)
-
-    def _overrides(self, x: Vector) -> dict[str, float]:
-        own = {axis.parameter: float(value) for axis, value in zip(self.problem.axes, x, strict=True)}
-        return {**self.scenario, **own, **self.problem.tied(own, self.scenario)}
+        return Transfer(self.problem.diagram, overrides(self.problem, self.scenario, x), open_at)
 
     def _member(self, x: Vector) -> Mapping[str, Transfer]:
         """Return the diagram at parameter values, cut at every place that a goal or the loop names."""
@@ -227,10 +221,9 @@ def _curvature(loop: LinearLoop) -> tuple[int, ProblemError] | None:
             for true, line in zip(loop.exact(x, frequencies), (known.d, known.n, known.m), strict=True)
         )
 
-    inner = np.array([a.lower + _PROBES[k % len(_PROBES)] * (a.upper - a.lower) for k, a in enumerate(axes)])
-    if not bent(inner):
+    if not bent(loop.inner):
         return None
-    alone = [k for k, x in enumerate(inner) if bent(np.where(np.arange(len(axes)) == k, x, base))]
+    alone = [k for k, x in enumerate(loop.inner) if bent(np.where(np.arange(len(axes)) == k, x, base))]
     names = ", ".join(axes[k].parameter for k in alone or range(len(axes)))
     what = (
         f"in each variable for the method convex, got another dependence on {names}: hold it at a value"

@@ -9,7 +9,7 @@ that is stable at the start stays stable. Where the problem is of another form, 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -17,7 +17,8 @@ from scipy.stats import qmc
 
 from engine.parameters import Param
 from optimizers.convex.convex_concave import Procedure
-from optimizers.convex.linear_controller import linear_loops
+from optimizers.convex.linear_controller import LinearLoop, linear_loops
+from optimizers.convex.placement import Placement, structure_of
 from optimizers.convex.point import Point
 from optimizers.convex.ratios import INTEGRATED_ERROR, ratios_of
 from optimizers.convex.youla import best_linear
@@ -78,18 +79,17 @@ class Convex(Method):
                 "cvxpy must be installed for the method convex (pip install 'servotune[convex]'), got no such package",
                 at=("method", "kind"),
             )
-        monitor.progress(0.0, "looking for the loop that is linear in the variables")
-        loops = linear_loops(problem, ratios_of(problem))
         tracker = Tracker(Evaluator(problem), monitor, _BUDGET)
 
         def watch(point: Point) -> None:
             if monitor.cancelled():
                 raise Stopped(cancelled=True)
-            tracker.evaluator.evaluations += len(loops)
+            tracker.evaluator.evaluations += len(problem.scenarios)
             if point.stable:
                 tracker.offer(_position(problem, point.x), point.objective, point.violation)
 
-        procedure = Procedure(tracker.evaluator, loops, watch)
+        monitor.progress(0.0, "looking for what is linear in the variables")
+        loops, procedure = _procedure(problem, tracker.evaluator, watch)
         ends: list[tuple[Point, str]] = []
         status, advice = Status.CONVERGED, ""
         try:
@@ -102,7 +102,7 @@ class Convex(Method):
         if status is not Status.CANCELLED:
             status, advice = _outcome(ends, problem)
         bound = None
-        if status is Status.CONVERGED and options["limit"] == "linear":
+        if status is Status.CONVERGED and options["limit"] == "linear" and loops:
             monitor.progress(0.9, "how far any linear controller can go")
             bound = best_linear(problem, loops, min((point for point, _ in ends), key=lambda point: point.rank).x)
             advice = f"{advice} {_compared(problem, bound)}"
@@ -111,6 +111,20 @@ class Convex(Method):
         if ends:  # what came by on the way may lie beyond the bounds by what the certificate tolerates
             best = _position(problem, min((point for point, _ in ends), key=lambda point: point.rank).x)
         return conclude(tracker, best, status, advice, bound=bound)
+
+
+def _procedure(
+    problem: Problem, evaluator: Evaluator, watch: Callable[[Point], None]
+) -> tuple[tuple[LinearLoop, ...], Procedure | Placement]:
+    """Return the loops that are linear in the variables with their procedure, or none and that of a structure."""
+    try:
+        loops = linear_loops(problem, ratios_of(problem))
+    except ProblemError:
+        paths = structure_of(problem)
+        if paths is None:
+            raise
+        return (), Placement(evaluator, paths, watch)
+    return loops, Procedure(evaluator, loops, watch)
 
 
 def _compared(problem: Problem, bound: float | None) -> str:
@@ -125,7 +139,9 @@ def _position(problem: Problem, x: Vector) -> Vector:
     return np.array([axis.position(float(value)) for axis, value in zip(problem.axes, x, strict=True)])
 
 
-def _starts(problem: Problem, procedure: Procedure, count: int, rng: np.random.Generator) -> Iterator[Vector]:
+def _starts(
+    problem: Problem, procedure: Procedure | Placement, count: int, rng: np.random.Generator
+) -> Iterator[Vector]:
     """Yield stable points, the present one first if it is, then the most promising of a Sobol sequence, wide apart."""
     first = problem.start()
     sample = qmc.Sobol(len(problem.axes), rng=rng).random(_SAMPLE)
