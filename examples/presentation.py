@@ -20,8 +20,12 @@ if TYPE_CHECKING:
 Study = Callable[[servotune.Client], "Figure"]
 """Asks a service, prints what it answers and returns the figure."""
 
-RESOLUTION, COLOURS = 100, 256
+RESOLUTION, PALETTE = 100, 256
 """Dots per inch and colours of a figure: good on a page, and a file below 100 kB."""
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00")
+DASHES = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)), (0, (9, 2, 3, 2)))
+"""Of the curves in a panel, in their order: told apart by any eye and in print, M. Okabe and K. Ito, Color Universal Design (2008)."""
 
 
 def run(study: Study, arguments: Sequence[str] | None) -> int:
@@ -51,7 +55,7 @@ def save(figure: Figure, path: Path) -> None:
 
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=RESOLUTION)
-    Image.open(drawn).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)
+    Image.open(drawn).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)
 
 
 def show(metric: Metric, factor: float, unit: str) -> str:
@@ -77,10 +81,14 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 def panels(rows: int, columns: int, *, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
     """Return an empty figure of this size (inches) and its panels, row by row."""
+    from cycler import cycler  # noqa: PLC0415 -- comes with matplotlib
     from matplotlib.figure import Figure  # noqa: PLC0415 -- costs a second, and only a script that draws needs it
 
     figure = Figure(figsize=size, layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+    drawn = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for panel in drawn:
+        panel.set_prop_cycle(cycler(color=COLOURS) + cycler(linestyle=DASHES))
+    return figure, drawn
 
 
 def label(panel: Axes, *, title: str, x: str, y: str, legend: bool = True, **limits: Any) -> None:
