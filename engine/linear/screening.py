@@ -20,12 +20,14 @@ import numpy.typing as npt
 
 from engine.linear.screening_frequency import LOOP_METRICS, PATH_METRICS, Path, Scan
 from engine.linear.screening_march import Lanes, Mesh, Responses, balance, march
+from engine.linear.screening_masks import LOOP_MASKS, PATH_MASKS, TIME_MASKS, ratio
 from engine.linear.screening_time import METRICS as TIME_METRICS
 from engine.linear.screening_time import Readings, Trace
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.system import Array, StackedSystem
+    from engine.masks import Mask
     from engine.signals import Signal
     from engine.study import MetricRequest
 
@@ -82,7 +84,7 @@ class Screening:
         self._experiment: dict[int, int] = {}
         self._outputs: list[int] = []
         for index, request in enumerate(self._requests):
-            if self.measurable[index] and request.metric in TIME_METRICS:
+            if self.measurable[index] and (request.metric in TIME_METRICS or request.metric in TIME_MASKS):
                 self._register(index, request)
 
     def __call__(self, overrides: Mapping[str, Array]) -> Screened:
@@ -108,7 +110,10 @@ class Screening:
     def _is_measurable(self, request: MetricRequest) -> bool:
         if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:
             return True
-        if request.metric not in TIME_METRICS or not request.signals:
+        if request.mask is not None and (request.metric in LOOP_MASKS or request.metric in PATH_MASKS):
+            return True
+        timed = request.metric in TIME_METRICS or (request.metric in TIME_MASKS and request.mask is not None)
+        if not timed or not request.signals:
             return False
         if request.duration is not None and request.metric in _INTEGRALS:
             return False
@@ -215,13 +220,13 @@ class Screening:
         if not which.any():
             return
         part, rows = run.take(which), index[which]
-        known: dict[tuple[int, int, Callable[[Trace], Readings]], Readings] = {}
+        known: dict[tuple[int, int, str, Mask | None], Readings] = {}
         for column, experiment in self._experiment.items():
             request = self._requests[column]
             assert request.output is not None
             output = self._outputs.index(self._diagram.outputs.index(request.output))
-            metric = TIME_METRICS[request.metric]
-            key = (experiment, output, metric)
+            metric = _reading(request)
+            key = (experiment, output, request.metric, request.mask)
             if key not in known:
                 command = self._commands[experiment]
                 roles = self._diagram.input_roles
@@ -240,8 +245,10 @@ class Screening:
     ) -> None:
         scans: dict[tuple[str | None, ...], tuple[Path, Scan]] = {}
         for index, request in enumerate(self._requests):
-            loop = request.metric in LOOP_METRICS
-            if not loop and request.metric not in PATH_METRICS:
+            loop = request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
+            if not self.measurable[index] or not (
+                loop or request.metric in PATH_METRICS or request.metric in PATH_MASKS
+            ):
                 continue
             key = (request.open_at,) if loop else (request.source, request.target)
             if key not in scans:
@@ -253,10 +260,24 @@ class Screening:
                     assert request.target is not None
                     path = _path(stack, here, request.source, request.target, sign=1.0)
                 scans[key] = path, Scan(path)
-            metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
-            found = metric(*scans[key])
+            path, scan = scans[key]
+            if request.mask is not None:
+                quantity = (LOOP_MASKS if loop else PATH_MASKS)[request.metric]
+                found = ratio(path, scan, request.mask, quantity)
+            else:
+                metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
+                found = metric(path, scan)
             values[here, index] = found.value if np.iscomplexobj(values) else found.value.real
             doubtful[here, index] = found.doubtful
+
+
+def _reading(request: MetricRequest) -> Callable[[Trace], Readings]:
+    """Return what reads a time metric off a response."""
+    if request.mask is None:
+        return TIME_METRICS[request.metric]
+    mask, held = request.mask, TIME_MASKS[request.metric]
+    start = next(step[0] for step in map(_step, request.signals.values()) if step)
+    return lambda trace: held(trace, mask, start)
 
 
 def _step(signal: Signal) -> tuple[float, float] | None:

@@ -130,10 +130,10 @@ class Scan:
         omega = np.concatenate(pieces, axis=1)
         return np.sort(np.clip(omega, _REACH[0] * low[:, None], _REACH[1] * high[:, None]), axis=1)
 
-    def peak(self, height: Callable[[Array], Array]) -> Array:
-        """Return the frequency (B,) at which ``height`` of the response is largest."""
+    def peak(self, height: Callable[[Array, Array], Array]) -> Array:
+        """Return the frequency (B,) at which ``height`` of the response and its frequency is largest."""
         rows = np.arange(self._path.batch)
-        heights = height(self.response)
+        heights = height(self.response, self.frequencies)
         heights = np.where(np.isfinite(heights), heights, -np.inf)
         last = heights.shape[1] - 1
         padded = np.pad(heights, ((0, 0), (1, 1)), constant_values=-np.inf)
@@ -148,7 +148,7 @@ class Scan:
             middle = place
             for _ in range(4):
                 trial = low[:, None] * (high / low)[:, None] ** (np.arange(9) / 8)
-                value = height(self.at(rows, trial))
+                value = height(self.at(rows, trial), trial)
                 middle = np.where(np.isfinite(value), value, -np.inf).argmax(axis=1)
                 low, high = trial[rows, np.maximum(middle - 1, 0)], trial[rows, np.minimum(middle + 1, 8)]
             # The parabola through the last three, on a logarithmic axis.
@@ -250,7 +250,7 @@ def _dual(value: Array, tangent: Array) -> Array:
 
 def _peak(path: Path, scan: Scan, shape: Callable[[Array], Array], slope: Callable[[Array], Array]) -> Readings:
     """Return max |shape(G)|; ``slope`` is the derivative of the shape by G."""
-    omega = scan.peak(lambda g: np.abs(shape(g)))
+    omega = scan.peak(lambda g, _: np.abs(shape(g)))
     value, tangent, _ = solved(path, np.arange(path.batch), omega)
     shaped = shape(value)
     size = np.abs(shaped)

@@ -89,7 +89,7 @@ def _reduced(choose: np.ufunc, samples: Array) -> Array:
     return result
 
 
-def _evaluate(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
+def evaluate_polynomial(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
     """Return value, first and second derivative of polynomials (k, degree + 1) at u (k,)."""
     value = coefficients[:, -1]
     first = np.zeros_like(value)
@@ -103,11 +103,11 @@ def _evaluate(coefficients: Array, u: Array) -> tuple[Array, Array, Array]:
 
 def _root(coefficients: Array, low: Array, high: Array, rises: Array) -> Array:
     """Return where polynomials pass 0 within brackets: upwards where ``rises`` is 1, downwards where it is -1."""
-    at_low, at_high = _evaluate(coefficients, low)[0], _evaluate(coefficients, high)[0]
+    at_low, at_high = evaluate_polynomial(coefficients, low)[0], evaluate_polynomial(coefficients, high)[0]
     apart = at_low != at_high
     u = low + (high - low) * np.clip(at_low / np.where(apart, at_low - at_high, 1.0), 0.0, 1.0)
     for _ in range(9):
-        value, slope, _ = _evaluate(coefficients, u)
+        value, slope, _ = evaluate_polynomial(coefficients, u)
         below = rises * value < 0
         low, high = np.where(below, u, low), np.where(below, high, u)
         newton = u - value / np.where(slope == 0, np.inf, slope)
@@ -123,12 +123,12 @@ def _crossing(trace: Trace, rows: Array, before: Array, level: Array) -> Array:
     grid = 2 * GRID - 1
     low, high = grid[place], grid[np.minimum(place + 1, POINTS - 1)]
     real = coefficients.real
-    sign = np.where(_evaluate(real, low)[0] < 0, 1.0, -1.0)
+    sign = np.where(evaluate_polynomial(real, low)[0] < 0, 1.0, -1.0)
     # Between the end of a piece and the start of the next there is either nothing or a jump.
     u = _root(real, low, high, sign)
     jumps = place == POINTS - 1
     u = np.where(jumps, 1.0, u)
-    value, slope, _ = _evaluate(coefficients, u.astype(coefficients.dtype))
+    value, slope, _ = evaluate_polynomial(coefficients, u.astype(coefficients.dtype))
     scale = trace.extent[rows]
     smooth = (np.abs(slope.real) > 0) & (np.abs(value.real) <= 1e-6 * scale)
     shift = np.where(smooth, value / np.where(smooth, slope, 1.0), 0.0)
@@ -141,7 +141,7 @@ def _polished(trace: Trace, rows: Array, sample: Array, sign: float | Array) -> 
     piece, place = sample // POINTS, sample % POINTS
     grid = 2 * GRID - 1
     # At a joint the turning point may lie on the other side.
-    slope = sign * _evaluate(trace.polynomial(rows, piece).real, grid[place])[1]
+    slope = sign * evaluate_polynomial(trace.polynomial(rows, piece).real, grid[place])[1]
     onward = (place == POINTS - 1) & (slope > 0) & (piece + 1 < pieces)
     back = (place == 0) & (slope < 0) & (piece > 0)
     piece = piece + onward - back
@@ -152,13 +152,13 @@ def _polished(trace: Trace, rows: Array, sample: Array, sign: float | Array) -> 
     low, high = grid[np.maximum(place - 1, 0)], grid[np.minimum(place + 1, POINTS - 1)]
     u = grid[place]
     for _ in range(8):
-        _, first, second = _evaluate(real, u)
+        _, first, second = evaluate_polynomial(real, u)
         concave = second < 0
         u = np.clip(np.where(concave, u - first / np.where(concave, second, -1.0), u), low, high)
     here = grid[place]
-    better = _evaluate(real, u)[0] >= _evaluate(real, here)[0]
+    better = evaluate_polynomial(real, u)[0] >= evaluate_polynomial(real, here)[0]
     u = np.where(better, u, here)
-    value = _evaluate(coefficients, u)[0]
+    value = evaluate_polynomial(coefficients, u)[0]
     # A jump: the sample on this side may be higher than anything on the other.
     original = trace.values[rows, sample // POINTS, sample % POINTS]
     jump = sign * original.real > sign * value.real
@@ -289,14 +289,14 @@ def _descent(trace: Trace, rows: Array, *, piece: Array, top: Array, level: Arra
     coefficients = trace.polynomial(rows, piece)
     coefficients[:, 0] = coefficients[:, 0] - level
     real = coefficients.real
-    _, _, second = _evaluate(real, top)
-    value = _evaluate(real, top)[0]
+    _, _, second = evaluate_polynomial(real, top)
+    value = evaluate_polynomial(real, top)[0]
     u = top + np.sqrt(np.maximum(2 * value * side, 0.0) / np.maximum(-side * second, 1e-300))
     u = np.clip(u, top, 1.0)
     for _ in range(8):
-        value, slope, _ = _evaluate(real, u)
+        value, slope, _ = evaluate_polynomial(real, u)
         u = np.clip(u - value / np.where(slope == 0, np.inf, slope), top, 1.0)
-    value, slope, _ = _evaluate(coefficients, u)
+    value, slope, _ = evaluate_polynomial(coefficients, u)
     shift = np.where(np.abs(value.real) < 1e-6 * np.abs(level.real), value / np.where(slope == 0, np.inf, slope), 0.0)
     return trace.instant(rows, piece, u - shift)
 
@@ -360,7 +360,7 @@ def peak_time(trace: Trace) -> Readings:
     """Return the time of max |y|."""
     _, approached, piece, u = _magnitude(trace)
     rows = np.arange(len(piece))
-    _, first, second = _evaluate(trace.polynomial(rows, piece), u.astype(trace.values.dtype))
+    _, first, second = evaluate_polynomial(trace.polynomial(rows, piece), u.astype(trace.values.dtype))
     inside = (np.abs(u) < 1) & (second.real != 0)
     shift = np.where(inside, first / np.where(inside, second, 1.0), 0.0)
     return _readings(trace, _absent(trace.instant(rows, piece, u - shift), ~approached))
@@ -401,10 +401,10 @@ def _absolute(trace: Trace, power: int) -> Readings:
         weighted = coefficients
     order = np.arange(1, weighted.shape[1] + 1)
     integral = np.concatenate([np.zeros((len(weighted), 1)), weighted / order], axis=1)
-    integral[:, 0] = -_evaluate(integral, np.full(len(integral), -1.0))[0]
+    integral[:, 0] = -evaluate_polynomial(integral, np.full(len(integral), -1.0))[0]
     samples = error.real.reshape(-1, POINTS)
     signs = np.where(samples < 0, -1.0, 1.0)
-    total = signs[:, -1] * _evaluate(integral, np.ones(len(integral)))[0]
+    total = signs[:, -1] * evaluate_polynomial(integral, np.ones(len(integral)))[0]
     where, place = np.nonzero(signs[:, 1:] != signs[:, :-1])
     if where.size:
         real = coefficients[where].real
@@ -412,7 +412,7 @@ def _absolute(trace: Trace, power: int) -> Readings:
         low, high = grid[place], grid[place + 1]
         before = signs[where, place]
         u = _root(real, low, high, -before)
-        np.add.at(total, where, 2 * before * _evaluate(integral[where], u)[0])
+        np.add.at(total, where, 2 * before * evaluate_polynomial(integral[where], u)[0])
     scaled = total * trace.width[rows] * trace.lengths[piece] / 2
     value = scaled.reshape(error.shape[:2]).sum(axis=1)
     return _readings(trace, _absent(value, _integrable(trace)))
