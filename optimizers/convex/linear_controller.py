@@ -133,7 +133,9 @@ class LinearLoop:
                 low, high = ratio.band
                 with np.errstate(divide="ignore", over="ignore"):
                     mask = ratio.mask(np.clip(frequencies, low, high))
-                    n[row], m[row] = (mask * m[row], n[row]) if ratio.inverted else (n[row] / mask, m[row])
+                    n[row] /= mask
+                if ratio.inverted:
+                    n[row], m[row] = m[row].copy(), n[row].copy()
         return d, n, m
 
 
