@@ -142,6 +142,10 @@ class Magnitude(Protocol):
         """Return the bound at angular frequencies within the span."""
         ...
 
+    def steepness(self, frequency: float) -> float:
+        """Return d ln m / d ln ω between its bends."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corners:
@@ -187,6 +191,12 @@ class Corners:
     def __call__(self, frequencies: Real) -> Real:
         """Return the bound at angular frequencies (rad/s)."""
         return np.asarray(np.exp(np.interp(np.log(frequencies), np.log(self.frequencies), np.log(self.magnitudes))))
+
+    def steepness(self, frequency: float) -> float:
+        """Return d ln m / d ln ω between its bends."""
+        after = int(np.clip(np.searchsorted(self.frequencies, frequency), 1, len(self.frequencies) - 1))
+        rise = math.log(self.magnitudes[after] / self.magnitudes[after - 1])
+        return rise / math.log(self.frequencies[after] / self.frequencies[after - 1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,6 +244,12 @@ class Rational:
         """Return the bound at angular frequencies (rad/s)."""
         s = 1j * np.asarray(frequencies, dtype=float)
         return np.asarray(np.abs(np.polyval(self.numerator, s) / np.polyval(self.denominator, s)))
+
+    def steepness(self, frequency: float) -> float:
+        """Return d ln m / d ln ω = Re (s N'/N - s D'/D) at s = jω."""
+        s = 1j * frequency
+        top, bottom = (s * np.polyval(np.polyder(c), s) / np.polyval(c, s) for c in (self.numerator, self.denominator))
+        return float((top - bottom).real)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq
 
 from engine.masks import FrequencyBounds, Magnitude
 from engine.metrics._base import Absent, Found, unclosed, unsettled
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _INFINITE, _DIVERGED = 1e100, 1e90
 """Stands for the infinite gain of an integrator at rest, and what of it is left in a ratio."""
+
+_BESIDE = 1e-12
 
 _NEAR_THE_TOP = 0.98
 """Summits that the scan, straight to one percent, shows below this part of the highest cannot be it."""
@@ -99,12 +101,28 @@ def _highest(response: FrequencyResponse, square: Shape, bound: Magnitude, power
     for k in summits[heights[summits] >= _NEAR_THE_TOP * best[0]]:
         # at a bend of the bound there are two sides, each of them smooth
         for a, b in [(k - 1, k), (k, k + 1)] if omega[k] in marks else [(k - 1, k + 1)]:
-            found = minimize_scalar(
-                lambda x: -float(height(np.array([np.exp(x)]))[0]), bounds=(np.log(omega[a]), np.log(omega[b])),
-                method="bounded", options={"xatol": 1e-10},
-            )  # fmt: skip
-            best = max(best, (-float(found.fun), float(np.exp(found.x))))
+            top = _summit(response, square, bound, float(omega[a]), float(omega[b]))
+            if top is not None:
+                best = max(best, (float(height(np.array([top]))[0]), top))
     return best
+
+
+def _summit(response: FrequencyResponse, square: Shape, bound: Magnitude, low: float, high: float) -> float | None:
+    """Return where the ratio is stationary between two frequencies, None where it is not."""
+
+    def tilt(omega: float) -> float:
+        at = np.array([omega])
+        g = response(at)
+        size = float(square(g.real, g.imag)[0])
+        return omega * float(response.slope(square, at)[0]) / (2 * size) - bound.steepness(omega)
+
+    low, high = low * (1 + _BESIDE), high * (1 - _BESIDE)  # on a bend itself there are two slopes
+    if not low < high:
+        return None
+    first, last = tilt(low), tilt(high)
+    if not (np.isfinite(first) and np.isfinite(last)) or (first < 0) == (last < 0):
+        return None
+    return float(brentq(tilt, low, high, xtol=1e-15 * low, rtol=1e-15))
 
 
 def _between(scan: Real, low: float, high: float) -> Real:
