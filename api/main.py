@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
@@ -23,8 +24,12 @@ from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
 from api.services.housekeeping import INTERVAL, tidy
 from api.services.installation import Installation
+from api.services.ticking import INTERVAL as TICK
+from api.services.ticking import tick
 from api.settings import Settings
+from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
+from storage.models.base import utc_now
 from storage.session import open_database
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
@@ -32,6 +37,7 @@ DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives 
 Systems are diagrams of blocks; their responses, metrics and elasticities are exact. Values are in SI unless a unit is
 written. Everything under `/v1` needs a key: `Authorization: Bearer <key>`. Errors are RFC 9457 problem documents."""
 
+_log = logging.getLogger("servotune.api")
 _SCHEMAS = "#/components/schemas/"
 _PROBLEMS = {
     401: "no key, or one that opens nothing",
@@ -53,6 +59,15 @@ async def _keep_house(service: Installation) -> None:
     while True:
         await run_in_threadpool(tidy, service)
         await asyncio.sleep(INTERVAL)
+
+
+async def _keep_time(service: Installation) -> None:
+    while True:
+        try:
+            await run_in_threadpool(tick, service, now=utc_now())
+        except UNAVAILABLE as error:
+            _log.warning("the schedules have to wait for the database: %s", error)
+        await asyncio.sleep(TICK)
 
 
 class Application(FastAPI):
@@ -99,11 +114,13 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             expects_worker=expects_worker,
         )
         app.state.installation = service
-        housekeeping = asyncio.create_task(_keep_house(service))
+        tasks = [asyncio.create_task(_keep_house(service)), asyncio.create_task(_keep_time(service))]
         try:
             yield
         finally:
-            housekeeping.cancel()
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
             queue.close()
             database.dispose()
 

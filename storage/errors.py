@@ -87,7 +87,12 @@ class InvalidCursorError(StorageError):
 class QuotaExceededError(StorageError):
     """The workspace has as much as it may have; ``name`` says of what."""
 
-    _THINGS: ClassVar = {"systems": "systems", "stored_bytes": "stored bytes", "jobs": "unfinished jobs"}
+    _THINGS: ClassVar = {
+        "systems": "systems",
+        "schedules": "schedules",
+        "stored_bytes": "stored bytes",
+        "jobs": "unfinished jobs",
+    }
 
     def __init__(self, name: str, *, limit: int, used: int) -> None:
         super().__init__(f"a workspace must have at most {limit} {self._THINGS[name]}, this one has {used}")

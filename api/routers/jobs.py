@@ -65,12 +65,14 @@ def page(
     service: InstallationDep,
     kind: Annotated[str | None, Query(max_length=64)] = None,
     status: Status | None = None,
+    schedule: Annotated[str | None, Query(max_length=64, description="id of the schedule that asked for them")] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Response:
     """Newest first."""
     with service.database.session() as session:
-        return respond(answer(jobs.page(session, caller, kind=kind, status=status, cursor=cursor, limit=limit)))
+        body = jobs.page(session, caller, kind=kind, status=status, schedule=schedule, cursor=cursor, limit=limit)
+    return respond(answer(body))
 
 
 @router.get("/jobs/{identifier}", response_model=JobReply, summary="Get a job")

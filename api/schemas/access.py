@@ -56,6 +56,7 @@ class LimitsDocument(Document):
     """What a workspace may have; what is not given is as everywhere."""
 
     systems: _Count | None = None
+    schedules: _Count | None = None
     stored_bytes: _Count | None = Field(default=None, description="documents, recordings and results, uncompressed")
     jobs: _Count | None = Field(default=None, description="queued or running")
 
@@ -68,9 +69,10 @@ class WorkspaceRequest(Document):
 
 
 class Amounts(Reply):
-    """Systems, stored bytes and unfinished jobs."""
+    """Systems, schedules, stored bytes and unfinished jobs."""
 
     systems: int
+    schedules: int
     stored_bytes: int
     jobs: int
 

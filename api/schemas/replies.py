@@ -361,6 +361,7 @@ class JobReply(Reply):
     finished_at: datetime | None
     result: str | None
     error: dict[str, Any] | None
+    schedule: str | None = Field(default=None, description="id of the schedule that asked for it")
     system: SystemReference | None
     warnings: list[WarningReply]
 

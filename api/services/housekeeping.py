@@ -9,7 +9,7 @@ from api.services.installation import Installation
 from storage import audit
 from storage.errors import UNAVAILABLE
 from storage.models.base import utc_now
-from storage.repositories import SignInRepository, idempotency
+from storage.repositories import SignInRepository, idempotency, schedules
 
 INTERVAL = 3600.0
 """s between two rounds."""
@@ -24,6 +24,8 @@ def tidy(service: Installation) -> None:
         with service.database.session() as session:
             idempotency.forget(session, before=now - timedelta(hours=service.settings.idempotency_hours))
             SignInRepository(session).forget()
-            audit.forget(session, before=now - timedelta(days=service.settings.audit_days))
+            oldest = now - timedelta(days=service.settings.audit_days)
+            audit.forget(session, before=oldest)
+            schedules.forget(session, before=oldest)
     except UNAVAILABLE as error:
         _log.warning("what is too old could not be forgotten: %s", error)

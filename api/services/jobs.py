@@ -26,6 +26,7 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "finished_at": job.finished_at.isoformat() if job.finished_at else None,
         "result": f"/v1/jobs/{job.id}/result" if job.result_id else None,
         "error": job.error,
+        "schedule": job.schedule_id,
         "system": job.body.get("system_reference"),
         "warnings": job.body.get("warnings", []),
     }
@@ -37,10 +38,19 @@ def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
 
 
 def page(
-    session: Session, caller: Caller, *, kind: str | None, status: str | None, cursor: str | None, limit: int
+    session: Session,
+    caller: Caller,
+    *,
+    kind: str | None,
+    status: str | None,
+    schedule: str | None,
+    cursor: str | None,
+    limit: int,
 ) -> dict[str, Any]:
     """Return one page of the jobs, newest first."""
-    found = JobRepository(session, caller.workspace).page(kind=kind, status=status, cursor=cursor, limit=limit)
+    found = JobRepository(session, caller.workspace).page(
+        kind=kind, status=status, schedule=schedule, cursor=cursor, limit=limit
+    )
     return {"items": [job_to_wire(job) for job in found.items], "next_cursor": found.next_cursor}
 
 

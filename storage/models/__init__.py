@@ -9,6 +9,7 @@ from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, Datase
 from storage.models.idempotency import Idempotency
 from storage.models.job import Job, JobEvent, JobStatus, Worker
 from storage.models.result import Result, ResultArray
+from storage.models.schedule import RunOutcome, Schedule, ScheduleRun
 from storage.models.system import System, SystemRevision
 from storage.models.workspace import DEFAULT_WORKSPACE, ApiKey, Workspace
 
@@ -29,6 +30,9 @@ __all__ = [
     "JobStatus",
     "Result",
     "ResultArray",
+    "RunOutcome",
+    "Schedule",
+    "ScheduleRun",
     "SignIn",
     "System",
     "SystemRevision",

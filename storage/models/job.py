@@ -31,7 +31,8 @@ class Job(Base):
     """Long work that was asked for.
 
     ``attempts`` counts how often a worker began it; ``worker`` is who has it now; ``error`` is a problem
-    (type, title, detail). ``last_event`` numbers the events.
+    (type, title, detail). ``last_event`` numbers the events. ``schedule_id`` is the schedule that asked for it, which
+    may be gone.
     """
 
     __tablename__ = "job"
@@ -53,6 +54,7 @@ class Job(Base):
     attempts: Mapped[int] = mapped_column(default=0)
     worker: Mapped[str | None] = mapped_column(Word)
     last_event: Mapped[int] = mapped_column(default=0)
+    schedule_id: Mapped[str | None] = mapped_column(Id, index=True)
     created_at: Mapped[datetime] = mapped_column(default=utc_now)
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]

@@ -7,6 +7,7 @@ from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
 from storage.repositories.jobs import JobRepository
 from storage.repositories.results import ResultRepository
+from storage.repositories.schedules import ScheduleRepository
 from storage.repositories.sign_ins import SignInRepository, Visitor
 from storage.repositories.systems import SystemRepository
 from storage.repositories.workers import WorkerRepository
@@ -20,6 +21,7 @@ __all__ = [
     "IdempotencyRepository",
     "JobRepository",
     "ResultRepository",
+    "ScheduleRepository",
     "SignInRepository",
     "SystemRepository",
     "Visitor",

@@ -61,6 +61,7 @@ class JobRepository:
         *,
         kind: str | None = None,
         status: str | None = None,
+        schedule: str | None = None,
         cursor: str | None = None,
         limit: int = 100,
     ) -> Page[Job]:
@@ -70,6 +71,8 @@ class JobRepository:
             rows = rows.where(Job.kind == kind)
         if status is not None:
             rows = rows.where(Job.status == status)
+        if schedule is not None:
+            rows = rows.where(Job.schedule_id == schedule)
         return paginate(self._session, rows, Job, cursor=cursor, limit=limit)
 
     def events(self, identifier: str, *, after: int = 0, limit: int = 1000) -> Sequence[JobEvent]:

@@ -63,6 +63,15 @@ ENDPOINTS = [
     "DELETE /v1/session",
     "POST /v1/tickets",
     "GET /v1/audit",
+    "POST /v1/schedules",
+    "GET /v1/schedules",
+    "GET /v1/schedules/{identifier}",
+    "PUT /v1/schedules/{identifier}",
+    "DELETE /v1/schedules/{identifier}",
+    "POST /v1/schedules/{identifier}/trigger",
+    "POST /v1/schedules/{identifier}/pause",
+    "POST /v1/schedules/{identifier}/resume",
+    "GET /v1/schedules/{identifier}/runs",
     "GET /healthz",
     "GET /readyz",
 ]
@@ -96,8 +105,14 @@ def test_every_operation_under_v1_asks_for_a_key_and_answers_errors_as_problems(
         assert "application/problem+json" in operation["responses"][status]["content"]
 
 
-#: Repeated, they do no harm; what they answer is a secret, and no secret is kept to be repeated.
-UNREPEATED = {"POST /v1/jobs/{identifier}/cancel", "POST /v1/session", "POST /v1/tickets"}
+#: Repeated, they do no harm; what some of them answer is a secret, and no secret is kept to be repeated.
+UNREPEATED = {
+    "POST /v1/jobs/{identifier}/cancel",
+    "POST /v1/schedules/{identifier}/pause",
+    "POST /v1/schedules/{identifier}/resume",
+    "POST /v1/session",
+    "POST /v1/tickets",
+}
 
 
 @pytest.mark.parametrize(("endpoint", "operation"), operations())

@@ -120,7 +120,8 @@ def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
     _systems(ask)
     _studies(ask)
     _datasets(ask)
-    _jobs(ask, wait)
+    optimization = _jobs(ask, wait)
+    _schedules(ask, optimization)
     _access(ask)
 
 
@@ -188,21 +189,40 @@ def _datasets(ask: Callable[..., Any]) -> None:
     ask(f"DELETE {one}", headers={"If-Match": '"1"'}, identifier=other)
 
 
-def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> None:
+def _schedules(ask: Callable[..., Any], optimization: dict[str, Any]) -> None:
+    one = "/v1/schedules/{identifier}"
+    nightly = {
+        "name": "every night",
+        "cron": "30 2 * * mon-fri",
+        "time_zone": "Europe/Bucharest",
+        "job": {"kind": "optimization", "body": optimization},
+        "overlap": "skip",
+        "missed": "one",
+    }
+    identifier = ask("POST /v1/schedules", body=nightly)["id"]
+    ask("GET /v1/schedules")
+    ask(f"GET {one}", identifier=identifier)
+    ask(f"PUT {one}", body=nightly | {"cron": "0 3 * * *"}, headers={"If-Match": '"1"'}, identifier=identifier)
+    ask(f"POST {one}/trigger", identifier=identifier)
+    ask(f"GET {one}/runs", identifier=identifier)
+    ask(f"POST {one}/pause", identifier=identifier)
+    ask(f"POST {one}/resume", identifier=identifier)
+    ask(f"DELETE {one}", headers={"If-Match": "*"}, identifier=identifier)
+
+
+def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
     one = "/v1/jobs/{identifier}"
-    job = ask(
-        "POST /v1/optimizations",
-        body={
-            "system": SYSTEM,
-            "variables": [{"parameter": "kp"}],
-            "experiments": [{"name": "step", "input": STEP}],
-            "goals": [
-                {"metric": "response_time", "experiment": "step", "output": "position", "sense": "minimize"},
-                {"metric": "overshoot", "experiment": "step", "output": "position", "upper": 0.05},
-            ],
-            "method": {"kind": "gradient", "starts": 2, "seed": 1},
-        },
-    )
+    body = {
+        "system": SYSTEM,
+        "variables": [{"parameter": "kp"}],
+        "experiments": [{"name": "step", "input": STEP}],
+        "goals": [
+            {"metric": "response_time", "experiment": "step", "output": "position", "sense": "minimize"},
+            {"metric": "overshoot", "experiment": "step", "output": "position", "upper": 0.05},
+        ],
+        "method": {"kind": "gradient", "starts": 2, "seed": 1},
+    }
+    job = ask("POST /v1/optimizations", body=body)
     ask("GET /v1/jobs", query={"kind": "optimization", "limit": 20})
     wait(job)
     ask(f"GET {one}", identifier=job["id"])
@@ -210,6 +230,7 @@ def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> Non
     ask(f"GET {one}/script", identifier=job["id"])
     ask(f"GET {one}/events", headers={"Last-Event-ID": "1"}, identifier=job["id"])
     ask(f"POST {one}/cancel", identifier=job["id"])
+    return body
 
 
 def _access(ask: Callable[..., Any]) -> None:

@@ -12,6 +12,7 @@ from api.main import create_app
 from api.settings import Settings
 from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upload
 from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.test_schedules import NIGHTLY
 
 OPERATIONS = sorted(
     f"{method.upper()} {path}"
@@ -34,7 +35,9 @@ def things(client) -> Iterator[Things]:
     kept = client.post("/v1/simulations", json=_simulation(system) | {"keep": True}).json()
     job = client.post("/v1/optimizations", json=OPTIMIZATION | {"system": system}).json()
     key = client.post("/v1/keys", json={"name": MARK, "scopes": ["read"]}).json()
+    schedule = client.post("/v1/schedules", json=NIGHTLY | {"name": MARK}).json()
     yield {
+        "schedules": schedule["id"],
         "systems": system,
         "datasets": client.get("/v1/datasets").json()["items"][0]["id"],
         "results": kept["id"],
@@ -63,6 +66,7 @@ def _recorded(dataset: str) -> dict[str, Any]:
 BODIES: dict[str, dict[str, Any]] = {
     "PUT /v1/systems/{identifier}": LAG,
     "PUT /v1/workspaces/{identifier}": {"name": "mine now"},
+    "PUT /v1/schedules/{identifier}": NIGHTLY,
     "POST /v1/datasets/{identifier}/commit": {"segments": [sha256(DATA)], "sha256": sha256(DATA)},
     "POST /v1/keys/{identifier}/rotate": {},
 }
@@ -110,6 +114,18 @@ REFERRING: dict[str, list[Any]] = {
                         "input": {"port": "u", "signal": {"kind": "sampled", "dataset": t["datasets"], "channel": "u"}},
                     }
                 ],
+            }
+        ),
+    ],
+    "POST /v1/schedules": [
+        lambda t: NIGHTLY | {"job": {"kind": "optimization", "body": OPTIMIZATION | {"system": t["systems"]}}},
+        lambda t: (
+            NIGHTLY
+            | {
+                "job": {
+                    "kind": "identification",
+                    "body": {"system": LAG, **_recorded(t["datasets"]), "parameters": ["k"]},
+                }
             }
         ),
     ],
@@ -241,3 +257,4 @@ def test_after_the_walk_everything_is_where_it_was(client, things) -> None:
     assert client.get(f"/v1/results/{things['results']}").status_code == 200
     assert client.get(f"/v1/jobs/{things['jobs']}").json()["status"] == "queued"
     assert client.get(f"/v1/keys/{things['keys']}").json()["revoked_at"] is None
+    assert client.get(f"/v1/schedules/{things['schedules']}").json()["revision"] == 1

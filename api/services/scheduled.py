@@ -1,0 +1,51 @@
+"""The kinds of work that can be scheduled: how each is proven to make sense, and handed to the workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+from sqlalchemy.orm import Session
+
+from api.errors import invalid
+from api.schemas.jobs import IdentificationRequest
+from api.schemas.optimizations import OptimizationRequest
+from api.services import identifications, optimizations
+from api.services.installation import Caller, Installation
+
+Submit = Callable[[Session], str]
+"""Writes a job down in a transaction and returns its id."""
+
+
+def prepare(service: Installation, caller: Caller, kind: str, body: Mapping[str, Any]) -> Submit:
+    """Prove that a job can be run as things are now; return what hands it to the workers.
+
+    Raises
+    ------
+    Problem, EngineError
+        422 with the place in ``body`` of what is wrong.
+    """
+    try:
+        return _KINDS[kind](service, caller, body)
+    except ValidationError as error:  # a body that was kept by another version
+        first = error.errors()[0]
+        raise invalid(f"body must be one that this version reads: {first['msg']}", *first["loc"]) from error
+
+
+def _optimization(service: Installation, caller: Caller, body: Mapping[str, Any]) -> Submit:
+    request = OptimizationRequest.model_validate(body)
+    prepared = optimizations.prepare(service, caller, request)
+    return lambda session: str(optimizations.submit(service, session, caller, request, prepared)["id"])
+
+
+def _identification(service: Installation, caller: Caller, body: Mapping[str, Any]) -> Submit:
+    request = IdentificationRequest.model_validate(body)
+    prepared = identifications.prepare(service, caller, request)
+    return lambda session: str(identifications.submit(service, session, caller, request, prepared)["id"])
+
+
+_KINDS: Mapping[str, Callable[[Installation, Caller, Mapping[str, Any]], Submit]] = {
+    optimizations.KIND: _optimization,
+    identifications.KIND: _identification,
+}
