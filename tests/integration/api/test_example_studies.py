@@ -1,4 +1,4 @@
-"""The studies of linear drives and structures run as scripts, and what they print agrees with the physics."""
+"""The studies of drives, structures and dampers run as scripts, and what they print agrees with the physics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from examples import dc_motor_resistance, hydraulic_leakage, mechanical_correction, pneumatic_motor, velocity_limit
+from examples import (
+    dc_motor_resistance,
+    hydraulic_leakage,
+    hydraulic_orifice,
+    intelligent_damper,
+    mechanical_correction,
+    mr_damper,
+    pneumatic_motor,
+    velocity_limit,
+)
 from tests.integration.api.conftest import Service
 
 Printed = Callable[[ModuleType], str]
@@ -28,7 +37,7 @@ def printed(service: Service, worker: None, tmp_path, capsys) -> Printed:
 
     def printed(script: ModuleType) -> str:
         figure = tmp_path / "figure.png"
-        assert script.main(["--url", service.url, "--key", service.keys["run"], "--figure", str(figure)]) == 0
+        assert script.main(["--url", service.url, "--key", service.keys["admin"], "--figure", str(figure)]) == 0
         assert figure.read_bytes().startswith(b"\x89PNG")
         assert figure.stat().st_size < 100e3
         return capsys.readouterr().out
@@ -39,7 +48,7 @@ def printed(service: Service, worker: None, tmp_path, capsys) -> Printed:
 def numbers(said: str, name: str) -> list[float]:
     """Return the numbers of the row that begins with this name, in the units of its table."""
     (row,) = re.findall(rf"^{re.escape(name)}  +(.*)$", said, flags=re.MULTILINE)
-    return [float(cell.split()[0]) for cell in re.split(r"  +", row.strip())]
+    return [float(cell.split()[0]) for cell in re.split(r"  +", row.strip()) if cell != "-"]
 
 
 def test_armature_resistance(printed: Printed) -> None:
@@ -129,8 +138,86 @@ def test_velocity_limit(printed: Printed) -> None:
     assert limited[2] < 0.1 * free[2]
 
 
+def test_damper_loops(printed: Printed) -> None:
+    said = printed(mr_damper)
+    previous = 0.0
+    for current in mr_damper.CURRENTS:
+        force, energy, *fit = numbers(said, f"{current:.2f} A")
+        # Fully yielded, z = sqrt(A/2γ) and y' = (α z + c0 v)/(c0 + c1), so f = c1 (α z + c0 v)/(c0 + c1) where it is fastest
+        # (x = 0); B. Spencer et al., J. Eng. Mech. 123 (1997) 230-238, parameters of examples/data/mr_damper/SOURCE.md.
+        gamma = 1.89407553e6 * math.exp(-3.65610854 * current)
+        alpha = 15221.0961 + 41508.4056 * current - 38152.0043 * current**2
+        c0, c1 = 924.911328 + 7625.96402 * current, 9867.12839 + 78336.6934 * current
+        yielded = c1 * (alpha * math.sqrt(300 / (2 * gamma)) + c0 * 0.025 * math.pi) / (c0 + c1)
+        assert force == pytest.approx(yielded, rel=0.15 if current == 0 else 0.02)
+        # At most the rectangle that holds the loop, and most of it.
+        assert 0.8 < energy / (4 * 0.025 * force) < 1
+        assert energy > previous
+        previous = energy
+        assert bool(fit) == (current in mr_damper.RECORDINGS)
+        if fit:
+            assert fit[0] > 85
+    # As published with the recordings.
+    assert numbers(said, "1.00 A")[3] == pytest.approx(8.28, abs=0.3)
+
+
+def test_leakage_and_law_with_orifices(printed: Printed) -> None:
+    said = printed(hydraulic_orifice)
+    rows = {
+        (case, size): numbers(said, f"{name}, {size}")
+        for case, name in (("tight", "9.1 cm⁵/(daN·s)"), ("leaky", "45 cm⁵/(daN·s)"), ("law", "45 cm⁵/(daN·s), PD2"))
+        for size in ("small step", "large step", "linear")
+    }
+    # Orifices damp, the more the wider they are open: K_c = Q/(2 (p_s - p_L)), H. E. Merritt, Hydraulic Control Systems, chapter 5.
+    assert 10 < rows["tight", "large step"][0] < rows["tight", "small step"][0] < rows["tight", "linear"][0]
+    for case in ("leaky", "law"):
+        assert rows[case, "small step"][0] < 2.1
+        assert rows[case, "small step"][2] == pytest.approx(rows[case, "linear"][2], rel=0.1)
+    assert rows["leaky", "small step"][2] > 1.5 * rows["tight", "small step"][2]
+    assert rows["law", "small step"][2] < 0.5 * rows["tight", "small step"][2]
+    # The spool's end: Q <= C_d w x_max sqrt(2 (p_s - p_a)/ρ), and p_a is never below p_s/2 while the piston is driven.
+    largest = 1e3 * 0.62 * 0.015 * 1e-3 * math.sqrt(21e6 / 870)
+    assert 0.95 * largest < rows["law", "large step"][3] < largest
+    assert rows["law", "large step"][2] > 1.5 * rows["law", "small step"][2]
+    assert "certificate valid" in said
+
+
+def test_intelligent_damper(printed: Printed, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Fewer lines, a shorter look and a shorter search: what is held here does not need more.
+    monkeypatch.setattr(intelligent_damper, "MOVING", 1.2)
+    monkeypatch.setattr(intelligent_damper, "LINE", 5.0)
+    monkeypatch.setattr(intelligent_damper, "PERIOD", 2 * math.pi / 5.0)
+    monkeypatch.setattr(intelligent_damper, "LINES", range(1, 19))
+    monkeypatch.setattr(intelligent_damper, "EVALUATIONS", 6)
+    said = printed(intelligent_damper)
+    off, on, skyhook, clipped = (numbers(said, name) for name in intelligent_damper.LAWS)
+    for other in (on, skyhook, clipped):
+        assert other[0] < 0.7 * off[0]
+        assert other[3] < 0.7 * off[3]
+    # The passive ones have the current that they are given, the others something between.
+    assert off[5] == 0
+    assert on[5] == 1
+    assert 0.1 < clipped[5] < skyhook[5] < 1
+    # What Karnopp showed: less is transmitted above the resonance than by a damper that is always hard.
+    assert skyhook[4] < on[4]
+    before, after = numbers(said, "before"), numbers(said, "after")
+    assert after[0] < 0.7 * before[0]
+    assert after[1] <= 5.3
+    assert "certificate valid" in said
+
+
 @pytest.mark.parametrize(
-    "script", [dc_motor_resistance, pneumatic_motor, hydraulic_leakage, mechanical_correction, velocity_limit]
+    "script",
+    [
+        dc_motor_resistance,
+        pneumatic_motor,
+        hydraulic_leakage,
+        hydraulic_orifice,
+        intelligent_damper,
+        mechanical_correction,
+        mr_damper,
+        velocity_limit,
+    ],
 )
 def test_it_says_in_one_line_that_no_service_answers(script: ModuleType, capsys) -> None:
     assert script.main(["--url", "http://127.0.0.1:1", "--key", "none"]) == 1
