@@ -175,6 +175,11 @@ class NonlinearElement(Element):
         return False
 
     @classmethod
+    def alike(cls, mode: Mode) -> Mode:
+        """Return a mode that differs in its constants only, the same one for all that do; asked for where affine."""
+        return mode
+
+    @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
         """Return the fundamental of the output over the sine at the input, complex, for real values; None: not known.
 

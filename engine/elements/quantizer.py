@@ -80,6 +80,11 @@ class Quantizer(NonlinearElement):
         return True
 
     @classmethod
+    def alike(cls, mode: Mode) -> Mode:
+        """Return one level for all levels, one edge for all edges."""
+        return mode % 2
+
+    @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
         """Return 4 q/(π A) Σ sqrt(1 - ((2 k - 1) q/(2 A))²): a pair of rectangles for each edge passed."""
         step = float(values["step"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from engine.linear.chebyshev import DEGREE, coefficient_matrix, weights
 
 Real = npt.NDArray[np.float64]
 
+_ORDERS = np.arange(DEGREE + 1)
 _SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
 _TO_SCAN = weights(_SCAN)
 _NEARLY = 1e-2  # a polynomial that stays so far below 0 between two points of the scan does not reach it
@@ -88,7 +90,7 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
     coefficients = coefficient_matrix() @ nodes
 
     def value(theta: float) -> float:
-        return float(np.polynomial.chebyshev.chebval(2 * theta - 1, coefficients))
+        return float(np.cos(_ORDERS * math.acos(2 * theta - 1)) @ coefficients)
 
     if value(low) >= 0.0 or value(high) <= 0.0:
         return low

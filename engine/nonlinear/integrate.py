@@ -37,6 +37,7 @@ from engine.nonlinear.windows import solve as solve_chain
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.nonlinear.straight import Straight
     from engine.nonlinear.system import NonlinearSystem
     from engine.signals import Signal
 
@@ -54,6 +55,7 @@ CROWD: Final = 100
 """So many events within the millionth part of the time simulated are an accumulation."""
 
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
+_ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
 _EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
 
 
@@ -128,6 +130,7 @@ class Integration:
         self.system = system
         self._signals = [signals.get(name) for name in system.inputs]
         self._constants = np.zeros(len(self._signals)) if constants is None else constants
+        self._lines = all(signal is None or signal.degree() in {0, 1} for signal in self._signals)
         self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
         self.record = Record(edges=[self._board.t])
         self._stepper = Stepper(system, self.record, tolerance)
@@ -142,7 +145,9 @@ class Integration:
         self._width = math.inf
         self._chain, self._pause = _FEWEST, 0
         self._loosened = -math.inf
+        self._refused = 0
         self._horizon = 0.0
+        self._last_seen: tuple[Array, float, tuple[Array, Array, Array]] | None = None
         for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
             self._note(t, generation=0)
         for number, law in enumerate(system.laws):
@@ -254,6 +259,13 @@ class Integration:
         following = self._agenda.following()
         ahead = min(self._width, 1.0, math.inf if following is None else following.time - self.now)
         ahead = ahead if ahead > 0 else min(self._width, 1.0)
+        if self.system.delays.shape[-1]:
+            return self._seen(t, ahead)
+        if self._last_seen is None or self._last_seen[0] is not t or self._last_seen[1] != ahead:
+            self._last_seen = (t, ahead, self._seen(t, ahead))
+        return self._last_seen[2]
+
+    def _seen(self, t: Array, ahead: float) -> tuple[Array, Array, Array]:
         u, du = self._command(ahead).near(np.zeros(1), t[:, None])
         return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
 
@@ -273,30 +285,66 @@ class Integration:
             width = 0.5 * gap if width < 0.99 * gap else gap
         if width == gap and self._many():
             return
-        order = len(self._stepper.method.points)
+        solved = self._solved(width, gap)
+        if solved is None:
+            return
+        step, width = solved
+        whole = width >= gap
+        grown = width * self._growth(step)
+        # a step cut short by a stop says nothing about those after it, unless it was hard all the same
+        self._width = max(self._width, grown) if whole and grown > width and self._width < math.inf else grown
+        tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
+        crossing = first_crossing(step.guards, tolerances)
+        if crossing is not None and crossing.theta * width <= gap:
+            self._event(step, crossing)
+        elif whole:
+            part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
+            self._accept(part, until, lanes)
+        else:
+            self._accept(step, self.now + width, None)
+
+    def _growth(self, step: Step) -> float:
+        """Return by how much the next step may be longer."""
+        if step.straight is None:
+            return min(4.0, max(0.3, float(0.85 * max(step.miss, 1e-12) ** (-1 / self._stepper.order))))
+        # widths are powers of two, and what is missed may be no more than rounding: try, but not after each refusal
+        self._refused -= 1
+        return 2.0 if step.miss <= _ALMOST_NOTHING and self._refused < 0 else 1.0
+
+    def _solved(self, width: float, gap: float) -> tuple[Step, float] | None:
+        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good.
+
+        None where there is none before a law is let go that has held a curved surface.
+        """
+        straight = self._straight()
+        longest = self._width
         while True:
             if width < 1e-14 * max(self._horizon, self.now):
                 if self.now > self._loosened and self._board.loosen():
                     self._loosened, self._width = self.now, math.inf
-                    return
+                    return None
                 self._fail()
             self._limits()
-            step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
+            step: Step | None
+            if straight is not None:
+                width = _binary(width, longest)
+                line = self._command(gap).extended(width)
+                step = self._stepper.leap(self._board.x[0].real, line, self._board.modes, straight)
+            else:
+                step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
             if step is not None and step.miss <= 1.0:
-                break
-            width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / order)))
+                return step, width
+            width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / self._stepper.order)))
+            longest = width
+            self._refused = _PATIENCE
             self._stepper.forget()
-        grown = width * min(4.0, max(0.3, 0.85 * max(step.miss, 1e-12) ** (-1 / order)))
-        # a step cut short by a stop says nothing about those after it, unless it was hard all the same
-        self._width = max(self._width, grown) if width == gap and grown > width and self._width < math.inf else grown
-        tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
-        crossing = first_crossing(step.guards, tolerances)
-        if crossing is not None:
-            self._event(step, crossing)
-        elif width == gap:
-            self._accept(step, until, lanes)
-        else:
-            self._accept(step, self.now + width, None)
+
+    def _straight(self) -> Straight | None:
+        """Return the system as linear maps where it is one now, and nothing but straight lines drives it."""
+        if not self._lines or self.system.delays.shape[-1] or not self.system.states:
+            return None
+        found = self.system.value.straight(self._board.modes)
+        return found if found is not None and found.map.solved else None
 
     def _many(self) -> bool:
         """Take the steps between many kinks of the commands at once; return whether that has led on."""
@@ -326,9 +374,9 @@ class Integration:
         self._limits()
         lanes, board = self.system.lanes, self._board
         linear = chain.x[None, :, :, : self.system.linear_states]
-        parts = (("e", chain.e), ("y", chain.y), ("u", chain.u), ("v", chain.v), ("x", linear))
-        flat = {name: np.concatenate(part[0].real) for name, part in parts}
-        self._stepper.remember(np.concatenate(chain.x), flat)
+        parts = np.concatenate([linear[0], chain.u[0], chain.v[0]], axis=2).real
+        sums = np.concatenate([chain.y[0], chain.e[0]], axis=2).real
+        self._stepper.remember(*(np.concatenate(part) for part in (chain.x, parts, sums)))
         self._stepper.forget()
         self.error = max(self.error, chain.error)
         self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
@@ -428,3 +476,9 @@ class Integration:
         self._board.switch(number, guard, slope)
         self._echo(0)
         self._board.settle()
+
+
+def _binary(width: float, limit: float) -> float:
+    """Return the next larger power of two, or the one below where that is beyond ``limit``: few widths, met again."""
+    above = 2.0 ** math.ceil(math.log2(width))
+    return above if above <= limit else 0.5 * above

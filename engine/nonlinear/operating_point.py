@@ -142,7 +142,7 @@ def _correction(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode,
 
 def _slope(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> tuple[Real, Real]:
     """Return the balanced slope of the rates, delayed signals following the states, and the scale of the states."""
-    slope = real.tangent(_still(real, x[None], inputs, modes)).total[0]
+    slope = real.tangent(_still(real, x[None], inputs, modes)).total[0].copy()
     if real.delays.shape[-1]:
         h = 1e-6
         for k in range(len(x)):

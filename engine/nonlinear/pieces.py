@@ -33,6 +33,11 @@ class Command:
         value, slope, _ = _stencil(theta.tobytes())
         return value @ self.values, slope @ self.values / self.width
 
+    def extended(self, width: float) -> Command:
+        """Return the same straight lines on another width."""
+        rise = (self.values[-1] - self.values[0]) * (width / self.width)
+        return Command(start=self.start, width=width, values=self.values[0] + NODES[:, None] * rise)
+
     def near(self, theta: Real, times: Array) -> tuple[Array, Array]:
         """Return values and slopes (lanes, N, inputs) at ``times`` (lanes, N), whose real parts lie at ``theta``."""
         values, slope = self.at(theta)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,15 +12,18 @@ import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
 from engine.errors import EngineError
-from engine.linear.chebyshev import NODES, differentiation_matrix, tail, weights
+from engine.linear.chebyshev import NODES, coefficient_matrix, differentiation_matrix, weights
 from engine.nonlinear.collocation import MANY_STATES, SHORT_STAGES, STAGES, Scheme, infinitesimal, scheme, solve
 from engine.nonlinear.pieces import Command, Record
+from engine.nonlinear.straight import until
 from engine.nonlinear.switching import StoppedError
 from engine.nonlinear.system import Flow, Instants, NonlinearSystem
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
+
+    from engine.nonlinear.straight import Straight
 
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
@@ -27,6 +31,8 @@ Real = npt.NDArray[np.float64]
 _ROUNDING = 30 * 2.3e-16
 _FEEBLE = 1e-13
 _NOISE = 1e-12
+_MADE_OF = (("c1", "d11", "d13"), ("c2", "d21", "d23"), ("c3", "d31", "d33"))
+"""What outputs, delayed signals and laws' inputs are made of."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +55,9 @@ class Step:
     """A solved step on real values.
 
     ``path`` (s + 1, n) holds start and stages; ``guards`` are (law, guard, values at the nodes); ``miss`` is what the
-    polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values.
+    polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values. A step
+    that a linear map gave has the map, ``straight``; cut short, it has the ends of its path only, unless there are
+    infinitesimals.
     """
 
     width: float
@@ -59,6 +67,7 @@ class Step:
     guards: list[tuple[int, int, Real]]
     miss: float
     error: float
+    straight: Straight | None = None
 
     def slope_of(self, guard: int, theta: float) -> float:
         """Return the slope in time of a guard at ``theta`` of the step."""
@@ -87,10 +96,19 @@ class Stepper:
         self.method = scheme(STAGES if system.states <= MANY_STATES else SHORT_STAGES)
         self.short = scheme(SHORT_STAGES)
         self.scale = np.zeros(system.states)
-        self._largest: dict[str, Real] = {}
-        parts = {"y": ("c1", "d11", "d13"), "z": ("c2", "d21", "d23"), "e": ("c3", "d31", "d33")}
-        self._rows = {name: [np.abs(self.real.matrices[m][0]) for m in of] for name, of in parts.items()}
+        m = {name: np.abs(matrix[0]) for name, matrix in self.real.matrices.items()}
+        rows = [np.concatenate([m[name] for name in of], axis=1) for of in _MADE_OF]
+        self._made_of = np.concatenate(rows)
+        ends = np.cumsum([0, *(len(part) for part in rows)])
+        self._groups = [slice(*pair) for pair in pairwise(ends) if pair[1] > pair[0]]
+        self._laws = slice(int(ends[-2]), int(ends[-1]))
+        self._parts, self._sums = np.zeros(self._made_of.shape[1]), np.zeros(len(self._made_of))
         self._last: tuple[Real, float] | None = None
+
+    @property
+    def order(self) -> int:
+        """What a step misses falls with its width to this power."""
+        return len(self.method.points)
 
     def forget(self) -> None:
         """Begin the next step without the last one's polynomial as a guess."""
@@ -139,29 +157,70 @@ class Stepper:
             return np.asarray(self.method.at(1 + self.method.points * width / old) @ path)
         return np.repeat(start[None], len(self.method.points), axis=0)
 
+    def leap(self, start: Real, drive: Command, modes: Sequence[Mode], straight: Straight) -> Step:
+        """Return a step of a system that is a linear map in these modes."""
+        path, table = straight.step(start, drive.values, drive.width, self.method)
+        nodes = self._leapt(table, drive, modes, straight)
+        return self._judged(path, nodes, drive, straight, states=self._missed_states(path, nodes, drive.width))
+
+    def _leapt(self, table: Real, drive: Command, modes: Sequence[Mode], straight: Straight) -> Nodes:
+        """Return the nodes whose [x; f; e; v; y] are a table (17, ·)."""
+        n, e, v, _ = straight.map.rows
+        whole, ends = table[None], (n, 2 * n, 2 * n + e, 2 * n + e + v)
+        x, f, y = whole[..., :n], whole[..., n : 2 * n], whole[..., ends[3] :]
+        into, out = whole[..., ends[1] : ends[2]], whole[..., ends[2] : ends[3]]
+        times = (drive.start + drive.width * NODES)[None]
+        slope = self.quiet(differentiation_matrix() @ into / drive.width, into, np.array([drive.width]))
+        u, none = drive.values[None], np.zeros((1, len(NODES), 0))
+        at = Instants(t=times, x=x, u=u, du=none, w=none, modes=modes)
+        return Nodes(at=at, flow=Flow(f=f, e=into, v=out), y=y, z=none, slope=slope, linear=self.real.linear_states)
+
     def cut(self, step: Step, theta: float, drive: Command) -> Step:
         """Return the part of a step before ``theta``; ``drive`` is the command on it."""
+        if step.straight is not None:
+            return self._cut_leap(step, theta, drive, step.straight)
         path = self.method.at(theta * np.concatenate([[0.0], self.method.points])) @ step.path
         path[0] = step.path[0]
         return self.judge(path, drive, step.nodes.at.modes)
+
+    def _cut_leap(self, step: Step, theta: float, drive: Command, straight: Straight) -> Step:
+        nodes = step.nodes
+        table = np.concatenate([nodes.at.x, nodes.flow.f, nodes.flow.e, nodes.flow.v, nodes.y], axis=2)[0]
+        part, still = until(theta) @ table, straight.still
+        part[:, still] = step.path[0, still]
+        part[0] = table[0]
+        path = np.zeros_like(step.path)
+        if self.system.complex:
+            path = self.method.at(theta * np.concatenate([[0.0], self.method.points])) @ step.path
+            path[:, still] = step.path[0, still]
+        path[0], path[-1] = step.path[0], part[-1, : path.shape[1]]
+        kept = self._leapt(part, drive, nodes.at.modes, straight)
+        if self.system.complex:
+            return self._judged(path, kept, drive, straight, states=step.error)
+        return replace(step, width=drive.width, path=path, command=drive, nodes=kept)  # no worse than the whole
 
     def judge(self, path: Real, drive: Command, modes: Sequence[Mode]) -> Step:
         """Return the step whose start and stages are ``path``."""
         times = (drive.start + drive.width * NODES)[None]
         nodes = self._nodes(self.real, path[None], times, drive, modes)
+        return self._judged(path, nodes, drive, None, states=self._missed_states(path, nodes, drive.width))
+
+    def _judged(self, path: Real, nodes: Nodes, drive: Command, straight: Straight | None, *, states: float) -> Step:
+        """Return the step; ``states`` is what its polynomials miss of the states."""
+        modes = nodes.at.modes
         guards: list[tuple[int, int, Real]] = []
         for number, law in enumerate(self.real.laws):
             seen = self.real.seen(number, nodes.at, nodes.flow.e, nodes.flow.v, nodes.slope)
             found = law.element.guards(seen, modes[number], law.real)
-            guards.extend((number, k, np.broadcast_to(g, (1, len(NODES)))[0]) for k, g in enumerate(found))
-        states = self._missed_states(path, nodes, drive.width)
-        watched = _watched(nodes)
-        loud = self.loudness({name: np.abs(values).max(axis=0) for name, values in watched.items()})
-        signals = {name: float(np.max(tail(watched[name]) / loud[name], initial=0.0)) for name in ("e", "y", "z")}
-        worst = max(states, *(self.share * missed for missed in signals.values()))
+            guards.extend((number, k, _row(g)) for k, g in enumerate(found))
+        parts, sums = _watched(nodes)
+        loud = self.loudness(np.abs(parts).max(axis=0, initial=0.0), np.abs(sums).max(axis=0, initial=0.0))
+        missed = np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=0) / loud
+        worst = max(states, self.share * float(np.max(missed, initial=0.0)))
+        seen_of_it = float(np.max(missed[: nodes.y.shape[2]], initial=0.0))
         return Step(
-            width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, signals["y"]),
-            miss=worst / self.tolerance if math.isfinite(worst) else math.inf,
+            width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, seen_of_it),
+            miss=worst / self.tolerance if math.isfinite(worst) else math.inf, straight=straight,
         )  # fmt: skip
 
     def _missed_states(self, path: Real, nodes: Nodes, width: float) -> float:
@@ -183,23 +242,20 @@ class Stepper:
 
     def noise(self) -> Real:
         """Return what rounding makes of the laws' inputs, (channels,)."""
-        of_states, of_inputs, of_laws = self._rows["e"]
-        terms = of_states @ self._largest["x"] + of_inputs @ self._largest["u"] + of_laws @ self._largest["v"]
-        return np.asarray(_ROUNDING * terms)
+        return np.asarray(_ROUNDING * (self._made_of[self._laws] @ self._parts))
 
-    def loudness(self, largest: Mapping[str, Real]) -> dict[str, Real]:
-        """Return how large laws' inputs, outputs and delayed signals are, now that all are as large as ``largest``.
+    def loudness(self, parts: Real, sums: Real) -> Real:
+        """Return how large outputs, delayed signals and laws' inputs count, now that all are as large as this.
 
-        A difference of large signals is not known better than they are.
+        A difference of large signals is not known better than they are; ``parts`` and ``sums`` as in `remember`.
         """
-        size = {name: np.maximum(self._largest.get(name, 0.0), values) for name, values in largest.items()}
-        found = {}
-        for name, (of_states, of_inputs, of_laws) in self._rows.items():
-            terms = of_states @ size["x"] + of_inputs @ size["u"] + of_laws @ size["v"]
-            own = np.maximum(size[name], _ROUNDING * terms / self.tolerance)
-            own = np.maximum(own, _FEEBLE * own.max(initial=0.0))
-            found[name] = np.where(own > 0, own, 1.0)
-        return found
+        terms = self._made_of @ np.maximum(self._parts, parts)
+        found = np.maximum(np.maximum(self._sums, sums), _ROUNDING * terms / self.tolerance)
+        for group in self._groups:
+            own = found[group]
+            np.maximum(own, _FEEBLE * own.max(), out=own)
+        found[found == 0] = 1.0
+        return np.asarray(found)
 
     def quiet(self, slope: Array, e: Array, widths: Array) -> Array:
         """Return slopes (K, 17, channels) without what differentiation makes of rounding, which is no motion."""
@@ -208,14 +264,19 @@ class Stepper:
 
     def accept(self, step: Step, *, whole: bool) -> None:
         """Remember how large the signals of a step are; a ``whole`` one is the guess of the next."""
-        self.remember(step.nodes.at.x[0].real, _watched(step.nodes))
-        self._last = (step.path, step.width) if whole else None
+        parts, sums = _watched(step.nodes)
+        self.remember(step.nodes.at.x[0].real, parts, sums)
+        self._last = (step.path, step.width) if whole and step.straight is None else None
 
-    def remember(self, x: Real, signals: Mapping[str, Real]) -> None:
-        """Note how large states and signals are, arrays (N, ·)."""
+    def remember(self, x: Real, parts: Real, sums: Real) -> None:
+        """Note how large states and signals are, arrays (N, ·).
+
+        ``parts`` are linear states, inputs and laws' outputs; ``sums`` what is made of them: outputs, delayed signals, laws'
+        inputs.
+        """
         self.scale = np.maximum(self.scale, np.abs(x).max(axis=0, initial=0.0))
-        for name, values in signals.items():
-            self._largest[name] = np.maximum(self._largest.get(name, 0.0), np.abs(values).max(axis=0, initial=0.0))
+        self._parts = np.maximum(self._parts, np.abs(parts).max(axis=0, initial=0.0))
+        self._sums = np.maximum(self._sums, np.abs(sums).max(axis=0, initial=0.0))
 
     def _nodes(
         self, system: NonlinearSystem, path: Array, times: Array, drive: Command, modes: Sequence[Mode]
@@ -261,8 +322,15 @@ class Stepper:
         return path, self._nodes(self.system, path, begin[:, None] + NODES * width[:, None], step.command, modes)
 
 
-def _watched(nodes: Nodes) -> dict[str, Real]:
-    return {
-        "e": nodes.flow.e[0].real, "y": nodes.y[0].real, "z": nodes.z[0].real, "v": nodes.flow.v[0].real,
-        "u": nodes.at.u[0].real, "x": nodes.at.x[0, :, : nodes.linear].real,
-    }  # fmt: skip
+def _row(guard: Any) -> Real:
+    """Return a guard at the nodes, (17,); one that is constant may be a single number."""
+    known: Real = guard if np.shape(guard) == (1, len(NODES)) else np.broadcast_to(guard, (1, len(NODES)))
+    row: Real = known[0]
+    return row
+
+
+def _watched(nodes: Nodes) -> tuple[Real, Real]:
+    """Return the parts and the sums of a step at its nodes, (17, ·) each; see `Stepper.remember`."""
+    parts = (nodes.at.x[0, :, : nodes.linear], nodes.at.u[0], nodes.flow.v[0])
+    sums = (nodes.y[0], nodes.z[0], nodes.flow.e[0])
+    return np.concatenate(parts, axis=1).real, np.concatenate(sums, axis=1).real

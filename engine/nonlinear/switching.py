@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Change, Mode, Moment, stacked
-from engine.nonlinear.system import Instants, NonlinearSystem
+from engine.nonlinear.system import Flow, Instants, NonlinearSystem
 from engine.verdicts import Verdict
 
 Array = npt.NDArray[Any]
@@ -141,11 +141,14 @@ class Switchboard:
             return
         before = None if self._before is None else self._before[:2]
         while True:
-            flow = self.system.flow(self.instant())
+            at = self.instant()
+            flow = self.system.flow(at)
             if before is not None:
-                self._release(before, flow.e)
+                if self._release(before, flow.e):
+                    at = self.instant()
+                    flow = self.system.flow(at)
                 before = flow.e, before[1]
-            if not self._correct():
+            if not self._correct(at, flow):
                 return
 
     def loosen(self) -> bool:
@@ -183,20 +186,21 @@ class Switchboard:
                 "give it hysteresis, or put a lag into the loop",
             )
 
-    def _release(self, before: tuple[Array, Array], e: Array) -> None:
-        """Tell the laws whose inputs jump to prepare for it."""
+    def _release(self, before: tuple[Array, Array], e: Array) -> bool:
+        """Tell the laws whose inputs jump to prepare for it; return whether there are some."""
         old, outputs = before
         size = np.maximum(self._largest, np.abs(e[0, 0].real))
         jumps = np.abs((e - old)[0, 0].real) > _JUMP * size
+        if not jumps.any():
+            return False
         for number, law in enumerate(self.system.laws):
             if np.any(jumps[law.inputs]):
                 seen = self.system.seen(number, self.instant(), old, outputs)
                 self._adopt(number, law.element.release(seen, self.modes[number], law.values))
+        return True
 
-    def _correct(self) -> bool:
+    def _correct(self, at: Instants, flow: Flow) -> bool:
         """Switch the first law whose guard is positive; return whether there was one."""
-        at = self.instant()
-        flow = self.system.flow(at)
         largest = np.maximum(self._largest, np.abs(flow.e[0, 0].real))
         for number, law in enumerate(self.system.laws):
             mode = self.modes[number]

@@ -24,6 +24,8 @@ from engine.elements._nonlinear import Mode, Moment, Signals, slopes, stacked, s
 from engine.errors import UnresolvedError
 from engine.nonlinear.laws import Law
 from engine.nonlinear.loops import solve_loop
+from engine.nonlinear.straight import Map, Maps, Straight, keep
+from engine.nonlinear.tangent import Tangent
 
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
@@ -71,30 +73,6 @@ class Flow:
     v: Array
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Tangent:
-    """Slopes of a system at N instants: of the rates ``f`` and of what is held, by states ``x`` and held outputs ``m``.
-
-    Shapes: ``fx`` (N, n, n), ``fm`` (N, n, held); of what is held ``surface`` (N, held, channels) by the laws' inputs,
-    ``hold`` (N, held, n) by the states, ``em`` (N, held, held) by the held outputs at once, ``gain`` (N, held, held) of
-    its rate by the held outputs.
-    """
-
-    fx: Array
-    fm: Array
-    em: Array
-    surface: Array
-    hold: Array
-    gain: Array
-
-    @property
-    def total(self) -> Array:
-        """Slope of the rates by the states when the held inputs stay where they are, (N, n, n)."""
-        if not self.gain.shape[-1]:
-            return self.fx
-        return np.asarray(self.fx - self.fm @ np.linalg.solve(self.gain, self.hold @ self.fx))
-
-
 class NonlinearSystem:
     """Matrices with a lane axis in front, and the laws; immutable.
 
@@ -121,6 +99,9 @@ class NonlinearSystem:
         """Whether a value carries an infinitesimal."""
         self._linked = bool(np.any(matrices["d33"]))
         self._groups = self._order()
+        self._plain = self.lanes == 1 and not self.complex
+        self._holds: dict[tuple[Mode, ...], list[tuple[int, int]]] = {}
+        self._maps = Maps(self)
 
     @cached_property
     def value(self) -> NonlinearSystem:
@@ -191,12 +172,24 @@ class NonlinearSystem:
 
     def holds(self, modes: Modes) -> list[tuple[int, int]]:
         """Return (output channel, law) of every law that holds something."""
-        found = []
-        for number, (law, mode) in enumerate(zip(self.laws, modes, strict=True)):
-            output = law.element.held(mode)
-            if output is not None:
-                found.append((law.outputs.start + output, number))
+        key = tuple(modes)
+        found = self._holds.get(key)
+        if found is None:
+            held = [law.element.held(mode) for law, mode in zip(self.laws, modes, strict=True)]
+            found = [(self.laws[k].outputs.start + output, k) for k, output in enumerate(held) if output is not None]
+            keep(self._holds, key, found)
         return found
+
+    def straight(self, modes: Modes) -> Straight | None:
+        """Return the system as linear maps where all its laws are lines in these modes, else None.
+
+        Only of a system without infinitesimals, of one lane.
+        """
+        return self._maps.straight(modes) if self._plain else None
+
+    def joined(self, modes: Modes) -> Map | None:
+        """Return the linear map alone, without its constants."""
+        return self._maps.map(modes) if self._plain else None
 
     def moment(self, law: Law, t: Array, x: Array, e: Array) -> Moment:
         """Return what ``law`` sees, arrays (lanes, N)."""
@@ -214,6 +207,9 @@ class NonlinearSystem:
         IllPosedError, UnresolvedError
             If an algebraic loop through the laws has no solution, or none is found.
         """
+        straight = self.straight(at.modes) if self._plain and held is None and not np.iscomplexobj(at.x) else None
+        if straight is not None and not (straight.map.solved and self.holds(at.modes)):
+            return straight.flow(at.x, at.u, at.du, at.w)[1:]
         rows = self._rows
         base = at.x[..., : self.linear_states] @ rows["c3"] + at.u @ rows["d31"]
         if at.w.shape[-1]:
@@ -250,6 +246,10 @@ class NonlinearSystem:
 
     def flow(self, at: Instants) -> Flow:
         """Return rates and channels at N instants; held outputs are what keeps their inputs from moving."""
+        straight = self.straight(at.modes) if self._plain and not np.iscomplexobj(at.x) else None
+        if straight is not None and straight.map.solved:
+            f, e, v = straight.flow(at.x, at.u, at.du, at.w)
+            return Flow(f=f, e=e, v=v)
         pairs = self.holds(at.modes)
         if not pairs:
             return self._rates(at, None)
@@ -295,6 +295,9 @@ class NonlinearSystem:
     def tangent(self, at: Instants) -> Tangent:
         """Return the exact slopes at N real instants."""
         real = self.value
+        joined = real.joined(at.modes)
+        if joined is not None:
+            return joined.tangent.at(at.x.shape[1])
         pairs = self.holds(at.modes)
         m = {name: real.matrices[name][0] for name in MATRICES[:-2]}
         e, _ = real.channels(at)
@@ -335,11 +338,15 @@ class NonlinearSystem:
 
     def holdable(self, number: int, at: Instants) -> bool:
         """Return whether the held output of law ``number`` can keep what it holds where it is, at one real instant."""
-        law = self.laws[number]
-        output = law.element.held(at.modes[number])
-        assert output is not None
-        tangent = self.tangent(at)
-        place = self.holds(at.modes).index((law.outputs.start + output, number))
+        joined = self.joined(at.modes)
+        if joined is None:
+            return self._holdable(number, at.modes, self.tangent(at))
+        if number not in joined.holdable:
+            joined.holdable[number] = self._holdable(number, at.modes, joined.tangent)
+        return joined.holdable[number]
+
+    def _holdable(self, number: int, modes: Modes, tangent: Tangent) -> bool:
+        place = [held for _, held in self.holds(modes)].index(number)
         reach = float(np.abs(tangent.hold[0, place]) @ np.abs(tangent.fm[0, :, place]))
         direct = bool(np.any(tangent.em[0, place]))
         # an output that grows with what is held must drive it back: otherwise it is left, not held

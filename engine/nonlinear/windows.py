@@ -147,15 +147,12 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     y, _ = real.read(at, flow.v)
     x, f, e, out = (_stepwise(part, count)[0] for part in (at.x, flow.f, flow.e, y))
     miss = stepper.missed_by(path, x, f, straight.widths, stepper.short)
-    seen = np.zeros(count)
-    watched = {"e": e, "y": out, "z": np.zeros((count, nodes, 0)), "x": x[:, :, : real.linear_states]}
-    watched |= {name: _stepwise(part, count)[0] for name, part in (("u", at.u), ("v", flow.v))}
-    loud = stepper.loudness({name: np.abs(values).max(axis=(0, 1)) for name, values in watched.items()})
-    for name in ("e", "y"):
-        if watched[name].shape[2]:
-            coefficients = np.abs(coefficient_matrix()[-2:] @ watched[name]).sum(axis=1)
-            seen = np.max(coefficients / loud[name], axis=1)
-            miss = np.maximum(miss, stepper.share * seen)
+    u, v = (_stepwise(part, count)[0] for part in (at.u, flow.v))
+    parts, sums = np.concatenate([x[:, :, : real.linear_states], u, v], axis=2), np.concatenate([out, e], axis=2)
+    loud = stepper.loudness(np.abs(parts).max(axis=(0, 1), initial=0.0), np.abs(sums).max(axis=(0, 1), initial=0.0))
+    missed = np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=1) / loud
+    seen = np.max(missed[:, : out.shape[2]], axis=1, initial=0.0)
+    miss = np.maximum(miss, stepper.share * np.max(missed, axis=1, initial=0.0))
     good = miss <= stepper.tolerance
     slope = stepper.quiet(differentiation_matrix() @ e / straight.widths[:, None, None], e, straight.widths)
     for number, law in enumerate(real.laws):
