@@ -1,8 +1,8 @@
-"""Magneto-rheological dampers: against an independent integration (scipy, LSODA at 1e-12), and recordings where present.
+"""Magneto-rheological dampers: against an independent integration (scipy, LSODA at 1e-12), and against recordings.
 
-The recordings are public but large; SERVOTUNE_RECORDINGS names the folder that holds them. The numbers to reach were
-computed from the files before this code existed: NRMSE = 100 RMSE/max(F) of the published 12 parameters, 7.68, 6.04,
-8.28 and 13.68 %; FIT 81.04 of the published Dahl model.
+The recordings are public but large: one is part of the project, SERVOTUNE_RECORDINGS names the folder that holds the
+others. The numbers to reach were computed from the files before this code existed: NRMSE = 100 RMSE/max(F) of the
+published 12 parameters, 7.68, 6.04, 8.28 and 13.68 %; FIT 81.04 of the published Dahl model.
 """
 
 from __future__ import annotations
@@ -101,7 +101,12 @@ def test_dahl_against_its_closed_solution():
     np.testing.assert_allclose(found.curves["f"], 140 + 60 * (1 - np.exp(-6 * found.time)), rtol=1e-11)
 
 
+OWN = Path(__file__).parents[2] / "examples" / "data" / "mr_damper"
+
+
 def recording(*parts: str) -> Path:
+    if (own := OWN / parts[-1]).exists():
+        return own
     folder = os.environ.get("SERVOTUNE_RECORDINGS", "")
     path = Path(folder).joinpath(*parts)
     if not folder or not path.exists():
@@ -116,6 +121,7 @@ def recording(*parts: str) -> Path:
         ("10mm1Hz1A", 1.0, 1e-9, 6.04),
         ("25mm0x5Hz1A", 1.0, 1e-9, 8.28),
         ("25mm0x5Hz1A", 1.0, 1e-6, 8.28),
+        ("25mm0x5Hz1A", 1.0, 1e-4, 8.28),
         ("25mm0x25Hz0A", 0.0, 1e-9, 13.68),
     ],
 )
