@@ -7,10 +7,10 @@ INSTALLED := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check format proof bench openapi catalogue figures lock clean
+.PHONY: help setup demo serve test check format proof bench bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-10s %s\n' "$$name" "$$what"; done
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
 
 # The stamp is newer than what it depends on exactly when the environment is complete: a second `make` installs nothing.
 $(INSTALLED): requirements.lock pyproject.toml
@@ -50,6 +50,9 @@ proof: setup  ## the random-system properties at full size (long; the same code 
 # One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
 	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench $(if $(MARKDOWN),--markdown)
+
+bench-optimizers: setup  ## every published optimum by every method that covers it; writes docs/benchmarks/ (minutes)
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.optimizers
 
 openapi: setup  ## write openapi/openapi.json from the code
 	@mkdir -p openapi && $(BIN)/servotune openapi > openapi/.new && mv openapi/.new openapi/openapi.json

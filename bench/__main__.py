@@ -45,7 +45,7 @@ def main() -> None:
     sizes = SMALL if options.small else SIZES
     warnings.simplefilter("ignore")  # the peers' own
     title = (
-        f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}; {os.cpu_count()} cores of {_processor()}. "
+        f"Python {platform.python_version()}, numpy {version('numpy')}, scipy {version('scipy')}; {os.cpu_count()} cores of {processor()}. "
         "Ratio: time over that of the job's first row. Errors are relative."
     )
     console = Console(stderr=options.markdown)
@@ -60,7 +60,7 @@ def main() -> None:
         Console(width=max(console.width, 150)).print(render(measured, title=title))
 
 
-def _processor() -> str:
+def processor() -> str:
     """Return the name of the processor, where the system tells."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
