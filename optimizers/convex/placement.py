@@ -6,6 +6,7 @@
 
 The product of X and x is replaced by its linear part around the present point, where X solves the Riccati equation; the
 step that this allows is taken in a region of trust and kept where the exact peaks fall. No frequency grid is involved.
+Where several peaks have become equal the steps get short; from there a descent along the exact slopes finishes.
 
 References
 ----------
@@ -41,12 +42,15 @@ Real = npt.NDArray[np.float64]
 
 _LINEAR = 1e-9
 _MOST_STATES = 40
-_MOST_ROUNDS = 80
-_SAME = 1e-7
+_MOST_ROUNDS = 30
+_CREEPS = 0.01
+"""Relative progress of a round below which, three times in a row, the inequalities have shown what they can."""
+
 _ABOVE = 1.02
 """The Riccati equation is solved for a peak this much above the true one, where it has no solution."""
 
-_TRUST, _WIDEST, _FINEST = 0.3, 3.0, 1e-5
+_PATIENCE = 3
+_TRUST, _WIDEST, _FINEST = 0.3, 3.0, 1e-3
 _WIDER, _NARROWER = 2.0, 0.3
 _DEFINITE = 1e-3
 
@@ -125,7 +129,7 @@ class Placement:
 
     def run(self, start: Vector) -> tuple[Point, str]:
         """Descend from a stable point; return the last one and why it is none of convergence ("" where it is)."""
-        here, trust = self.look(start), _TRUST
+        here, trust, creeping = self.look(start), _TRUST, 0
         if not here.stable:
             return here, "the start is unstable"
         for _ in range(_MOST_ROUNDS):
@@ -136,11 +140,12 @@ class Placement:
                 if trust < _FINEST:
                     return here, "" if there is not None else str(target)
                 continue
-            change, here = _change(here, there), there
-            if change <= _SAME and trust < _TRUST:
-                return here, ""
+            creeping = creeping + 1 if _change(here, there) <= _CREEPS else 0
+            here = there
+            if creeping == _PATIENCE:
+                break
             trust = min(_WIDER * trust, _WIDEST)
-        return here, "it was still getting better slowly"
+        return here, ""
 
     def _solve(self, here: Point, trust: float) -> Vector | str:
         """Return the optimum of the matrix inequalities linearised around a point, or the word why there is none."""

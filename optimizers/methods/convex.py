@@ -27,11 +27,12 @@ from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Monitor, Result, Status
-from optimizers.search import Stopped, Tracker
+from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 128
 _APART = 0.1
 _BUDGET = 1_000_000
+_POLISH = 200
 _SAME = 1e-3
 """Two starts have led to the same optimum when their objectives differ by less, relative to them."""
 
@@ -96,7 +97,8 @@ class Convex(Method):
             wanted = int(options["starts"])
             for number, start in enumerate(_starts(problem, procedure, wanted, rng)):
                 monitor.progress(0.1 + 0.8 * number / wanted, f"convex programs from start {number + 1} of {wanted}")
-                ends.append(procedure.run(start))
+                end = procedure.run(start)
+                ends.append(_finished(end, procedure, tracker) if isinstance(procedure, Placement) else end)
         except Stopped:
             status, advice = Status.CANCELLED, "cancelled: this is the best point until then."
         if status is not Status.CANCELLED:
@@ -125,6 +127,19 @@ def _procedure(
             raise
         return (), Placement(evaluator, paths, watch)
     return loops, Procedure(evaluator, loops, watch)
+
+
+def _finished(end: tuple[Point, str], placement: Placement, tracker: Tracker) -> tuple[Point, str]:
+    """Return where a descent along the exact slopes leads from the end of a placement."""
+    point, why = end
+    if not point.stable:
+        return end
+    margins = np.full(len(tracker.evaluator.problem.goals), SAFETY)
+    Descent(tracker, margins).run(_position(tracker.evaluator.problem, point.x), evaluations=_POLISH)
+    assert tracker.best is not None
+    values = tracker.evaluator.problem.values(tracker.best)
+    last = placement.look(np.array([values[axis.parameter] for axis in tracker.evaluator.problem.axes]))
+    return (last, "") if last.rank <= point.rank else (point, why)
 
 
 def _compared(problem: Problem, bound: float | None) -> str:

@@ -116,10 +116,10 @@ def test_a_budget_of_damping_goes_where_it_serves_best() -> None:
 def test_a_bound_on_another_place_is_held() -> None:
     free = minimize("convex", dampers(), {"starts": 1})
     there = compliance(free.best["c0"], free.best["c1"], 2)
-    elsewhere = Goal(metric="compliance_peak", source="force", target="x", upper=0.8 * there)
+    elsewhere = Goal(metric="compliance_peak", source="force", target="x", upper=0.95 * there)
     result = minimize("convex", dampers(goals=(*dampers().goals, elsewhere)), {"starts": 1})
 
     assert result.status is Status.CONVERGED
     assert result.certificate.valid
-    assert compliance(result.best["c0"], result.best["c1"], 2) == pytest.approx(0.8 * there, rel=1e-3)
+    assert compliance(result.best["c0"], result.best["c1"], 2) == pytest.approx(0.95 * there, rel=1e-3)
     assert result.objective > free.objective
