@@ -169,6 +169,38 @@ def test_a_soft_bound_is_approached_and_an_objective_may_be_a_peak() -> None:
     assert soft.goals[1].after.value == pytest.approx(1.4, rel=1e-4)
 
 
+def test_acceleration_feedback_is_sized_under_a_bound_on_the_control() -> None:
+    # PD₂ on a lightly damped mass: least compliance for |u/load| <= 0.9; no direction around the optimum is better
+    law = Block(kind="pd2", values={"kp": "=kp", "kd1": "=kd1", "kd2": "=kd2", "filter_frequency": 20.0})
+    names = ("kp", "kd1", "kd2")
+    diagram = three_lags(
+        controller=law, parameters={name: gain(0.01, lower=0.0, upper=10.0) for name in names},
+        denominator=[1.0, 0.02, 1.0],
+    )  # fmt: skip
+    goals = (
+        Goal(metric="compliance_peak", source="load", target="y", sense=Sense.MINIMIZE),
+        Goal(metric="control_sensitivity_peak", source="load", target="u", upper=0.9),
+    )
+    result = solved(Problem(diagram=diagram, variables=tuple(Variable(parameter=n) for n in names), goals=goals))
+
+    omega = np.geomspace(0.05, 60.0, 20_001)
+    s = 1j * omega
+
+    def peaks(x: Any) -> tuple[float, float]:
+        control = (x[0] + x[1] * s + x[2] * s**2) / (1 + np.sqrt(2) * s / 20 + s**2 / 400)
+        closed = 1 / (s**2 + 0.02 * s + 1 + control)
+        return float(np.abs(closed).max()), float(np.abs(control * closed).max())
+
+    best = np.array([result.best[name] for name in names])
+    least, control = peaks(best)
+    assert result.status is Status.CONVERGED
+    assert (least, control) == pytest.approx((result.objective, 0.9), rel=1e-4)
+    for direction in np.random.default_rng(0).standard_normal((200, 3)):
+        there = np.maximum(best + 0.02 * direction * np.maximum(best, 0.05), 0.0)
+        compliance, moved = peaks(there)
+        assert moved > 0.9 or compliance > least * (1 - 2e-4)
+
+
 def test_a_loop_shape_is_held_from_below() -> None:
     shape = FrequencyBounds(lower=Corners(frequencies=(0.01, 0.05), magnitudes=(30.0, 6.0)))
     goals = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.optimizers.cases_convex import CHOSEN, LEAST_ERROR, LOAD, PI, gain, loop, tracking
-from engine.diagram import Block
+from engine.diagram import Block, Connection, System, compile_system
 from engine.masks import FrequencyBounds, Rational
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
@@ -49,6 +49,50 @@ def test_a_zero_limits_the_weighted_sensitivity() -> None:
     assert found == pytest.approx(expected, rel=2e-3)
     assert found is not None
     assert found <= expected * (1 + 1e-9)
+
+
+def test_richer_controllers_come_near_the_limit() -> None:
+    # the same plant and weight: PI, then five gains in parallel; nothing linear gets below |W(z)| = 0.7481
+    poles = (0.3, 3.0, 30.0)
+    laws = {
+        "p": Block(kind="gain", values={"gain": "=g0"}),
+        "i": Block(kind="integrator", values={"gain": "=g1"}),
+        **{
+            f"lag{k}": Block(
+                kind="transfer_function", values={"numerator": [f"=g{k + 2}"], "denominator": [1 / a, 1.0]}
+            )
+            for k, a in enumerate(poles)
+        },
+    }
+    links = [("reference", "error.in1"), ("plant", "error.in2"), ("law", "plant")]
+    links += [link for k, name in enumerate(laws) for link in (("error", name), (name, f"law.in{k + 1}"))]
+    diagram = compile_system(
+        System(
+            parameters={f"g{k}": gain(0.02 if k < 2 else 0.0, lower=-50.0, upper=50.0) for k in range(len(laws))},
+            blocks={
+                "reference": Block(kind="input"),
+                "error": Block(kind="sum", values={"signs": "+-"}),
+                "law": Block(kind="sum", values={"signs": "+" * len(laws)}),
+                "plant": Block(
+                    kind="transfer_function", values={"numerator": [-1.0, 4.0], "denominator": [1.0, 3.0, 2.0]}
+                ),
+                **laws,
+            },
+            connections=tuple(Connection(source=a, target=b) for a, b in links),
+            outputs={"y": "plant"},
+        )
+    )
+    weight = FrequencyBounds(upper=Rational(numerator=(1.0, 0.01), denominator=(0.5, 1.0)))
+    goal = Goal(metric="sensitivity_bound", open_at="law", sense=Sense.MINIMIZE, mask=weight)
+    variables = tuple(Variable(parameter=f"g{k}") for k in range(len(laws)))
+    reached = [
+        minimize(
+            "convex", Problem(diagram=diagram, variables=variables[:count], goals=(goal,)), {"starts": 1}
+        ).objective
+        for count in (2, 5)
+    ]
+    assert 3 / 4.01 < reached[1] < 0.8
+    assert reached[0] > 1.2
 
 
 def test_a_bound_on_the_control_raises_the_limit() -> None:
