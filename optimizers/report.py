@@ -89,7 +89,8 @@ def conclude(
     if not certificate.valid:
         conflict = _conflict(evaluator, position, local)
         if status in {Status.CONVERGED, Status.STALLED}:
-            status, advice = Status.INFEASIBLE, _advice(evaluator, certificate, rows, conflict)
+            status, advice = Status.INFEASIBLE, _advice(evaluator, certificate, conflict)
+        advice += _unstable_somewhere(rows)
     return Result(
         status=status, advice=advice, best=best, goals=tuple(goals), certificate=certificate,
         history=tuple(tracker.history), evaluations=evaluator.evaluations, seconds=tracker.seconds,
@@ -189,21 +190,24 @@ def _conflict(evaluator: Evaluator, position: Vector, local: Local) -> dict[int,
     return {g: weight for g, weight in total.items() if weight >= _IN_THE_FIGHT}
 
 
-def _advice(
-    evaluator: Evaluator, certificate: Certificate, rows: list[list[Measured]], conflict: Mapping[int, float]
-) -> str:
-    """Return which goals cannot be met together at the least-violated point, and where the system is unstable."""
+def _advice(evaluator: Evaluator, certificate: Certificate, conflict: Mapping[int, float]) -> str:
+    """Return which goals cannot be met together at the least-violated point."""
     names = [_named(evaluator, g) for g in range(len(certificate.goals))]
     hard = [proof for proof in certificate.goals if evaluator.problem.goals[proof.goal].hard]
     broken = [f"{names[p.goal]} by {p.violation:.3g}" for p in hard if p.violation > TOLERANCE]
     text = f"this is the point that breaks the goals least: {', '.join(broken)} (relative to the bound)"
-    unstable = [s for s, row in enumerate(rows) if any(measured.verdict is Verdict.UNSTABLE for measured in row)]
-    if unstable and len(unstable) < len(rows):
-        text += f"; the system is unstable in scenario {', '.join(map(str, unstable))} and stable in the others"
     if len(conflict) > 1:
         shares = sorted(conflict.items(), key=lambda item: -item[1])
         text += f"; in conflict: {', '.join(f'{names[g]} ({weight:.0%})' for g, weight in shares)}"
     return f"{text}. Relax one of them, widen the bounds of the variables, or allow another structure."
+
+
+def _unstable_somewhere(rows: list[list[Measured]]) -> str:
+    """Return a sentence about scenarios without a stable system, where there are others."""
+    unstable = [s for s, row in enumerate(rows) if any(measured.verdict is Verdict.UNSTABLE for measured in row)]
+    if not unstable or len(unstable) == len(rows):
+        return ""
+    return f" Here the system is unstable in scenario {', '.join(map(str, unstable))} and stable in the others."
 
 
 def _named(evaluator: Evaluator, index: int) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from engine.errors import EngineError, IllPosedError, Path
 from engine.metrics import catalogue as metric_catalogue
 from engine.verdicts import Verdict
 from optimizers import methods
@@ -38,13 +39,19 @@ class Comparison:
 
 
 def check_applicable(problem: Problem) -> None:
-    """Refuse goals whose metric does not exist under their experiment, whatever the variables are.
+    """Refuse scenarios that the system refuses, and goals whose metric does not exist under their experiment.
 
     Raises
     ------
     ProblemError
-        With the goal, and what it needs.
+        With the scenario or range and what is wrong with it, or the goal and what it needs.
     """
+    start = {path: v for path, v in problem.values(problem.start()).items() if path not in problem.commands}
+    for index, scenario in enumerate(problem.scenarios):
+        _check_exists(problem, {**start, **scenario}, ("scenarios", index))
+    for index, axis in enumerate(problem.ranges):
+        for key, end in (("lower", axis.lower), ("upper", axis.upper)):
+            _check_exists(problem, {**start, axis.parameter: end}, ("uncertain", index, key))
     if problem.diagram.nonlinear:  # a simulation each, and what is absent at the start may be there elsewhere
         return
     catalogue = metric_catalogue()
@@ -57,6 +64,15 @@ def check_applicable(problem: Problem) -> None:
                 f"metric must be one that exists under experiment {goal.experiment!r}, got {goal.metric}: {one.advice}",
                 at=("goals", g, "metric"),
             )
+
+
+def _check_exists(problem: Problem, overrides: Mapping[str, float], at: Path) -> None:
+    try:
+        problem.diagram.realize(overrides)
+    except IllPosedError:  # at the start only, maybe
+        return
+    except EngineError as error:
+        raise ProblemError(error.message, at=at) from error
 
 
 def solve(
