@@ -19,11 +19,12 @@ from api.edge import Edge
 from api.errors import MEDIA_TYPE
 from api.examples import add_examples
 from api.rates import Rates
-from api.routers import HEALTH, ROUTERS
+from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
 from api.services.housekeeping import INTERVAL, tidy
 from api.services.installation import Installation
+from api.services.openid import Provider
 from api.services.ticking import INTERVAL as TICK
 from api.services.ticking import tick
 from api.settings import Settings
@@ -111,6 +112,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             database=database,
             queue=queue,
             computing=Computing(chosen),
+            openid=Provider(chosen) if chosen.oidc_issuer is not None else None,
             expects_worker=expects_worker,
         )
         app.state.installation = service
@@ -139,6 +141,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     for router in ROUTERS:
         app.include_router(router, dependencies=[Depends(bearer)], responses=problems)
     app.include_router(HEALTH)
+    app.include_router(SIGN_IN)
     app.add_middleware(Authentication, rates=Rates(chosen.requests_per_minute))
     app.encrypted = chosen.encrypted
     return app

@@ -7,6 +7,11 @@
 | ``SERVOTUNE_PUBLIC_URL`` | (that of the request) | address under which browsers reach the service |
 | ``SERVOTUNE_SIGN_IN_HOURS`` | 12 | how long a browser stays signed in, h |
 | ``SERVOTUNE_REQUESTS_PER_MINUTE`` | 30000 | requests of one key or browser, for each process; 0: no limit |
+| ``SERVOTUNE_OIDC_ISSUER`` | (none) | OpenID provider through which people sign in |
+| ``SERVOTUNE_OIDC_CLIENT_ID`` | (none) | name of this service at the provider |
+| ``SERVOTUNE_OIDC_CLIENT_SECRET`` | (none) | its secret there, for a provider that wants one |
+| ``SERVOTUNE_OIDC_CLAIM`` | ``groups`` | claim that names a person's groups |
+| ``SERVOTUNE_OIDC_ROLES`` | ``{}`` | group -> workspace and scopes, as JSON; the first one counts |
 | ``SERVOTUNE_BODY_LIMIT`` | 1048576 | largest JSON body, bytes |
 | ``SERVOTUNE_BODY_SECONDS`` | 120 | longest time in which a body arrives, s |
 | ``SERVOTUNE_SEGMENT_LIMIT`` | 8388608 | largest segment of a dataset, bytes |
@@ -28,8 +33,17 @@ from __future__ import annotations
 import os
 from typing import Literal
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Role(BaseModel):
+    """What people of one group may do, and where."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    workspace: str = "ws_default"
+    scopes: list[Literal["read", "write", "run", "acquire", "admin"]] = Field(min_length=1)
 
 
 class Settings(BaseSettings):
@@ -37,11 +51,16 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True)
 
-    database_url: str = "sqlite:///./servotune.db"
-    bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200)
+    database_url: str = Field(default="sqlite:///./servotune.db", repr=False)
+    bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200, repr=False)
     public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")
     sign_in_hours: float = Field(default=12.0, gt=0, le=8760)
     requests_per_minute: int = Field(default=30_000, ge=0)
+    oidc_issuer: str | None = Field(default=None, pattern="^https?://[^?#]+$")
+    oidc_client_id: str | None = Field(default=None, min_length=1)
+    oidc_client_secret: SecretStr | None = None
+    oidc_claim: str = "groups"
+    oidc_roles: dict[str, Role] = Field(default_factory=dict, validate_default=True)
     body_limit: int = Field(default=1 << 20, ge=1 << 10)
     body_seconds: float = Field(default=120.0, gt=0)
     segment_limit: int = Field(default=8 << 20, ge=1 << 10)
@@ -56,6 +75,18 @@ class Settings(BaseSettings):
     idempotency_hours: float = Field(default=24.0, gt=0)
     audit_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+    @field_validator("oidc_roles")
+    @classmethod
+    def _complete(cls, roles: dict[str, Role], given: ValidationInfo) -> dict[str, Role]:
+        """Check what belongs together; this is the last field of those that do."""
+        if given.data.get("oidc_issuer") is not None:
+            for name in ("oidc_client_id", "public_url"):
+                if given.data.get(name) is None:
+                    raise ValueError(f"SERVOTUNE_{name.upper()} must be given with SERVOTUNE_OIDC_ISSUER, got none")
+            if not roles:
+                raise ValueError("roles must be given with SERVOTUNE_OIDC_ISSUER, or nobody could sign in, got none")
+        return roles
 
     @property
     def encrypted(self) -> bool:

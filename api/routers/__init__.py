@@ -9,6 +9,7 @@ from api.routers import (
     health,
     jobs,
     keys,
+    openid,
     results,
     schedules,
     sign_ins,
@@ -33,3 +34,4 @@ ROUTERS = (
     audit.router,
 )
 HEALTH = health.router
+SIGN_IN = openid.router

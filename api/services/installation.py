@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from api.services.computing import Computing
+from api.services.openid import Provider
 from api.settings import Settings
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE
@@ -43,4 +44,5 @@ class Installation:
     database: Database
     queue: JobQueue
     computing: Computing
+    openid: Provider | None = None
     expects_worker: bool = False

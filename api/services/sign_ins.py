@@ -9,7 +9,9 @@ from sqlalchemy.orm import Session
 
 from api.errors import Problem
 from api.services.installation import Caller, Installation
-from storage.repositories import SignInRepository, Visitor
+from api.services.openid import Person
+from storage.errors import NotFoundError
+from storage.repositories import SignInRepository, Visitor, WorkspaceRepository
 from storage.session import Database
 
 #: How long a ticket opens a WebSocket.
@@ -62,6 +64,27 @@ def sign_in(service: Installation, session: Session, caller: Caller) -> tuple[di
         expires_at=row.expires_at,
     )
     return to_wire(signed_in), token
+
+
+def admit(service: Installation, session: Session, person: Person) -> str:
+    """Sign the browser of somebody in whom the OpenID provider knows; return the token for its cookie.
+
+    Raises
+    ------
+    Problem
+        403 for a role in a workspace that does not exist.
+    """
+    workspace = person.role.workspace
+    try:
+        WorkspaceRepository(session).get(workspace)
+    except NotFoundError as error:
+        detail = f"the workspace of a role must exist, got {workspace!r} in SERVOTUNE_OIDC_ROLES"
+        raise Problem(403, "sign-in-refused", detail) from error
+    lasts = timedelta(hours=service.settings.sign_in_hours)
+    _row, token = SignInRepository(session).open(
+        workspace_id=workspace, name=person.name, lasts=lasts, scopes=person.role.scopes
+    )
+    return token
 
 
 def sign_out(session: Session, caller: Caller) -> None:
