@@ -93,6 +93,27 @@ def test_an_optimisation_starts_a_job(service: Service, client: servotune.Client
     assert (started.id, started.status, started.done) == ("job_1", "queued", False)
 
 
+def test_what_an_optimisation_must_serve_goes_with_it(service: Service, client: servotune.Client):
+    service.on("POST /v1/optimizations", Answer(job("queued"), status=202, headers={"Location": "/v1/jobs/job_1"}))
+    extras = {
+        "across_scenarios": "mean",
+        "uncertain": [{"parameter": "m", "lower": 1, "upper": 2}],
+        "yield_samples": 100,
+        "cross_check": ["grid"],
+        "alternatives": [{"name": "a"}, {"name": "b", "add": {"parameters": {"k": {"value": 2}}}}],
+    }
+    client.optimize("sys_1", variables=[{"parameter": "kp"}], goals=[], method={"kind": "grid"}, **extras)
+    sent = service.asked[-1].json
+    assert {key: sent[key] for key in extras} == extras
+    assert set(sent) == {"system", "variables", "goals", "method", *extras}
+
+
+def test_a_job_gives_its_script(service: Service, client: servotune.Client):
+    service.on("GET /v1/jobs/job_1", Answer(job("succeeded")))
+    service.on("GET /v1/jobs/job_1/script", Answer(b"import servotune\n", headers={"Content-Type": "text/x-python"}))
+    assert client.jobs.get("job_1").script() == "import servotune\n"
+
+
 def test_events_follow_the_html_standard():
     # The second and third examples of the HTML standard, section 9.2.6 (Interpreting an event stream).
     lines = [
