@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
+
+# Read when numpy is loaded: for small matrices several threads of linear algebra wait for one another, above all on a busy machine.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TIERS = ("unit", "property", "reference", "contract", "integration")
 
