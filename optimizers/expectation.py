@@ -22,7 +22,8 @@ from optimizers.turned import turned
 
 _NORMAL = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
-_BLOCK = 256
+_BLOCK, _FEW = 256, 4
+"""Draws between two looks at the monitor; few where each is a simulation."""
 
 
 def expected(
@@ -42,13 +43,14 @@ def expected(
         Asked between blocks whether to stop; the yield is then that of the samples so far.
     """
     evaluator = Evaluator(turned(problem, best))
+    block = _FEW if problem.diagram.nonlinear else _BLOCK
     points = rng.random((samples, len(problem.ranges)))
     good = done = unstable = 0
     failures = dict.fromkeys((g for g, goal in enumerate(problem.goals) if goal.hard), 0)
-    for first in range(0, samples, _BLOCK):
+    for first in range(0, samples, block):
         if first and monitor.cancelled():
             break
-        found = evaluator.assess(points[first : first + _BLOCK])
+        found = evaluator.assess(points[first : first + block])
         broken = evaluator.violations(found.values) > TOLERANCE
         good += int((found.violation <= TOLERANCE).sum())
         unstable += int((found.violation >= UNSTABLE).sum())

@@ -16,6 +16,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,20 @@ from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 from scipy.stats import qmc
 
+from optimizers.blocks import in_blocks
 from optimizers.certificate import TOLERANCE, signed_excess
-from optimizers.evaluate import Evaluator, Local, Matrix
+from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
 from optimizers.problem import Across, Problem, Scenario, Vector
-from optimizers.result import Monitor, Result, Robustness, Share, Status
+from optimizers.result import Monitor, Result, Robustness, Share, Status, Unwatched
+from optimizers.search import Stopped, Tracker
 from optimizers.turned import turned
 
 _ROUNDS = 6
 _MOST_CORNERS = 16
 """So many corners are scenarios from the start; of more, the adversary picks."""
-_SAMPLES = 128
+_LOOKED_AT = 1024
+_SAMPLES, _FEW = 128, 16
+"""Points inside the ranges that the adversary looks at; fewer where each is a simulation."""
 _CLIMBS = 4
 _STEPS = 25
 _WORSE = 1e-4
@@ -65,7 +70,7 @@ def solve_robust(problem: Problem, minimize: Callable[[Problem, Monitor], Result
     known = [dict(scenario, **point) for scenario in problem.scenarios for point in [nominal, *corners]]
     current = replace(problem, scenarios=tuple(known), uncertain=())
     result = minimize(current, Share(monitor, 0.0, 1 / _ROUNDS))
-    threat = adversary(problem, result.best, 0)
+    threat = adversary(problem, result.best, 0, monitor)
     spent, rounds = threat.evaluations, 1
     while rounds < _ROUNDS and _worse(problem, threat, result) and not monitor.cancelled():
         known.append(dict(threat.scenario))
@@ -74,7 +79,7 @@ def solve_robust(problem: Problem, minimize: Callable[[Problem, Monitor], Result
         )
         current = replace(current, scenarios=tuple(known), variables=begun)
         result = minimize(current, Share(monitor, rounds / _ROUNDS, 1 / _ROUNDS))
-        threat = adversary(problem, result.best, rounds)
+        threat = adversary(problem, result.best, rounds, monitor)
         spent, rounds = spent + threat.evaluations, rounds + 1
     robustness = Robustness(
         scenarios=tuple(known), worst=dict(threat.scenario), violation=threat.violation, objective=threat.objective,
@@ -99,17 +104,36 @@ def corners_of(problem: Problem) -> list[dict[str, float]]:
     return [dict(zip(names, corner, strict=True)) for corner in ends]
 
 
-def adversary(problem: Problem, best: Mapping[str, float], seed: int) -> Threat:
-    """Return the least favourable point of the ranges at given variables: corners, a sample, and climbs from the worst."""
+def adversary(problem: Problem, best: Mapping[str, float], seed: int, monitor: Monitor) -> Threat:
+    """Return the least favourable point of the ranges at given variables: corners, a sample, and climbs from the worst.
+
+    Cancelled, it returns the least favourable point until then; violation and objective are NaN where there is none.
+    """
     evaluator = Evaluator(turned(problem, best))
+    tracker = Tracker(evaluator, _Quiet(monitor), budget=10**9)
     count = len(problem.ranges)
-    corners = np.array(list(itertools.islice(itertools.product((0.0, 1.0), repeat=count), 1024)))
-    sample = qmc.Sobol(count, rng=np.random.default_rng(seed)).random(_SAMPLES)
+    corners = np.array(list(itertools.islice(itertools.product((0.0, 1.0), repeat=count), _LOOKED_AT)))
+    sample = qmc.Sobol(count, rng=np.random.default_rng(seed)).random(_FEW if problem.diagram.nonlinear else _SAMPLES)
     points = np.vstack([corners, sample])
-    found = evaluator.assess(points)
-    tried = [*points[_worst_first(found.violation, found.objective)][:1]]
-    if found.violation.max() <= 1.0:  # beyond, a system is unstable somewhere: no climb makes that clearer
-        tried += _climbs(evaluator, points, found.values)
+    parts: list[Assessment] = []
+    tried: list[Vector] = []
+    try:
+        parts += [found for _, found in in_blocks(tracker, points)]
+        violation, objective = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("violation", "objective")
+        )
+        tried = [points[_worst_first(violation, objective)[0]]]
+        if violation.max() <= 1.0:  # beyond, a system is unstable somewhere: no climb makes that clearer
+            for climb in _climbs(evaluator, points, np.concatenate([part.values for part in parts])):
+                if monitor.cancelled():
+                    break
+                tried.append(climb())
+    except Stopped:
+        pass
+    if not tried:
+        return Threat(
+            scenario=problem.scenarios[0], violation=math.nan, objective=math.nan, evaluations=evaluator.evaluations
+        )  # fmt: skip
     finer = evaluator.assess(np.array(tried))
     index = int(_worst_first(finer.violation, finer.objective)[0])
     values = evaluator.problem.values(tried[index])
@@ -119,6 +143,17 @@ def adversary(problem: Problem, best: Mapping[str, float], seed: int) -> Threat:
         scenario={**problem.scenarios[scenario], **point}, violation=float(finer.violation[index]),
         objective=float(finer.objective[index]), evaluations=evaluator.evaluations,
     )  # fmt: skip
+
+
+class _Quiet(Unwatched):
+    """What the adversary's search tells: nothing; it only hears that it shall stop."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+
+    def cancelled(self) -> bool:
+        """Return whether to stop."""
+        return self._monitor.cancelled()
 
 
 def _worst_first(violation: Vector, objective: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -136,8 +171,8 @@ def _scenario(problem: Problem, values: Matrix) -> int:
     return int(np.argmax(worst))
 
 
-def _climbs(evaluator: Evaluator, points: Matrix, values: Matrix) -> list[Vector]:
-    """Return where climbs end that raise one excess, or the objective, from where the sample shows it highest."""
+def _climbs(evaluator: Evaluator, points: Matrix, values: Matrix) -> list[Callable[[], Vector]]:
+    """Return climbs that raise one excess, or the objective, from where the sample shows it highest."""
     problem = evaluator.problem
     aims: list[tuple[float, Vector, Callable[[Matrix, Matrix], tuple[float, Vector]]]] = []
     for g, goal in enumerate(problem.goals):
@@ -149,7 +184,7 @@ def _climbs(evaluator: Evaluator, points: Matrix, values: Matrix) -> list[Vector
     chosen = aims[:_CLIMBS]
     objective = np.nan_to_num(evaluator.objectives(values).max(axis=1), nan=-np.inf)
     chosen.append((0.0, points[int(objective.argmax())], _objective(evaluator)))
-    return [_climb(evaluator, start, height) for _, start, height in chosen]
+    return [partial(_climb, evaluator, start, height) for _, start, height in chosen]
 
 
 def _excess(scenario: int, goal: int, factor: float, bound: float) -> Callable[[Matrix, Matrix], tuple[float, Vector]]:

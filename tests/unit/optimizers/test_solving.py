@@ -60,7 +60,7 @@ def within() -> Problem:
 
 
 def test_an_adversary_finds_what_is_worst_inside_a_range() -> None:
-    threat = adversary(within(), {"d": 3.0}, 0)
+    threat = adversary(within(), {"d": 3.0}, 0, Unwatched())
     assert threat.scenario["w"] == pytest.approx(1.0, abs=1e-4)
     assert threat.violation == pytest.approx(0.5, rel=1e-6)
     result = solve("gradient", within(), FEW)
