@@ -253,7 +253,10 @@ def _better(here: Point, there: Point) -> bool:
         return False
     if here.violation > _SMALL:
         return there.violation < here.violation
-    return there.violation <= _SMALL and (there.violation > FEASIBLE or there.objective <= here.objective * (1 + _SAME))
+    if there.violation > max(FEASIBLE, 0.5 * here.violation):
+        # more than before only where that opens a way which more frequencies will bring back to the bounds
+        return here.violation <= FEASIBLE and there.violation <= _SMALL and there.objective < here.objective
+    return there.objective <= here.objective + (_SAME + _EXCHANGE * here.violation) * abs(here.objective)
 
 
 def _change(here: Point, there: Point) -> float:
