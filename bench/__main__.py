@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import batch, cold_start, latency, loop, throughput
+from bench import batch, cold_start, latency, loop, nonlinear_batch, throughput
 from bench.table import Job, markdown, render
 
 SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000}
@@ -33,6 +33,7 @@ def jobs(*, runs: int, sets: int, candidates: int, most: int) -> Iterator[Job]:
     yield from batch.jobs(runs=runs, candidates=candidates)
     yield throughput.job(most)
     yield from latency.jobs(runs=runs)
+    yield from nonlinear_batch.jobs(runs=runs, candidates=sets)
     yield cold_start.job(runs=max(1, runs // 5))
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
+from engine.elements._base import Values
 from engine.errors import DiagramError, EngineError
 from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
@@ -62,13 +63,16 @@ def compile_system(system: System) -> Diagram:
 class TracedDiagram:
     """Blocks whose coefficients are formulas: numbers, or `Traced` where they depend on a parameter.
 
-    ``bounds`` are the values that have physical bounds.
+    ``bounds`` are the values that have physical bounds. Nonlinear blocks are cut out, as `Diagram.laws` does it: ``laws``
+    has the values of each, ``opened`` is the wiring without them.
     """
 
     graph: Graph
     realizations: tuple[Realization, ...]
     bounds: tuple[tuple[Param, Traced], ...]
     interconnection: Interconnection
+    laws: tuple[Values, ...]
+    opened: Wiring
 
 
 class Diagram:
@@ -365,27 +369,30 @@ class Diagram:
             raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
 
-    def trace(self, varied: Sequence[str]) -> TracedDiagram:
-        """Return every coefficient of every block as a formula of the parameters ``varied``.
+    def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
+        """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.
 
         Raises
         ------
         DiagramError, ExpressionError
             If a path does not exist or a block cannot be realised at the document's values.
         """
-        graph = Graph()
+        graph = Graph() if graph is None else graph
         slots: dict[int, Scalar] = {self._slot(path): graph.parameter(self._value(path)) for path in varied}
         change = self._bindings.change(frozenset(slots))
         values = self._bindings.override_many(slots, change)
-        realizations = list(self._realizations)
+        realizations = self._channels.without(self._realizations)
         for number in change.blocks:
-            realizations[number] = self._realize_block(number, values)
+            if number not in self._channels.numbers:
+                realizations[number] = self._realize_block(number, values)
         bounds = [(self._bindings.slots[index].param, values[index]) for index in change.checked]
         return TracedDiagram(
             graph=graph,
             realizations=tuple(realizations),
             bounds=tuple((param, value) for param, value in bounds if param is not None and isinstance(value, Traced)),
             interconnection=self._interconnection,
+            laws=tuple(self._bindings.blocks[number].fill(values) for number in self._channels.numbers),
+            opened=self._channels.wiring(self._wiring(None), self._interconnection.outputs),
         )
 
     def wiring(self, open_at: str | None = None) -> Wiring:

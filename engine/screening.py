@@ -1,6 +1,7 @@
 """Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
 
-The compiled kernels answer what they cover: step responses, loops and paths of systems without delays. Everything else, and
+The compiled kernels answer what they cover: step responses, loops and paths of linear systems without delays; of nonlinear ones
+responses to any command, marched, where their laws are formulas of the instant. Everything else, and
 every candidate for which they cannot vouch, goes to the batched collocation of `engine.linear.screening`; what that cannot
 vouch for either is flagged doubtful and belongs to the exact path.
 """
@@ -12,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from engine.batch_nonlinear.batch import NonlinearBatch
+from engine.batch_nonlinear.signals import UnsuitableError as NoFormulaError
 from engine.errors import EngineError
 from engine.kernels.batch import Batch, UnsuitableError
 from engine.kernels.readings import TIME_READINGS
@@ -52,6 +55,7 @@ class Screening:
         self._all = Collocation(diagram, requests)
         self.measurable = self._all.measurable
         self._batches: dict[tuple[str, ...], Batch | None] = {}
+        self._marches: dict[tuple[str, ...], NonlinearBatch | None] = {}
         self._rest: dict[tuple[int, ...], Collocation] = {}
 
     def compiled(self, parameters: Sequence[str]) -> bool:
@@ -64,6 +68,8 @@ class Screening:
 
         Complex overrides carry derivatives, by collocation. Without a second opinion, what the kernels doubt stays so.
         """
+        if self._diagram.nonlinear:
+            return self._marched(overrides)
         batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))
         if batch is None:
             return self._all(overrides)
@@ -93,6 +99,23 @@ class Screening:
             doubtful[np.ix_(unsure, mine)] = open_
             growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
         return Screened(values=values, doubtful=doubtful, growth=growth, valid=found.valid)
+
+    def _marched(self, overrides: Mapping[str, Array]) -> Screened:
+        """Return the metrics of a nonlinear diagram."""
+        march = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._march(tuple(overrides))
+        if march is None:
+            return self._all(overrides)
+        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
+        return march(points, threads=self._threads)
+
+    def _march(self, varied: tuple[str, ...]) -> NonlinearBatch | None:
+        """Return what marches a nonlinear diagram; None where its laws are no formulas."""
+        if varied not in self._marches:
+            try:
+                self._marches[varied] = NonlinearBatch(self._diagram, varied, self._requests)
+            except (NoFormulaError, EngineError):
+                self._marches[varied] = None
+        return self._marches[varied]
 
     def _batch(self, varied: tuple[str, ...]) -> Batch | None:
         """Return the kernels' evaluator for parameters that vary; None where they do not cover the diagram."""

@@ -30,8 +30,13 @@ class Op(IntEnum):
     SIN = 8
     COS = 9
     IS_ZERO = 10
+    TANH = 11
+    LARGER = 12
+    SMALLER = 13
+    CHOOSE = 14
     CONSTANT = 100
     PARAMETER = 101
+    PAIR = 102
 
 
 _NUMERIC: Final[Mapping[Op, Callable[..., float]]] = {
@@ -46,8 +51,11 @@ _NUMERIC: Final[Mapping[Op, Callable[..., float]]] = {
     Op.SIN: lambda a: math.sin(a) if math.isfinite(a) else math.nan,
     Op.COS: lambda a: math.cos(a) if math.isfinite(a) else math.nan,
     Op.IS_ZERO: lambda a: float(a == 0),
+    Op.TANH: math.tanh,
+    Op.LARGER: max,
+    Op.SMALLER: min,
 }
-_COMMUTES: Final = frozenset({Op.ADD, Op.MUL})
+_COMMUTES: Final = frozenset({Op.ADD, Op.MUL, Op.LARGER, Op.SMALLER})
 
 
 class Graph:
@@ -56,7 +64,8 @@ class Graph:
     Attributes
     ----------
     nodes : list of (operation, first operand, second operand)
-        Operands are node numbers, -1 where there is none; those of a parameter is its number among the parameters.
+        Operands are node numbers, -1 where there is none; that of a parameter is its number among the parameters. A choice
+        has what decides, and a pair: the number taken where that is positive, and the other.
     values : list of float
         What each node is at the values that the graph was traced at.
     """
@@ -90,13 +99,26 @@ class Graph:
         first, second = (*numbers, -1)[:2]
         return self._node((op, first, second), value)
 
+    def choose(self, decider: Traced, positive: Any, otherwise: Any) -> Any:
+        """Return ``positive`` where ``decider`` is positive, else ``otherwise``."""
+        yes, no = nodes_of(self, [positive, otherwise])
+        if yes == no:
+            return positive
+        pair = self._node((Op.PAIR, yes, no), math.nan)
+        value = self.values[yes if self.values[decider.node] > 0 else no]
+        return self._node((Op.CHOOSE, decider.node, pair.node), value)
+
+    def number(self, node: int) -> Traced:
+        """Return a node as a number to calculate with."""
+        return Traced(self, node)
+
     def _node(self, key: tuple[Op, int, int], value: float) -> Traced:
         number = self._known.get(key)
         if number is None:
             number = self._known[key] = len(self.nodes)
             self.nodes.append(key)
             self.values.append(float(value))
-        return Traced(self, number)
+        return self.number(number)
 
 
 class Traced:
@@ -162,7 +184,7 @@ class Traced:
 
     def __neg__(self) -> Any:
         op, first, _ = self.graph.nodes[self.node]
-        return Traced(self.graph, first) if op is Op.NEG else self.graph.apply(Op.NEG, self)
+        return self.graph.number(first) if op is Op.NEG else self.graph.apply(Op.NEG, self)
 
     def __pos__(self) -> Traced:
         return self
@@ -177,6 +199,8 @@ class Traced:
                 return product if power >= 0 else 1.0 / product
             if power == 0.5:
                 return self.apply(Op.SQRT)
+            if power == 0.25:
+                return self.apply(Op.SQRT).apply(Op.SQRT)
         return (exponent * self.apply(Op.LOG)).apply(Op.EXP)
 
     def __rpow__(self, base: Any) -> Any:

@@ -1,6 +1,7 @@
 """Friction with a true stick phase: viscous, Coulomb and Stribeck, not necessarily the same in both directions.
 
 F = F_c + (F_s - F_c) exp(-(v/v_s)²) + b v   (v > 0, mirrored for v < 0);   v = 0: |F| <= F_s, whatever keeps v at 0
+smoothly:   F = (F_c + (F_s - F_c) exp(-(v/v_s)²)) tanh(v/v_t) + b v
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ class Friction(NonlinearElement):
 
     The mass lies outside. When the velocity comes to 0 and the force that it takes to keep it there is below the static
     friction, it stays exactly 0, and the output is that force. Where the velocity is given from outside, so that no
-    force could hold it, the output changes its sign with it.
+    force could hold it, the output changes its sign with it. With a transition velocity there is no stick: a mass under
+    a small force creeps, and everything is smooth.
     """
 
     kind = "friction"
     title = "Friction with stick"
     equation = "F = F_c + (F_s - F_c) exp(-(v/v_s)²) + b v for v > 0, mirrored for v < 0; |F| <= F_s at v = 0"
     source = "H. Olsson et al., Friction Models and Friction Compensation, Eur. J. Control 4 (1998) 176-195."
-    note = "at rest friction counts with its viscous part alone: a mass that sticks does not move at small amplitude"
+    note = "where friction sticks it counts with its viscous part alone: the mass does not move at small amplitude"
     modes = (-_SLIDE, _STICK, _SLIDE, _JUMPED, _IDLE)
     parameters = (
         Param(name="coulomb", symbol="F_c", unit="N", lower=0.0, doc="dry friction while sliding"),
@@ -55,6 +57,10 @@ class Friction(NonlinearElement):
             name="static_negative", symbol="F_s-", unit="N", required=False, lower=0.0,
             doc="the same for negative velocities; absent: as for positive ones",
         ),
+        Param(
+            name="transition_velocity", symbol="v_t", unit="m/s", required=False, lower=0.0, lower_open=True, scale="log",
+            doc="velocity over which the friction builds up, as tanh, in place of a stick phase; absent: it sticks",
+        ),
     )  # fmt: skip
     example = {"coulomb": 20.0, "viscous": 200.0, "static": 30.0, "stribeck_velocity": 0.5}
 
@@ -77,7 +83,8 @@ class Friction(NonlinearElement):
     @classmethod
     def start(cls, m: Moment, values: Values) -> Mode:
         """Return sliding in the direction of the velocity, or sticking."""
-        return int(np.sign(first(m.z[0])))
+        direction = int(np.sign(first(m.z[0])))
+        return direction or (_STICK if values["transition_velocity"] is None else _SLIDE)
 
     @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
@@ -89,6 +96,8 @@ class Friction(NonlinearElement):
         force: Any = sliding
         if values["stribeck_velocity"] is not None:
             force = force + (static - sliding) * np.exp(-((v / values["stribeck_velocity"]) ** 2))
+        if values["transition_velocity"] is not None:
+            return [force * np.tanh(v / values["transition_velocity"]) + viscous * v]
         return [mode * force + viscous * v]
 
     @classmethod
@@ -104,16 +113,21 @@ class Friction(NonlinearElement):
     @classmethod
     def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
         """Return that the direction is open after a jump of the velocity."""
-        return Change(mode=_JUMPED)
+        return Change(mode=_JUMPED if values["transition_velocity"] is None else mode)
 
     @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:
-        """Return that without a Stribeck velocity the force is a straight line of the velocity."""
-        return abs(mode) != _SLIDE or values["stribeck_velocity"] is None
+        """Return that without the velocities of Stribeck and transition the force is a straight line of the velocity."""
+        return abs(mode) != _SLIDE or (values["stribeck_velocity"] is None and values["transition_velocity"] is None)
 
     @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:
-        """Return the mean over both directions of b + 4/(π A) (F_c + (F_s - F_c) D(a)/a), a = A/v_s, with Dawson's integral D."""
+        """Return the mean over both directions of b + 4/(π A) (F_c + (F_s - F_c) D(a)/a), a = A/v_s, with Dawson's integral D.
+
+        With a transition velocity it has no closed form.
+        """
+        if values["transition_velocity"] is not None:
+            return None
         total: Array = np.zeros(np.shape(amplitude), dtype=complex)
         for side in (1, -1):
             sliding, static, viscous = _side(side, values)
@@ -138,12 +152,12 @@ class Friction(NonlinearElement):
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
         """Return sliding in one direction, or sticking."""
         if abs(mode) == _SLIDE:
-            return Change(mode=_STICK)
+            return Change(mode=_STICK if values["transition_velocity"] is None else -mode)
         return Change(mode=(_SLIDE, -_SLIDE, _STICK)[guard])
 
     @classmethod
     def small_signal(cls, m: Moment, mode: Mode, values: Values) -> Realization | None:
-        """Return the viscous part at rest; the slope of the curve while sliding."""
+        """Return the viscous part where it sticks; the slope of the curve while sliding."""
         return None if abs(mode) == _SLIDE else Realization.static(matrix([[values["viscous"]]]))
 
 

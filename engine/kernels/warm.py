@@ -7,15 +7,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.diagram import Block, Connection, System, compile_system
+from engine.batch_nonlinear.batch import NonlinearBatch
+from engine.diagram import Block, Connection, Diagram, System, compile_system
 from engine.kernels.batch import Batch
 from engine.measuring import MetricRequest
 from engine.signals import make
 
 
 def warm() -> None:
-    """Evaluate one small loop, which runs through every kernel."""
-    wires = (("reference", "error.in1"), ("plant", "error.in2"), ("error", "controller"), ("controller", "plant"))
+    """Evaluate one small loop, linear and with a limit, which runs through every kernel."""
+    requests = [
+        MetricRequest(metric="rise_time", signals={"reference": make("step", {})}, output="position"),
+        MetricRequest(metric="gain_margin", open_at="error"),
+    ]
+    Batch(_loop(Block(kind="gain", values={"gain": 1.0})), ["controller.gain"], requests)(np.array([[1.0]]))
+    limited = _loop(Block(kind="saturation", values={}))
+    NonlinearBatch(limited, ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
+
+
+def _loop(actuator: Block) -> Diagram:
+    wires = (
+        ("reference", "error.in1"), ("plant", "error.in2"), ("error", "controller"), ("controller", "actuator"),
+        ("actuator", "plant"),
+    )  # fmt: skip
     loop = System(
         name="loop",
         parameters={},
@@ -23,16 +37,13 @@ def warm() -> None:
             "reference": Block(kind="input", values={}),
             "error": Block(kind="sum", values={"signs": "+-"}),
             "controller": Block(kind="gain", values={"gain": 2.0}),
+            "actuator": actuator,
             "plant": Block(kind="transfer_function", values={"numerator": [1.0], "denominator": [1.0, 3.0, 2.0, 0.0]}),
         },
         connections=tuple(Connection(source=source, target=target) for source, target in wires),
         outputs={"position": "plant"},
     )
-    requests = [
-        MetricRequest(metric="rise_time", signals={"reference": make("step", {})}, output="position"),
-        MetricRequest(metric="gain_margin", open_at="error"),
-    ]
-    Batch(compile_system(loop), ["controller.gain"], requests)(np.array([[1.0]]))
+    return compile_system(loop)
 
 
 if __name__ == "__main__":

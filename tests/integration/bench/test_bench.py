@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench import batch, batched_numpy, cold_start, inner_velocity_loop, latency, loop, throughput
+from bench import (
+    batch,
+    batched_numpy,
+    cold_start,
+    inner_velocity_loop,
+    latency,
+    loop,
+    nonlinear_batch,
+    nonlinear_loop,
+    throughput,
+)
 from bench.table import Job, Row, markdown, render
 from engine.screening import Screening
 
@@ -47,6 +57,17 @@ def test_threads_screen_every_candidate_and_a_new_process_starts():
     assert (run.count, run.threads) == (20, 2)
     assert min(run.wall, run.cpu, run.peak) > 0
     cold_start.in_new_process()
+
+
+def test_the_nonlinear_loop_is_marched_both_ways_to_the_accuracy_asked_for():
+    ways = {"generated": nonlinear_batch.Ours(generate=True), "interpreted": nonlinear_batch.Ours(generate=False)}
+    sample = nonlinear_loop.sample(3, seed=1)
+    found = {who: ours.march(sample, 16 * nonlinear_loop.STEPS) for who, ours in ways.items()}
+    assert np.array_equal(found["generated"], found["interpreted"])
+    peer = nonlinear_batch.integrated(sample[0], "LSODA", 1e-8)
+    away = np.abs(found["generated"][:: (len(found["generated"]) - 1) // nonlinear_loop.STEPS, 0] - peer)
+    assert away.max() < nonlinear_batch.REQUIRED * nonlinear_loop.STEP
+    assert nonlinear_batch.new_structure(runs=1).rows[0].milliseconds > 0
 
 
 def test_the_table_shows_ratios_to_the_first_row():

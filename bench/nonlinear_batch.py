@@ -1,0 +1,149 @@
+"""The nonlinear loop: many candidates with equal steps, what accuracy costs, and a new structure until its first curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import solve_ivp
+
+from bench import nonlinear_loop as loop
+from bench.clock import cpu_ms, wall_ms
+from bench.table import Job, Row
+from engine.batch_nonlinear.equations import Equations
+from engine.batch_nonlinear.march import Marcher, Pieces, by_input
+from engine.batch_nonlinear.program import Compiled
+from engine.signals import make
+
+Real = npt.NDArray[np.float64]
+
+THREADS = 2
+REQUIRED = 1e-5
+"""Largest error of the position over its size at which contenders are compared."""
+CHECKED = 6
+_LANES = 64
+_MOST = 64 * loop.STEPS
+_PEER = f"scipy {version('scipy')}"
+
+
+class Ours:
+    """The loop as a diagram of this engine, its candidates marched with equal steps."""
+
+    def __init__(self, *, generate: bool) -> None:
+        self._diagram = loop.diagram()
+        self._compiled = Compiled(Equations.of(self._diagram, list(loop.PARAMETERS)), [0])
+        self._marcher = Marcher(self._compiled, generate=generate).prepared()
+
+    def march(self, candidates: Real, steps: int, *, threads: int = 1) -> Real:
+        """Return the position (samples, candidates) at up to 4096 instants."""
+        pieces = _pieces(self._diagram.inputs, steps)
+        start, once, *_ = self._compiled.start(candidates)
+
+        def part(first: int) -> Real:
+            own = slice(first, first + _LANES)
+            return self._marcher(start[:, own], once[:, own], pieces).values[0]
+
+        with ThreadPoolExecutor(threads) as pool:
+            return np.concatenate(list(pool.map(part, range(0, len(candidates), _LANES))), axis=1)
+
+
+def jobs(*, runs: int, candidates: int) -> Iterator[Job]:
+    """Measure all three."""
+    ways = {
+        "generated code": Ours(generate=True),
+        "tapes, interpreted": Ours(generate=False),
+    }
+    yield _many(ways, runs, candidates)
+    yield _at_accuracy(ways, runs)
+    yield new_structure(runs=runs)
+
+
+def _many(ways: dict[str, Ours], runs: int, candidates: int) -> Job:
+    """Measure equal steps for all candidates on the wall clock, on two threads."""
+    sample = loop.sample(candidates, seed=1)
+    rows = []
+    for who, ours in ways.items():
+        ours.march(sample[:_LANES], 8, threads=THREADS)
+        rows.append(
+            Row(
+                who=f"this engine, {who}",
+                milliseconds=wall_ms(lambda ours=ours: ours.march(sample, loop.STEPS, threads=THREADS), runs=runs),
+                remark=f"{THREADS} threads",
+            )
+        )
+    single = wall_ms(lambda: integrated(sample[0], "LSODA", 1e-6), runs=runs)
+    rows.append(Row(who=f"{_PEER}, LSODA", milliseconds=candidates * single, remark="candidates times the time of one"))
+    title = f"nonlinear loop, {candidates:,} candidates x {loop.STEPS:,} steps of Runge and Kutta"
+    return Job(title=title, clock="wall", rows=rows)
+
+
+def _at_accuracy(ways: dict[str, Ours], runs: int) -> Job:
+    """Measure one candidate's share at an error of at most 1e-5."""
+    sample = loop.sample(_LANES, seed=1)
+    truth = np.stack([integrated(candidate, "DOP853", 1e-12) for candidate in sample[:CHECKED]], axis=1)
+    rows = []
+    for who, ours in ways.items():
+        steps, error = _enough(ours, sample, truth)
+        milliseconds = cpu_ms(lambda ours=ours, steps=steps: ours.march(sample, steps), runs=runs) / _LANES
+        rows.append(Row(who=f"this engine, {who}", milliseconds=milliseconds, error=error, remark=f"{steps:,} steps"))
+    for method, tolerance in (("LSODA", 1e-6), ("Radau", 1e-6), ("RK45", 1e-6)):
+        found = np.stack([integrated(candidate, method, tolerance) for candidate in sample[:CHECKED]], axis=1)
+        milliseconds = cpu_ms(lambda m=method, t=tolerance: integrated(sample[0], m, t), runs=max(1, runs // 5))
+        rows.append(
+            Row(
+                who=f"{_PEER}, {method}", milliseconds=milliseconds, error=_error(found, truth),
+                remark=f"rtol {tolerance:g}, equations by hand",
+            )
+        )  # fmt: skip
+    return Job(title=f"nonlinear loop, one candidate at an error <= {REQUIRED:g}", rows=rows)
+
+
+def new_structure(*, runs: int) -> Job:
+    """Measure a document that has never been seen until its first curve."""
+
+    def first_curve() -> Real:
+        diagram = loop.diagram()
+        compiled = Compiled(Equations.of(diagram, ()), [0])
+        start, once, *_ = compiled.start(np.zeros((1, 0)))
+        marcher = Marcher(compiled, generate=False)
+        return marcher(start, once, _pieces(diagram.inputs, loop.STEPS)).values
+
+    row = Row(who="this engine, tapes, interpreted", milliseconds=wall_ms(first_curve, runs=runs))
+    return Job(title="nonlinear loop, new structure to first curve", clock="wall", rows=[row])
+
+
+def _pieces(inputs: tuple[str, ...], steps: int) -> Pieces:
+    step = make("step", {"amplitude": loop.STEP})
+    fewest = max(k for k in range(1, loop.STEPS + 1) if steps % k == 0 and (steps // k).bit_count() == 1)
+    return Pieces.of(by_input(inputs, {"reference": step}), loop.DURATION, fewest, (steps // fewest).bit_length() - 1)
+
+
+def _enough(ours: Ours, sample: Real, truth: Real) -> tuple[int, float]:
+    """Return how many steps are enough for the candidates checked, a power of 2 times 250, and their error."""
+    steps = loop.STEPS
+    while True:
+        error = _error(ours.march(sample[:CHECKED], steps), truth)
+        if error <= REQUIRED or steps >= _MOST:
+            return steps, error
+        steps *= 2
+
+
+def _error(found: Real, truth: Real) -> float:
+    """Return the largest error at common instants, relative to the step."""
+    skip = (len(truth) - 1) // (len(found) - 1)
+    thin = (len(found) - 1) // (len(truth) - 1)
+    return float(np.abs(found[:: max(1, thin)] - truth[:: max(1, skip)]).max()) / loop.STEP
+
+
+def integrated(candidate: Real, method: str, tolerance: float) -> Real:
+    """Return the position (STEPS + 1,) by scipy."""
+    times = np.linspace(0.0, loop.DURATION, loop.STEPS + 1)
+    call: Callable[..., object] = solve_ivp
+    found = call(
+        loop.rates, (0.0, loop.DURATION), np.zeros(10), method=method, t_eval=times, args=tuple(candidate.tolist()),
+        rtol=tolerance, atol=tolerance * 1e-3,
+    )  # fmt: skip
+    return np.asarray(found.y[loop.POSITION])

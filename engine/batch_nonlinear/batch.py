@@ -1,0 +1,378 @@
+"""Metrics of many parameter sets of a nonlinear diagram: marched with steps of one length, halved until nothing changes.
+
+    doubtful unless  |y_h - y_2h| <= 1e-5 max|y|  at all samples  and  |m_h - m_2h| <= 1e-4 |m|  for every metric m
+
+A limit that is reached makes the method one of second order, a law that switches one of first order; the difference of two marches
+shows the error of the finer one in all these cases. What stays doubtful belongs to the exact path.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch_nonlinear.equations import Equations
+from engine.batch_nonlinear.march import Marched, Marcher, Pieces, by_input
+from engine.batch_nonlinear.program import Compiled
+from engine.batch_nonlinear.readings import INTEGRALS, METRICS, RATIOS, TIMES, Curves, middle_of, read
+from engine.batch_nonlinear.signals import UnsuitableError
+from engine.evaluation import Evaluation
+from engine.linear.screening import Screened
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.measuring import MetricRequest
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+TOLERANCE: Final = 1e-5
+"""Largest difference of the curves of two marches, relative to the largest value."""
+METRIC_TOLERANCE: Final = 1e-4
+"""Largest relative difference of a metric; that of a ratio of the way is absolute."""
+FEWEST: Final = 256
+"""Steps of the coarsest march,"""
+MOST_DOUBLINGS: Final = 10
+"""which are halved so often in the finest."""
+_EXTENSIONS: Final = 7
+"""A response of free length that has not settled is followed twice as long, so many times."""
+_LIFETIME: Final = 0.4
+"""Part of the lifetime of the linearised system, in which e^-36 is left, that a response is followed for at first."""
+_STABLE: Final = 1.5
+"""Steps times the largest pole at first; the method is stable up to 2.8."""
+_LANES: Final = 64
+_WORDS: Final = 1 << 21
+"""Numbers that a record may have at most."""
+_NEAR_SINGULAR: Final = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Experiment:
+    """Commands, a limit of time, and the requests (by number) that are read off the same curves."""
+
+    signals: Mapping[str, Signal]
+    duration: float | None
+    requests: tuple[int, ...]
+
+    @property
+    def last(self) -> float:
+        """When the commands change for the last time, s."""
+        return max((t for s in self.signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
+
+    @property
+    def begin(self) -> float:
+        """When the first of them begins, s."""
+        return min((t for s in self.signals.values() for t in s.breakpoints()), default=0.0)
+
+    @property
+    def constant(self) -> bool:
+        """Whether they all settle."""
+        return all(signal.final() is not None for signal in self.signals.values())
+
+
+class NonlinearBatch:
+    """The evaluator of some metrics of a nonlinear diagram.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    varied : sequence of str
+        Parameter paths, in the order of the columns of `__call__`.
+    requests : sequence of MetricRequest
+    generate : bool
+        Whether code is generated beside the work; otherwise the tapes are interpreted for ever.
+
+    Attributes
+    ----------
+    measured : tuple of bool
+        Which requests it answers; the others stay NaN and doubtful.
+
+    Raises
+    ------
+    UnsuitableError
+        If the diagram has delays, or a law that is no formula of the instant; or if it answers none of the requests.
+    """
+
+    def __init__(
+        self, diagram: Diagram, varied: Sequence[str], requests: Sequence[MetricRequest], *, generate: bool = True
+    ) -> None:
+        self.requests = tuple(requests)
+        self._diagram = diagram
+        self._experiments = _experiments(requests)
+        asked = {number for experiment in self._experiments for number in experiment.requests}
+        self.measured = tuple(number in asked for number in range(len(self.requests)))
+        if not asked:
+            raise UnsuitableError("no metric of a response in time")
+        self._outputs = list(dict.fromkeys(diagram.outputs.index(str(self.requests[k].output)) for k in sorted(asked)))
+        self._equations = Equations.of(diagram, varied)
+        self._compiled = Compiled(self._equations, self._outputs)
+        self.marcher = Marcher(self._compiled, generate=generate)
+        linear = Evaluation(diagram).poles
+        self._fastest = float(np.abs(linear.values).max(initial=0.0))
+        lifetime = linear.lifetime
+        self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0
+        self._doublings: dict[tuple[int, float], int] = {}
+
+    def __call__(self, points: Real, *, threads: int | None = None) -> Screened:
+        """Return the metrics of candidates.
+
+        Parameters
+        ----------
+        points : ndarray, shape (B, varied)
+            Parameter values, SI.
+        threads : int, optional
+            As many as the machine has processors for this process by default.
+        """
+        points = np.ascontiguousarray(points, dtype=float)
+        total = len(points)
+        start, once, bounded, pivots = self._compiled.start(points)
+        valid = np.asarray(np.isfinite(start).all(axis=0) & np.isfinite(bounded).all(axis=0))
+        for (param, _), value in zip(self._equations.bounds, bounded, strict=True):
+            valid = np.asarray(valid & param.admits(value))
+        nominal = np.array([abs(float(pivot.real)) for pivot in self._equations.pivots])
+        posed = (np.abs(pivots) > _NEAR_SINGULAR * nominal[:, None]).all(axis=0)
+        values = np.full((total, len(self.requests)), np.nan)
+        doubtful = np.ones((total, len(self.requests)), dtype=bool)
+        found = _Found(values=values, doubtful=doubtful)
+        rows = np.flatnonzero(valid & posed & np.isfinite(once).all(axis=0))
+        given = _Given(start=start, once=once)
+        blocks = [rows[first : first + _LANES] for first in range(0, len(rows), _LANES)]
+        jobs = [(experiment, block) for experiment in range(len(self._experiments)) for block in blocks]
+        workers = min(threads or len(os.sched_getaffinity(0)), len(jobs))
+        if workers <= 1:
+            needed = [self._follow(*job, given, found) for job in jobs]
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                pending = [pool.submit(self._follow, *job, given, found) for job in jobs]
+                needed = [done.result() for done in pending]
+        self._remember(needed)
+        doubtful[~valid] = False
+        values[doubtful] = np.nan
+        return Screened(values=values, doubtful=doubtful, growth=np.full(total, np.nan), valid=valid)
+
+    def _before(self, given: _Given) -> Real:
+        """Return the watched outputs of the initial states with all inputs 0, (watched, B)."""
+        silence = np.zeros((1, 2 * len(self._diagram.inputs)))
+        moment = Pieces(edges=np.zeros(2), samples=np.zeros(1, dtype=int), stride=1, inputs=[silence])
+        return self.marcher(given.start, given.once, moment).values[:, 0]
+
+    def _remember(self, needed: Sequence[dict[tuple[int, float], int]]) -> None:
+        """Begin the next time where most candidates were done; told once for all, so that threads change no result."""
+        found: dict[tuple[int, float], list[int]] = {}
+        for block in needed:
+            for key, doublings in block.items():
+                found.setdefault(key, []).append(doublings)
+        self._doublings.update({key: max(0, sorted(every)[len(every) // 2] - 1) for key, every in found.items()})
+
+    def _follow(self, number: int, rows: Any, given: _Given, found: _Found) -> dict[tuple[int, float], int]:
+        """March some candidates until every metric is known, or cannot be; return how finely for most of them."""
+        needed: dict[tuple[int, float], int] = {}
+        experiment = self._experiments[number]
+        last = experiment.last
+        length = experiment.duration if experiment.duration is not None else last + max(self._pace, 1e-9)
+        for extension in range(1 if experiment.duration is not None else _EXTENSIONS + 1):
+            end = length if experiment.duration is not None else last + (length - last) * 2**extension
+            extendable = experiment.duration is None and extension < _EXTENSIONS
+            rows, doublings = self._halve(number, end, given, rows, found, extendable=extendable)
+            needed.update({} if doublings is None else {(number, end): doublings})
+            if not rows.size:
+                break
+        return needed
+
+    def _halve(
+        self, number: int, end: float, given: _Given, rows: Any, found: _Found, *, extendable: bool
+    ) -> tuple[Any, int | None]:
+        """March with ever smaller steps; return who has to be followed for longer, and how finely most were marched."""
+        experiment = self._experiments[number]
+        signals = by_input(self._diagram.inputs, experiment.signals)
+        columns = list(experiment.requests)
+        doublings = self._doublings.get((number, end), self._first(end))
+        unsettled, most = [], None
+        before: _Look | None = None
+        while rows.size and doublings <= MOST_DOUBLINGS:
+            pieces = Pieces.of(signals, end, FEWEST, doublings)
+            looks = []
+            widest = max(16, _WORDS // (pieces.words * (2 * len(self._outputs) + 1)))
+            for first in range(0, len(rows), widest):
+                part = given.of(rows[first : first + widest])
+                marched = self.marcher(part.start, part.once, pieces)
+                looks.append(self._look(experiment, pieces, marched, self._before(part)))
+            look = _Look.joined(looks)
+            if extendable:  # what goes on moving is marched for longer anyway
+                moving = ~look.settled & np.isfinite(look.curves[:, -1]).all(axis=0)
+                unsettled.append(rows[moving])
+                rows, look = rows[~moving], look.take(~moving)
+                before = None if before is None else before.take(~moving)
+            if before is not None and rows.size:
+                agreed = look.agrees(before)
+                done = rows[agreed]
+                found.values[np.ix_(done, columns)] = look.values[agreed]
+                found.doubtful[np.ix_(done, columns)] = look.doubtful[agreed]
+                most = doublings if most is None and agreed.mean() >= 0.5 else most
+                rows, look = rows[~agreed], look.take(~agreed)
+            before, doublings = look, doublings + 1
+        return (np.concatenate(unsettled) if unsettled else rows[:0]), most
+
+    def _first(self, end: float) -> int:
+        """Return how often the steps of the first march are halved."""
+        wanted = end * self._fastest / _STABLE / FEWEST
+        return int(np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS - 2))
+
+    def _look(self, experiment: Experiment, pieces: Pieces, marched: Marched, initial: Real) -> _Look:
+        """Read the metrics of an experiment off the curves."""
+        batch = len(marched.covered)
+        values, doubtful = (
+            np.full((batch, len(experiment.requests)), np.nan),
+            np.ones((batch, len(experiment.requests)), bool),
+        )
+        floors = np.zeros_like(values)
+        settled = np.ones(batch, dtype=bool)
+        with np.errstate(all="ignore"):
+            curves = {
+                output: self._curves(experiment, pieces, marched, k, initial[k])
+                for k, output in enumerate(self._outputs)
+            }
+            for column, number in enumerate(experiment.requests):
+                request = self.requests[number]
+                own = curves[self._diagram.outputs.index(str(request.output))]
+                values[:, column], doubtful[:, column] = read(request.metric, own)
+                floors[:, column] = _floor(request.metric, own)
+                settled &= own.settled
+        doubtful[~marched.covered] = True
+        return _Look(
+            curves=marched.values, coarse=_coarse(pieces), values=values, doubtful=doubtful, settled=settled,
+            floors=floors, finest=pieces.stride > 1,
+        )  # fmt: skip
+
+    def _curves(self, experiment: Experiment, pieces: Pieces, marched: Marched, k: int, initial: Real) -> Curves:
+        roles = self._diagram.input_roles
+        reference = next((name for name in experiment.signals if roles[name] == "reference"), None)
+        y = marched.values[k]
+        curves = Curves(
+            times=marched.times, values=y, slopes=marched.slopes[k], errors=np.empty((0, 2, 0)), start=experiment.begin,
+            last=experiment.last, initial=initial, constant=experiment.constant,
+            target=None if reference is None else experiment.signals[reference].final(), duration=experiment.duration,
+        )  # fmt: skip
+        if not any(self.requests[number].metric in INTEGRALS for number in experiment.requests):
+            return curves
+        command = np.zeros((len(y), 2))
+        if reference is not None:
+            command = pieces.commands[:, :, self._diagram.inputs.index(reference)]
+        return _with_errors(curves, command[:, :, None] - np.stack([y, middle_of(curves)], axis=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """Where the metrics and doubts of all candidates come, (B, R)."""
+
+    values: Real
+    doubtful: Flags
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Given:
+    """What the candidates begin with, the last axis being theirs."""
+
+    start: Real
+    once: Real
+
+    def of(self, rows: Any) -> _Given:
+        return _Given(start=self.start[:, rows], once=self.once[:, rows])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Look:
+    """What one march shows.
+
+    Attributes
+    ----------
+    curves : ndarray, shape (watched, samples, B)
+    coarse : ndarray of int
+        The samples that a march with steps twice as long has, too.
+    finest : bool
+        Whether smaller steps bring no more samples.
+    values, doubtful, floors : ndarray, shape (B, R)
+        Metrics, and differences of them that mean nothing.
+    settled : ndarray of bool, shape (B,)
+    """
+
+    curves: Real
+    coarse: npt.NDArray[np.intp]
+    values: Real
+    doubtful: Flags
+    floors: Real
+    settled: Flags
+    finest: bool
+
+    @classmethod
+    def joined(cls, looks: Sequence[_Look]) -> _Look:
+        if len(looks) == 1:
+            return looks[0]
+        return cls(
+            curves=np.concatenate([look.curves for look in looks], axis=2), coarse=looks[0].coarse,
+            values=np.concatenate([look.values for look in looks]),
+            doubtful=np.concatenate([look.doubtful for look in looks]),
+            floors=np.concatenate([look.floors for look in looks]),
+            settled=np.concatenate([look.settled for look in looks]), finest=looks[0].finest,
+        )  # fmt: skip
+
+    def take(self, which: Flags) -> _Look:
+        return _Look(
+            curves=self.curves[:, :, which], coarse=self.coarse, values=self.values[which], doubtful=self.doubtful[which],
+            floors=self.floors[which], settled=self.settled[which], finest=self.finest,
+        )  # fmt: skip
+
+    def agrees(self, before: _Look) -> Flags:
+        """Tell for whom halving the steps has changed nothing but what stays doubtful with the most samples, (B,)."""
+        with np.errstate(all="ignore"):
+            away = np.abs(self.curves[:, self.coarse] - before.curves).max(axis=1)
+            agreed = (away <= TOLERANCE * np.abs(self.curves).max(axis=1)).all(axis=0)
+            near = np.abs(self.values - before.values) <= METRIC_TOLERANCE * np.abs(self.values) + self.floors
+            same = near | (np.isnan(self.values) & np.isnan(before.values))
+            settled = self.doubtful if self.finest else np.zeros_like(self.doubtful)
+            settled = settled | (same & ~self.doubtful)
+        return np.asarray(agreed & settled.all(axis=1))
+
+
+def _floor(metric: str, curves: Curves) -> Real | float:
+    """Return by how much a metric may change for nothing."""
+    if metric in TIMES:
+        return 1e-7 * float(curves.times[-1])
+    if metric in RATIOS:
+        return METRIC_TOLERANCE
+    return 0.0 if metric in INTEGRALS else TOLERANCE * curves.size
+
+
+def _with_errors(curves: Curves, errors: Real) -> Curves:
+    return Curves(**{**vars(curves), "errors": errors})
+
+
+def _coarse(pieces: Pieces) -> npt.NDArray[np.intp]:
+    """Return the samples that a march with steps twice as long has, too."""
+    skip = 2 if pieces.stride == 1 else 1
+    first = np.concatenate([[0], np.cumsum(pieces.samples + 1)[:-1]])
+    return np.concatenate([f + np.arange(0, n + 1, skip) for f, n in zip(first, pieces.samples, strict=True)])
+
+
+def _experiments(requests: Sequence[MetricRequest]) -> list[Experiment]:
+    """Return the experiments of the requests that can be read off curves."""
+    found: dict[tuple[Any, ...], tuple[MetricRequest, list[int]]] = {}
+    for number, request in enumerate(requests):
+        if request.metric not in METRICS or not request.signals or request.output is None:
+            continue
+        endless = any(signal.final() is None for signal in request.signals.values())
+        if endless and request.duration is None:
+            continue
+        key = (tuple((name, id(signal)) for name, signal in request.signals.items()), request.duration)
+        found.setdefault(key, (request, []))[1].append(number)
+    return [
+        Experiment(signals=request.signals, duration=request.duration, requests=tuple(numbers))
+        for request, numbers in found.values()
+    ]

@@ -1,0 +1,198 @@
+"""Marches of many candidates under given commands: equal steps between the breakpoints, inputs tabulated once for all.
+
+The tapes are interpreted until code has been generated for them; the results are the same to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch_nonlinear.generated import Generated, generated
+from engine.batch_nonlinear.program import Compiled
+from engine.kernels.compiled import LANES
+from engine.kernels.marching import march
+
+if TYPE_CHECKING:
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+
+_INSIDE: Final = 1e-9
+"""The ends of a piece are looked at so much inside it, in steps: commands jump there."""
+_INFINITESIMAL: Final = 1e-30
+MOST_SAMPLES: Final = 4096
+"""A curve has about so many samples at most, however small its steps are; a cubic goes through them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pieces:
+    """The times between breakpoints of the commands, each cut into equal steps.
+
+    Attributes
+    ----------
+    edges : ndarray, shape (pieces + 1,)
+    samples : ndarray of int, shape (pieces,)
+        How often each piece is sampled besides its beginning.
+    stride : int
+        Steps from one sample to the next.
+    inputs : list of ndarray, each (2 steps + 1, 2 inputs)
+        Commands and their slopes at the ends and in the middle of every step.
+    """
+
+    edges: Real
+    samples: npt.NDArray[np.int64]
+    stride: int
+    inputs: list[Real]
+
+    @classmethod
+    def of(cls, signals: Sequence[Signal | None], end: float, steps: int, doublings: int = 0) -> Pieces:
+        """Return pieces until ``end`` (s).
+
+        Parameters
+        ----------
+        signals : sequence of Signal or None
+            One for each input, None for 0.
+        end : float
+        steps : int
+            At least so many steps altogether,
+        doublings : int
+            which are halved so often.
+        """
+        breaks = {t for signal in signals if signal is not None for t in signal.breakpoints() if 0 < t < end}
+        edges = np.array([0.0, *sorted(breaks), end])
+        counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
+        fine = int(np.clip(np.floor(np.log2(MOST_SAMPLES / counts.sum())), 0, doublings))
+        samples, stride = counts << fine, 1 << (doublings - fine)
+        tables = []
+        for first, last, count in zip(edges[:-1], edges[1:], samples * stride, strict=True):
+            times = np.linspace(first, last, 2 * count + 1)
+            margin = max(_INSIDE * (last - first) / count, 4 * np.spacing(last))
+            times[0], times[-1] = first + margin, last - margin
+            tables.append(
+                np.ascontiguousarray(np.concatenate([_values(signals, times), _slopes(signals, times)], axis=1))
+            )
+        return cls(edges=edges, samples=samples, stride=stride, inputs=tables)
+
+    @property
+    def words(self) -> int:
+        """How many samples there are altogether."""
+        return int((self.samples + 1).sum())
+
+    @property
+    def times(self) -> Real:
+        """Instants of the samples, s; breakpoints twice, (samples,)."""
+        return np.concatenate([
+            np.linspace(a, b, count + 1)
+            for a, b, count in zip(self.edges[:-1], self.edges[1:], self.samples, strict=True)
+        ])  # fmt: skip
+
+    @property
+    def commands(self) -> Real:
+        """Commands at `times` and in the middle of what follows them, (samples, 2, inputs)."""
+        found = []
+        for table in self.inputs:
+            count = table.shape[1] // 2
+            ends, middles = table[:: 2 * self.stride, :count], table[self.stride :: 2 * self.stride, :count]
+            found.append(np.stack([ends, np.concatenate([middles, ends[-1:]])], axis=1))
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Marched:
+    """Curves of B candidates at the instants ``times`` (samples,).
+
+    ``values`` and ``slopes`` are (watched, samples, B); ``covered`` (B,) tells that no law was left and nothing overflowed.
+    """
+
+    times: Real
+    values: Real
+    slopes: Real
+    covered: npt.NDArray[np.bool_]
+
+
+class Marcher:
+    """What marches the candidates of a structure.
+
+    Parameters
+    ----------
+    compiled : Compiled
+    generate : bool
+        Whether code is generated; otherwise the tapes are interpreted for ever.
+    """
+
+    def __init__(self, compiled: Compiled, *, generate: bool = True) -> None:
+        self._compiled = compiled
+        self._code: Generated | None = None
+        self._generate = generate
+
+    def prepared(self) -> Marcher:
+        """Return the same when its code is ready."""
+        if self._generate:
+            self._code = generated(self._compiled.program)
+            self._code.wait()
+        return self
+
+    def __call__(self, start: Real, once: Real, pieces: Pieces) -> Marched:
+        """March from ``start`` (states, B), with ``once`` (once, B) from `Compiled.start`."""
+        program = self._compiled.program
+        if self._generate and self._code is None:
+            self._code = generated(program)
+        batch = start.shape[1]
+        groups = -(-batch // LANES)
+        registers = np.zeros((program.registers, groups, LANES))
+        _fill(registers[: program.states], start)
+        _fill(registers[program.first_once : program.first_once + len(once)], once)
+        read = len(program.read)
+        records = []
+        code = None if self._code is None else self._code.march
+        with np.errstate(all="ignore"):
+            for length, count, inputs in zip(
+                np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
+            ):
+                record = np.empty((groups, count + 1, read, LANES))
+                width = float(length) / max(1, count * pieces.stride)
+                if code is None:
+                    march(
+                        program.whole, program.rates_only, program.rates, program.read, registers, inputs, width,
+                        pieces.stride, record,
+                    )  # fmt: skip
+                else:
+                    code(registers, inputs, width, pieces.stride, record)
+                records.append(record.transpose(2, 1, 0, 3).reshape(read, count + 1, -1)[:, :, :batch])
+        whole = records[0] if len(records) == 1 else np.concatenate(records, axis=1)
+        covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0)
+        return Marched(
+            times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2],
+            covered=covered,
+        )  # fmt: skip
+
+
+def _fill(registers: Real, values: Real) -> None:
+    """Put values (n, B) into registers (n, groups, LANES); lanes that are left over repeat the last candidate."""
+    flat = registers.reshape(len(registers), registers.shape[1] * LANES)
+    flat[:, : values.shape[1]] = values
+    flat[:, values.shape[1] :] = values[:, -1:]
+
+
+def _values(signals: Sequence[Signal | None], times: Real) -> Real:
+    columns = [np.zeros_like(times) if signal is None else signal.value(times) for signal in signals]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def _slopes(signals: Sequence[Signal | None], times: Real) -> Real:
+    """Return the exact slopes of the commands, by the complex step."""
+    moved: npt.NDArray[Any] = times + 1j * _INFINITESIMAL
+    columns = [
+        np.zeros_like(times) if signal is None else np.imag(signal.value(moved)) / _INFINITESIMAL for signal in signals
+    ]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def by_input(inputs: Sequence[str], signals: Mapping[str, Signal]) -> list[Signal | None]:
+    """Return the signal of each input, None for those that stay 0."""
+    return [signals.get(name) for name in inputs]

@@ -1,0 +1,130 @@
+"""Many candidates of a nonlinear loop: what is answered, what is doubted, what is refused; threads change nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.batch_nonlinear.batch import NonlinearBatch
+from engine.batch_nonlinear.signals import UnsuitableError
+from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.measuring import MetricRequest, measure
+from engine.screening import Screening
+from engine.signals import make
+
+STEP = {"r": make("step", {"amplitude": 1.5})}
+TIMED = ["rise_time", "settling_time", "overshoot", "peak", "peak_time", "iae"]
+
+
+def loop(kind: str = "saturation", **values: object) -> Diagram:
+    """Return a position loop with a law between its gain and its plant."""
+    blocks = {
+        "r": Block(kind="input", values={}), "error": Block(kind="sum", values={"signs": "+-"}),
+        "gain": Block(kind="gain", values={"gain": "=kp"}), "law": Block(kind=kind, values=values),
+        "plant": Block(kind="transfer_function", values={"numerator": [100.0], "denominator": [1.0, "=d", 0.0]}),
+    }  # fmt: skip
+    wires = [("r", "error.in1"), ("plant", "error.in2"), ("error", "gain"), ("gain", "law"), ("law", "plant")]
+    return compile_system(
+        System(
+            name="loop", parameters={"kp": Parameter(value=2.0), "d": Parameter(value=12.0), "limit": Parameter(value=0.5)},
+            blocks=blocks, connections=tuple(Connection(source=a, target=b) for a, b in wires),
+            outputs={"y": "plant", "u": "law"},
+        )
+    )  # fmt: skip
+
+
+def limited() -> Diagram:
+    return loop(lower="=-limit", upper="=limit")
+
+
+def requests(*names: str, duration: float | None = None) -> list[MetricRequest]:
+    return [MetricRequest(metric=name, signals=STEP, output="y", duration=duration) for name in names]
+
+
+def test_the_screening_marches_nonlinear_diagrams_and_agrees_with_the_exact_path():
+    diagram, asked = limited(), requests(*TIMED)
+    overrides = {"kp": np.array([1.0, 2.0, 4.0]), "limit": np.array([0.3, 0.5, 5.0])}
+    found = Screening(diagram, asked)(overrides)
+    assert found.valid.all()
+    assert not found.doubtful.any()
+    for k in range(3):
+        exact = measure(diagram, asked, overrides={name: float(column[k]) for name, column in overrides.items()})
+        np.testing.assert_allclose(found.values[k], [m.value for m, _ in exact], rtol=1e-4, atol=1e-5)
+
+
+def test_what_cannot_exist_is_invalid_and_what_cannot_be_followed_is_doubtful():
+    batch = NonlinearBatch(limited(), ["kp", "d"], requests("peak", "rise_time"))
+    with np.errstate(all="ignore"):
+        found = batch(np.array([[2.0, 12.0], [np.nan, 12.0], [2.0, -400.0]]))
+    assert found.valid.tolist() == [True, False, True]  # no number
+    assert not found.doubtful[:2].any()
+    assert found.doubtful[2].all()  # a plant that grows by e^400 in a second
+    assert np.isnan(found.values[1:]).all()
+
+
+def test_a_value_outside_its_bounds_does_not_exist():
+    batch = NonlinearBatch(
+        loop("friction", coulomb="=limit", viscous=1.0, transition_velocity=0.5),
+        ["limit"],
+        requests("peak", duration=1.0),
+    )
+    found = batch(np.array([[0.1], [-0.1]]))
+    assert found.valid.tolist() == [True, False]
+    assert not found.doubtful.any()
+    assert np.isnan(found.values[1, 0])
+
+
+def test_frequency_metrics_are_left_to_the_exact_path():
+    asked = [*requests("peak"), MetricRequest(metric="phase_margin", open_at="law")]
+    found = Screening(limited(), asked)({"kp": np.array([2.0, 3.0])})
+    assert found.doubtful.tolist() == [[False, True], [False, True]]
+    with pytest.raises(UnsuitableError, match="no metric of a response in time"):
+        NonlinearBatch(limited(), ["kp"], asked[1:])
+
+
+def test_laws_that_are_no_formulas_take_the_exact_path():
+    diagram = loop("relay", low=-0.5, high=0.5, hysteresis=0.1)
+    asked = requests("peak", duration=0.2)
+    with pytest.raises(UnsuitableError, match="law: it remembers its mode"):
+        NonlinearBatch(diagram, ["kp"], asked)
+    found = Screening(diagram, asked)({"kp": np.array([2.0])})
+    assert found.doubtful.all()
+    assert found.valid.all()
+
+
+def test_a_piston_that_reaches_its_end_takes_the_exact_path():
+    blocks = {
+        "q": Block(kind="input", values={}), "zero": Block(kind="gain", values={"gain": "=leak"}),
+        "cylinder": Block(kind="hydraulic_cylinder", values={}),
+    }  # fmt: skip
+    wires = [("q", "cylinder.flow_a"), ("q", "zero"), ("zero", "cylinder.flow_b")]
+    diagram = compile_system(
+        System(
+            name="cylinder", parameters={"leak": Parameter(value=-0.5)}, blocks=blocks,
+            connections=tuple(Connection(source=a, target=b) for a, b in wires), outputs={"x": "cylinder.position"},
+        )
+    )  # fmt: skip
+    flow = {"q": make("step", {"amplitude": 2e-4})}
+    asked = [MetricRequest(metric="peak", signals=flow, output="x", duration=duration) for duration in (0.1, 20.0)]
+    found = NonlinearBatch(diagram, ["leak"], asked)(np.array([[-0.5], [-0.6]]))
+    assert found.doubtful[:, 1].all()
+    exact = measure(diagram, asked[:1])[0][0].value
+    assert found.doubtful[0, 0] or abs(found.values[0, 0] / exact - 1) < 1e-4
+
+
+def test_threads_and_neighbours_change_nothing():
+    asked, points = requests(*TIMED), np.random.default_rng(3).uniform(0.5, 2.0, (70, 2)) * [2.0, 12.0]
+    one, two = (NonlinearBatch(limited(), ["kp", "d"], asked)(points, threads=threads) for threads in (1, 2))
+    assert np.array_equal(one.values, two.values, equal_nan=True)
+    assert np.array_equal(one.doubtful, two.doubtful)
+
+
+def test_a_command_that_goes_on_for_ever_needs_a_duration():
+    sine = {"r": make("sine", {"amplitude": 1.0, "frequency": 5.0})}
+    endless = MetricRequest(metric="peak", signals=sine, output="y")
+    with pytest.raises(UnsuitableError):
+        NonlinearBatch(limited(), ["kp"], [endless])
+    timed = MetricRequest(metric="peak", signals=sine, output="y", duration=3.0)
+    found = NonlinearBatch(limited(), ["kp"], [timed])(np.array([[2.0]]))
+    exact = measure(limited(), [timed])[0][0].value
+    assert found.doubtful[0, 0] or abs(found.values[0, 0] / exact - 1) < 1e-4

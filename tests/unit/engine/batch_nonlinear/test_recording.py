@@ -1,0 +1,140 @@
+"""A recorded law says what the law itself says in the mode that its guards choose; what is no formula is refused by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import engine.elements
+from engine.batch_nonlinear.arithmetic import evaluated
+from engine.batch_nonlinear.equations import Equations
+from engine.batch_nonlinear.signals import SignalGraph, UnsuitableError
+from engine.diagram import Block, Connection, Diagram, System, compile_system
+from engine.elements._nonlinear import Moment, NonlinearElement
+
+NONLINEAR = {
+    kind: element for kind, element in engine.elements.catalogue().items() if issubclass(element, NonlinearElement)
+}
+SMOOTH = {"friction": {"transition_velocity": 0.02, "coulomb_negative": 5.0, "static_negative": 9.0}}
+"""What some elements need besides their example to be a formula."""
+REFUSED = {
+    "backlash": "what ends its modes depends on more than its inputs and states",
+    "friction": "it may hold an input",
+    "pneumatic_cylinder": "more than 16 modes",
+    "quantizer": "what follows a mode depends on more than its guards",
+    "rate_limiter": "what ends its modes depends on more than its inputs and states",
+    "relay": "it remembers its mode",
+    "sampled_pid": "it takes samples",
+    "zero_order_hold": "it takes samples",
+}
+RECORDED = sorted(NONLINEAR.keys() - (REFUSED.keys() - SMOOTH.keys()))
+
+
+def alone(kind: str, values: dict[str, Any]) -> Diagram:
+    """Return a diagram of one block, each of its inputs an input."""
+    element = NONLINEAR[kind]
+    given = {param.name: param.default for param in element.parameters} | values
+    ports = element.ports(given)
+    blocks = {f"input{i}": Block(kind="input", values={}) for i in range(len(ports.inputs))}
+    blocks["law"] = Block(kind=kind, values=values)
+    wires = tuple(Connection(source=f"input{i}", target=f"law.{port}") for i, port in enumerate(ports.inputs))
+    return compile_system(
+        System(
+            name="alone", parameters={}, blocks=blocks, connections=wires,
+            outputs={port: f"law.{port}" for port in ports.outputs},
+        )
+    )  # fmt: skip
+
+
+def moments(diagram: Diagram, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return states around their beginning and inputs of any size, (·, count)."""
+    chance = np.random.default_rng(5)
+    system = diagram.laws()
+    start = system.start[0].real
+    x = (
+        start[:, None] * chance.uniform(0.7, 1.3, (len(start), count))
+        + chance.uniform(-1, 1, (len(start), count)) * 1e-3
+    )
+    size = 10.0 ** chance.uniform(-4, 1, (len(diagram.inputs), count))
+    return x, size * chance.choice([-1.0, 1.0], size.shape)
+
+
+@pytest.mark.parametrize("kind", RECORDED)
+def test_a_recorded_law_is_the_law_in_the_mode_that_its_guards_choose(kind):
+    diagram = alone(kind, {**NONLINEAR[kind].example, **SMOOTH.get(kind, {})})
+    equations = Equations.of(diagram, ())
+    law = diagram.laws().laws[0]
+    x, z = moments(diagram, 200)
+    wanted = [*equations.rates, *equations.outputs, -1.0 if equations.outside is None else equations.outside]
+    graph = equations.graph
+    parameters = np.zeros((sum(node[0].name == "PARAMETER" for node in graph.nodes), 200))
+    for signal, values in zip([*equations.states, *equations.inputs], [*x, *z], strict=True):
+        parameters[graph.nodes[signal.node][1]] = values
+    with np.errstate(all="ignore"):
+        found = evaluated(graph, wanted, parameters)
+    compared = 0
+    for k in range(200):
+        moment = Moment(
+            t=np.zeros((1, 1)), x=[np.full((1, 1), v) for v in x[:, k]], z=[np.full((1, 1), v) for v in z[:, k]]
+        )
+        modes = (
+            (0,)
+            if kind == "hydraulic_cylinder"
+            else range(-1, len(law.real["points"]))
+            if kind == "lookup_table"
+            else law.element.modes
+        )
+        active = [
+            mode for mode in modes
+            if law.element.held(mode) is None and all(np.all(np.real(g) <= 0) for g in law.element.guards(moment, mode, law.real))
+        ]  # fmt: skip
+        if not active:
+            assert found[-1, k] > 0
+            continue
+        assert found[-1, k] <= 0
+        expected = [*law.element.rates(moment, active[0], law.real), *law.element.outputs(moment, active[0], law.real)]
+        np.testing.assert_allclose(found[:-1, k], [np.ravel(v)[0] for v in expected], rtol=1e-12, atol=1e-300)
+        compared += 1
+    assert compared > 50
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_a_law_that_is_no_formula_is_refused_with_the_reason(kind):
+    with pytest.raises(UnsuitableError, match=rf"law: .*{REFUSED[kind]}"):
+        Equations.of(alone(kind, dict(NONLINEAR[kind].example)), ())
+
+
+def test_every_nonlinear_element_is_either_recorded_or_refused():
+    assert set(RECORDED) | set(REFUSED) == set(NONLINEAR)
+
+
+def test_delays_and_loops_through_laws_are_refused():
+    blocks = {
+        "r": Block(kind="input", values={}), "sum": Block(kind="sum", values={"signs": "+-"}),
+        "limit": Block(kind="saturation", values={}), "wait": Block(kind="delay", values={"time": 0.1}),
+    }  # fmt: skip
+    wires = [("r", "sum.in1"), ("sum", "limit"), ("limit", "wait"), ("wait", "sum.in2")]
+    for at_once, reason in ((False, "delays"), (True, "an algebraic loop through it")):
+        blocks["wait"] = Block(kind="gain", values={"gain": 0.5}) if at_once else blocks["wait"]
+        diagram = compile_system(
+            System(
+                name="loop", parameters={}, blocks=blocks, outputs={"y": "limit"},
+                connections=tuple(Connection(source=a, target=b) for a, b in wires),
+            )
+        )  # fmt: skip
+        with pytest.raises(UnsuitableError, match=reason):
+            Equations.of(diagram, ())
+
+
+def test_a_decision_by_the_value_of_a_signal_is_refused():
+    signal = SignalGraph().signal()
+    for decide in (
+        lambda: float(signal.real),
+        lambda: bool(signal > 0),
+        lambda: np.floor(signal),
+        lambda: np.any(signal),
+    ):
+        with pytest.raises(UnsuitableError):
+            decide()
