@@ -34,6 +34,8 @@ from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
 _MOST_POINTS = 200
 _SAMPLE = 1024
+_ARCHIVE = 400
+"""More undominated points than this are thinned out to half of it: each new point is compared with all."""
 _WORST = 1e30
 """Stands for an objective that has no value."""
 _ROUNDS, _CLOUD, _DESCENT = 12, 128, 15
@@ -142,6 +144,15 @@ class _Candidates:
         stay = ~(values[:, None] <= self.values).all(axis=2).any(axis=0)
         self.positions = np.vstack([self.positions[stay], positions])
         self.values = np.vstack([self.values[stay], values])
+        if len(self.values) > _ARCHIVE:
+            self.thin(_ARCHIVE // 2)
+
+    def replace(self, old: Vector, position: Vector, found: Assessment) -> None:
+        """Put a better point in the place of one of these; it stays where the new one breaks a goal."""
+        stay = ~(self.positions == old).all(axis=1)
+        if found.violation[0] <= TOLERANCE and not np.isnan(found.objective[0]):
+            self.positions, self.values = self.positions[stay], self.values[stay]
+            self.offer(position[None], found)
 
     def thin(self, count: int) -> None:
         """Keep at most ``count`` points, spread evenly: the ends, the knee, then always the one furthest from the others."""
@@ -176,8 +187,10 @@ def _evolve(
     if objectives == 2:
         algorithm = NSGA2(**keywords)
     else:
-        directions = get_reference_directions("energy", objectives, size, seed=seed)
-        algorithm = NSGA3(directions, **keywords)
+        partitions = max(
+            n for n in range(1, size) if math.comb(n + objectives - 1, objectives - 1) <= max(size, objectives)
+        )
+        algorithm = NSGA3(get_reference_directions("das-dennis", objectives, n_partitions=partitions), **keywords)
     shape = Shape(n_var=variables, n_obj=objectives, n_ieq_constr=1, xl=0.0, xu=1.0)
     algorithm.setup(shape, termination=("n_gen", generations), seed=seed, verbose=False)
     for generation in range(generations):
@@ -239,7 +252,9 @@ def _refine(tracker: Tracker, candidates: _Candidates, points: int, rng: np.rand
     positions, limits = candidates.positions.copy(), candidates.values.copy()
     for k in range(len(positions)):
         tracker.monitor.progress(0.7 + 0.2 * k / len(positions), f"polishing point {k + 1} of {len(positions)}")
-        _descend(tracker, candidates, _Aim(k % len(objectives), limits[k]), positions[k])
+        polished = _descend(tracker, candidates, _Aim(k % len(objectives), limits[k]), positions[k])
+        if polished is not None:
+            candidates.replace(positions[k], polished, tracker.assess(polished[None]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,16 +300,15 @@ def _search(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector,
     return search_around(tracker, start, rng, rounds=_ROUNDS, size=_CLOUD, ranking=ranking)
 
 
-def _descend(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector) -> None:
-    """Improve a point for an aim by slopes."""
+def _descend(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector) -> Vector | None:
+    """Return a point improved for an aim by slopes."""
     alone = aim.problem(candidates.problem)
     inner = Tracker(Evaluator(alone), Quiet(tracker.monitor), tracker.budget - tracker.evaluator.evaluations)
     try:
         Descent(inner, np.full(len(alone.goals), SAFETY)).run(start, evaluations=_DESCENT)
     finally:
         tracker.evaluator.evaluations += inner.evaluator.evaluations
-    if inner.best is not None:
-        candidates.offer(inner.best[None], tracker.assess(inner.best[None]))
+    return inner.best
 
 
 def _measured(evaluator: Evaluator, positions: Matrix) -> Front | None:
