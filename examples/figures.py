@@ -9,8 +9,11 @@ from pathlib import Path
 from examples import (
     dc_motor_resistance,
     hydraulic_leakage,
+    hydraulic_orifice,
+    intelligent_damper,
     many_loops,
     mechanical_correction,
+    mr_damper,
     pneumatic_motor,
     programmed_delay,
     velocity_limit,
@@ -22,10 +25,13 @@ STUDIES = (
     dc_motor_resistance,
     pneumatic_motor,
     hydraulic_leakage,
+    hydraulic_orifice,
     mechanical_correction,
     velocity_limit,
     programmed_delay,
     many_loops,
+    mr_damper,
+    intelligent_damper,
 )
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 

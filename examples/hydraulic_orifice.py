@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import servotune
 from examples.hydraulic_leakage import DRIVE, GAINS, LEAKAGE, LEAKY, TIGHT, choose
 from examples.presentation import label, panels, run, scaled, show, table
-from servotune.replies import Simulation
+from servotune.replies import Metric, Simulation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +119,7 @@ def report(cases: Sequence[str], replies: Replies, linear: Simulation) -> None:
             velocity, flow = metrics["velocity"], metrics["flow"]
             rows.append((
                 f"{name}, {size} step",
-                show(velocity["overshoot"], 100, "%"),
+                percent(velocity["overshoot"]),
                 show(velocity["rise_time"], 1e3, "ms"),
                 show(velocity["response_time"], 1e3, "ms"),
                 show(flow["peak"], 1e3, "l/s"),
@@ -127,12 +127,17 @@ def report(cases: Sequence[str], replies: Replies, linear: Simulation) -> None:
         velocity = linear["variants"][number]["metrics"]["velocity"]
         rows.append((
             f"{name}, linear",
-            show(velocity["overshoot"], 100, "%"),
+            percent(velocity["overshoot"]),
             show(velocity["rise_time"], 1e3, "ms"),
             show(velocity["response_time"], 1e3, "ms"),
             "-",
         ))  # fmt: skip
     table(("leakage", "overshoot", "rise time", "response time", "largest flow"), rows)
+
+
+def percent(metric: Metric) -> str:
+    """Return a ratio in percent, to a tenth: what is left of a slow end is not an overshoot."""
+    return metric["verdict"] if metric["value"] is None else f"{100 * metric['value']:.1f} %"
 
 
 def draw(names: Sequence[str], replies: Replies, linear: Simulation) -> Figure:

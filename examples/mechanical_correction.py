@@ -118,9 +118,8 @@ def draw(best: Mapping[str, float], steps: Simulation, paths: Mapping[str, Frequ
     figure, (motion, magnitude) = panels(1, 2, size=(11, 4.5))
     for name, (output, parameters) in curves(best).items():
         step, path = steps["variants"][int(parameters is best)], paths[name]["variants"][0]
-        style = "--" if output == "printed" else "-"
-        motion.plot(step["time"], scaled(step["outputs"][output], 1e3), style, label=name)
-        magnitude.loglog(path["frequency"], path["magnitude"], style, label=name)
+        motion.plot(step["time"], scaled(step["outputs"][output], 1e3), label=name)
+        magnitude.loglog(path["frequency"], path["magnitude"], label=name)
     label(motion, title="Load after a step of 10 mm", x="time, s", y="x₂, mm", xlim=(0, 1))
     label(magnitude, title="Load per drive", x="frequency, rad/s", y="|x₂/x₁|", xlim=(1, 1e3), legend=False)
     return figure

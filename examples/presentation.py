@@ -24,7 +24,7 @@ RESOLUTION, PALETTE = 100, 256
 """Dots per inch and colours of a figure: good on a page, and a file below 100 kB."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00")
-DASHES = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)), (0, (9, 2, 3, 2)))
+DASHES = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2, 1, 1.2)))
 """Of the curves in a panel, in their order: told apart by any eye and in print, M. Okabe and K. Ito, Color Universal Design (2008)."""
 
 
@@ -96,4 +96,4 @@ def label(panel: Axes, *, title: str, x: str, y: str, legend: bool = True, **lim
     panel.set(title=title, xlabel=x, ylabel=y, **limits)
     panel.grid(visible=True, which="major", color="0.9")
     if legend:
-        panel.legend(fontsize="small")
+        panel.legend(fontsize="small", handlelength=3)
