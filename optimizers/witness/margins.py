@@ -97,3 +97,22 @@ def phase_margin(sweep: Sweep) -> float:
 def delay_margin(sweep: Sweep) -> float:
     """Return the least delay that brings L through -1."""
     return min(((angle if angle >= -1e-12 else angle + 2 * np.pi) / w for w, angle in _phases(sweep)), default=np.inf)
+
+
+def damping_ratio(modes: Complex) -> float:
+    """Return the least -Re p / |p| of the complex pairs."""
+    pairs = _pairs(modes)
+    return float((-pairs.real / np.abs(pairs)).min())
+
+
+def critical_frequency(modes: Complex) -> float:
+    """Return |p| of the complex pair that decays last."""
+    pairs = _pairs(modes)
+    return float(np.abs(pairs[pairs.real.argmax()]))
+
+
+def _pairs(modes: Complex) -> Complex:
+    pairs = modes[modes.imag > 1e-9 * np.abs(modes)]
+    if not len(pairs):
+        raise ValueError("no mode oscillates")
+    return pairs

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.errors import EngineError
 from engine.masks import Envelope, FrequencyBounds, Polyline
 from optimizers.witness import margins, timing
-from optimizers.witness.march import CannotFollowError, Marcher
+from optimizers.witness.march import CannotFollowError, March, Marcher
 from optimizers.witness.sweep import Sweep
 from optimizers.witness.timing import Trace
 
@@ -31,13 +32,18 @@ _OF_TRACES: Mapping[str, Callable[[Trace], float]] = {
     "max_velocity": timing.peak,
     "max_acceleration": timing.peak,
     "control_effort": timing.peak,
+    "peak_time": timing.peak_time,
 }
 _OF_LOOPS: Mapping[str, Callable[[Sweep], float]] = {
     "gain_margin": margins.gain_margin,
     "phase_margin": margins.phase_margin,
     "delay_margin": margins.delay_margin,
 }
-_INTEGRALS = ("iae", "ise", "itae")
+_OF_MODES: Mapping[str, Callable[[npt.NDArray[np.complex128]], float]] = {
+    "damping_ratio": margins.damping_ratio,
+    "critical_frequency": margins.critical_frequency,
+}
+_INTEGRALS = ("iae", "ie", "ise", "itae")
 _STABLE = -1e-9
 _FAR = 1e4
 
@@ -99,10 +105,11 @@ class _Bench:
 
     def __init__(self, problem: Problem, overrides: Mapping[str, float], system: LinearSystem) -> None:
         self._diagram = problem.diagram
+        self._requests = problem.requests
         self._overrides = overrides
         self._system = system
         self._sweeps: dict[tuple[str | None, ...], Sweep] = {}
-        self._traces: dict[tuple[object, ...], Trace] = {}
+        self._marches: dict[tuple[object, ...], March] = {}
 
     def measure(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
         """Return the value of a metric, None where it has no reading here."""
@@ -116,23 +123,40 @@ class _Bench:
             return margins.bandwidth(self._sweep(request))
         if name in _OF_LOOPS:
             return _OF_LOOPS[name](self._sweep(request))
+        if name in _OF_MODES:
+            return (
+                None if len(self._system.delays) else _OF_MODES[name](np.linalg.eigvals(self._system.a).astype(complex))
+            )
         return self._timed(request, signals) if signals else None
 
     def _timed(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
-        name, mask = request.metric, request.mask
+        """Return the value of a metric of a response, None where the command does not settle or it has no reading here."""
+        name = request.metric
         settles = all(signal.final() is not None for signal in signals.values())
-        if isinstance(mask, Envelope) and name == "envelope":
-            end = max(line.times[-1] for line, _ in mask.sides)
-            return timing.envelope(self._trace(request, signals, None if settles else end), mask)
-        if isinstance(mask, Polyline) and name == "tracking_error":
-            return timing.tracking_error(self._trace(request, signals, None if settles else mask.times[-1]), mask)
-        if name in _INTEGRALS:
+        ends = [signal.end() for signal in signals.values()]
+        value = None
+        if request.mask is not None:
+            value = self._held(request, signals, settles=settles)
+        elif name in _INTEGRALS:
             roles = self._diagram.input_roles
             reference = next((signal for port, signal in signals.items() if roles[port] == "reference"), None)
             trace = self._trace(request, signals, request.duration)
-            return timing.error_integral(trace, name, reference, request.duration)
-        if name in _OF_TRACES and settles:
-            return _OF_TRACES[name](self._trace(request, signals, None))
+            value = timing.error_integral(trace, name, reference, request.duration)
+        elif name == "residual_vibration" and settles and None not in ends:
+            end = max(float(end or 0.0) for end in ends)
+            value = timing.residual_vibration(self._trace(request, signals, None), end)
+        elif name in _OF_TRACES and settles:
+            value = _OF_TRACES[name](self._trace(request, signals, None))
+        return value
+
+    def _held(self, request: MetricRequest, signals: Mapping[str, Signal], *, settles: bool) -> float | None:
+        """Return how a response stands to what it is held against."""
+        mask = request.mask
+        if isinstance(mask, Envelope):
+            end = max(line.times[-1] for line, _ in mask.sides)
+            return timing.envelope(self._trace(request, signals, None if settles else end), mask)
+        if isinstance(mask, Polyline):
+            return timing.tracking_error(self._trace(request, signals, None if settles else mask.times[-1]), mask)
         return None
 
     def _sweep(self, request: MetricRequest) -> Sweep:
@@ -148,12 +172,14 @@ class _Bench:
         return self._sweeps[key]
 
     def _trace(self, request: MetricRequest, signals: Mapping[str, Signal], until: float | None) -> Trace:
-        key = (request.output, until, *((port, id(signal)) for port, signal in signals.items()))
-        if key not in self._traces:
-            output = self._system.outputs.index(str(request.output))
+        """Return one output; all that some goal looks at are followed together."""
+        outputs = sorted({str(r.output) for r in self._requests if r.output is not None})
+        key = (until, *((port, id(signal)) for port, signal in signals.items()))
+        if key not in self._marches:
             commands = [(self._system.inputs.index(port), signal) for port, signal in signals.items()]
-            march = Marcher(self._system, commands, [output]).run(until)
-            initial = float(self._system.c1[output] @ self._system.x0)
-            begin = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
-            self._traces[key] = Trace.of(march, 0, initial=initial, begin=begin)
-        return self._traces[key]
+            columns = [self._system.outputs.index(output) for output in outputs]
+            self._marches[key] = Marcher(self._system, commands, columns).run(until)
+        output = self._system.outputs.index(str(request.output))
+        initial = float(self._system.c1[output] @ self._system.x0)
+        begin = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
+        return Trace.of(self._marches[key], outputs.index(str(request.output)), initial=initial, begin=begin)

@@ -84,7 +84,9 @@ class Sweep:
         if len(s.delays):
             points.append(np.arange(1, 2000) * 0.15 / float(s.delays.sum()))
         every = np.unique(np.concatenate(points))
-        return np.asarray(every[(every >= low) & (every <= high)])
+        # beyond both ends only limits are approached
+        ends = low * np.array([1e-6, 1e-4, 1e-2]), high * np.array([1e2, 1e4])
+        return np.concatenate([ends[0], every[(every >= low) & (every <= high)], ends[1]])
 
     def _refine(self) -> None:
         """Halve intervals on which ln G or ln (1 + G) is not straight."""
@@ -98,7 +100,7 @@ class Sweep:
                     bent |= np.abs(change.real) > _BENT
                     # behind a delay a gain that has faded turns for ever, and it matters no more
                     bent |= (np.abs(change.imag) > _BENT) & (np.abs(g[1:]) > _FADED)
-            bent &= w[1:] / w[:-1] > 1 + 1e-10
+            bent &= (w[1:] / w[:-1] > 1 + 1e-10) & (w[1:] / w[:-1] < 50)
             if not bent.any():
                 return
             new = middle[bent][: _MOST - len(w)]

@@ -55,10 +55,11 @@ class Trace:
             starts=self.starts, widths=self.widths, values=self.values - line(times), final=None, initial=0.0, begin=self.begin
         )  # fmt: skip
 
-    def at(self, time: float) -> float:
-        """Return the value at an instant; from the right where it jumps."""
-        k = int(np.clip(np.searchsorted(self.starts, time, side="right") - 1, 0, len(self.starts) - 1))
-        return float(chebyshev.chebval(2 * (time - self.starts[k]) / self.widths[k] - 1, TO_SERIES @ self.values[k]))
+    def turned(self) -> Trace:
+        """Return the output upside down."""
+        return Trace(
+            starts=self.starts, widths=self.widths, values=-self.values, final=None, initial=-self.initial, begin=self.begin
+        )  # fmt: skip
 
     def cut(self, start: float, end: float) -> Trace:
         """Return the part between two instants."""
@@ -81,11 +82,7 @@ class Trace:
         best = float(max(looks.max(), self.values.max()))
         for k in near:
             series = TO_SERIES @ self.values[k]
-            slope = np.trim_zeros(chebyshev.chebder(series), "b")
-            if len(slope) > 1:
-                turns = np.asarray(chebyshev.chebroots(slope))
-                real = turns.real[(np.abs(turns.imag) < 1e-6) & (np.abs(turns.real) <= 1)]
-                best = max([best, *chebyshev.chebval(real, series).tolist()])
+            best = max([best, *(float(chebyshev.chebval(place, series)) for place in _turns(series))])
         return best
 
     def crossings(self, level: float) -> list[float]:
@@ -118,6 +115,16 @@ class Trace:
         return total
 
 
+def _turns(series: Real) -> list[float]:
+    """Return where a step turns back, -1…1."""
+    slope = np.trim_zeros(chebyshev.chebder(series), "b")
+    if len(slope) < 2:
+        return []
+    roots = np.asarray(chebyshev.chebroots(slope))
+    found: list[float] = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1)].tolist()
+    return found
+
+
 def _way(trace: Trace) -> float:
     assert trace.final is not None
     way = trace.final - trace.initial
@@ -148,33 +155,49 @@ def last_entry(trace: Trace, band: float) -> float:
 
 
 def overshoot(trace: Trace) -> float:
-    """(max - final) / way."""
+    """(max - final) / way, of an output that rises."""
     way = _way(trace)
     assert trace.final is not None
-    sign = np.sign(way)
-    part = Trace(
-        starts=trace.starts, widths=trace.widths, values=sign * trace.values, final=None, initial=0.0, begin=0.0
-    )
-    beyond = (part.largest() - sign * trace.final) / abs(way)
+    beyond = (trace.largest() - trace.final) / way if way > 0 else (trace.turned().largest() + trace.final) / -way
     return float(beyond) if beyond > 1e-9 else 0.0
 
 
 def undershoot(trace: Trace) -> float:
-    """(initial - min) / way."""
+    """(initial - min) / way, of an output that rises."""
     way = _way(trace)
-    part = (
-        trace
-        if way < 0
-        else Trace(starts=trace.starts, widths=trace.widths, values=-trace.values, final=None, initial=0.0, begin=0.0)
-    )
-    below = (part.largest() - (trace.initial if way < 0 else -trace.initial)) / abs(way)
+    below = (trace.turned().largest() + trace.initial) / way if way > 0 else (trace.largest() - trace.initial) / -way
     return float(below) if below > 1e-9 else 0.0
 
 
 def peak(trace: Trace) -> float:
     """Greatest |y|, its final value included."""
-    other = Trace(starts=trace.starts, widths=trace.widths, values=-trace.values, final=None, initial=0.0, begin=0.0)
-    return max(trace.largest(), other.largest(), abs(trace.final or 0.0))
+    return max(trace.largest(), trace.turned().largest(), abs(trace.final or 0.0))
+
+
+def peak_time(trace: Trace) -> float:
+    """When |y| is greatest, since the command began.
+
+    Raises
+    ------
+    ValueError
+        Where the final value is barely exceeded, or the peak is no turning point.
+    """
+    top = peak(trace)
+    if top - abs(trace.final or 0.0) <= 1e-7 * top:
+        raise ValueError("no peak")
+    part = trace if trace.largest() >= top * (1 - 1e-15) else trace.turned()
+    for k in np.flatnonzero((part.values @ _TO_LOOKS.T).max(axis=1) >= 0.99 * top):
+        series = TO_SERIES @ part.values[k]
+        for place in _turns(series):
+            if chebyshev.chebval(place, series) >= top * (1 - 1e-14):
+                return float(part.starts[k] + part.widths[k] * (place + 1) / 2) - trace.begin
+    raise ValueError("the peak is an edge")
+
+
+def residual_vibration(trace: Trace, end: float) -> float:
+    """Half of the swing that is left when the command has ended."""
+    rest = trace.cut(end, trace.end)
+    return (rest.largest() + rest.turned().largest()) / 2
 
 
 def error_integral(trace: Trace, kind: str, reference: Signal | None, duration: float | None) -> float:
@@ -188,6 +211,8 @@ def error_integral(trace: Trace, kind: str, reference: Signal | None, duration: 
     ):
         raise ValueError("the error does not go to zero")
     error = error.cut(trace.begin, trace.end if duration is None else duration)
+    if kind == "ie":
+        return abs(error.integral(_itself, []))
     zeros = error.crossings(0.0)
     forms: dict[str, Callable[[Real, Real], Real]] = {
         "iae": lambda _, e: np.abs(e), "ise": _square, "itae": lambda t, e: (t - trace.begin) * np.abs(e),
@@ -232,6 +257,10 @@ def tracking_error(trace: Trace, line: Polyline) -> float:
             d0, d1 = (trace.final - u - slope * (t - a) for t in (first, b))
             total += (b - first) * (d0 * d0 + d0 * d1 + d1 * d1) / 3
     return float(np.sqrt(total / span))
+
+
+def _itself(_t: Real, e: Real) -> Real:
+    return e
 
 
 def _square(_t: Real, e: Real) -> Real:

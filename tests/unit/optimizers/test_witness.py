@@ -41,6 +41,8 @@ PEAK = math.exp(-math.pi * Z / math.sqrt(1 - Z * Z))
         ({"metric": "overshoot"}, PEAK),
         ({"metric": "peak"}, 1 + PEAK),
         ({"metric": "undershoot"}, 0.0),
+        ({"metric": "peak_time"}, math.pi / WD),
+        ({"metric": "ie"}, 2 * Z / W),  # ∫ (1 - y) = c / k
         ({"metric": "ise"}, Z + 1 / (4 * Z)),  # ∫e² of a second-order loop
         # The oscillator is above 1.02 at its first peak and below an upper line of 1.1 from t = 10 on.
         (
@@ -70,6 +72,18 @@ def test_an_oscillators_gains_are_those_of_the_textbooks() -> None:
     # Against its own magnitude every gain is met exactly.
     own = FrequencyBounds(upper=Rational(numerator=(1.0,), denominator=(1.0, 1.0, 1.0)))
     assert measured(oscillator(), "c", STEP, metric="path_bound", mask=own, **path) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_modes_are_those_of_the_textbooks() -> None:
+    assert measured(oscillator(), "c", STEP, metric="damping_ratio") == pytest.approx(Z, rel=1e-12)
+    assert measured(oscillator(), "c", STEP, metric="critical_frequency") == pytest.approx(W, rel=1e-12)
+
+
+def test_what_is_left_when_a_command_has_ended() -> None:
+    # A step at once has ended at once: what is left is the whole swing, from 0 to the first peak.
+    step = {"experiment": "step", "output": "x"}
+    found = measured(oscillator(), "c", STEP, metric="residual_vibration", **step)
+    assert found == pytest.approx((1 + PEAK) / 2, rel=1e-11)
 
 
 def echo() -> Diagram:
@@ -108,7 +122,8 @@ def test_a_delay_is_exact() -> None:
 def test_what_it_cannot_follow_it_says_nothing_about() -> None:
     sine = Experiment(name="sine", signals={"force": make("sine", {"frequency": 2.0})})
     assert measured(oscillator(), "c", sine, metric="peak", experiment="sine", output="x") is None
-    assert measured(oscillator(), "c", STEP, metric="damping_ratio") is None
+    step = {"experiment": "step", "output": "x"}
+    assert measured(oscillator(), "c", STEP, metric="control_effort_rms", **step) is None
 
 
 def test_a_point_that_breaks_a_bound_only_between_grid_points_is_refused() -> None:
