@@ -63,11 +63,15 @@ async def _keep_house(service: Installation) -> None:
 
 
 async def _keep_time(service: Installation) -> None:
+    away = False
     while True:
         try:
             await run_in_threadpool(tick, service, now=utc_now())
+            away = False
         except UNAVAILABLE as error:
-            _log.warning("the schedules have to wait for the database: %s", error)
+            if not away:  # say it once, not every second
+                _log.warning("the schedules have to wait for the database: %s", error)
+            away = True
         await asyncio.sleep(TICK)
 
 

@@ -12,11 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from engine.errors import EngineError, IllPosedError, Path
+from engine.metrics import catalogue as metric_catalogue
+from engine.verdicts import Verdict
 from optimizers import methods
-from optimizers.applicable import check_applicable
 from optimizers.certificate import TOLERANCE, number_of
 from optimizers.evaluate import Evaluator
 from optimizers.expectation import expected
+from optimizers.measuring import measured
 from optimizers.neighbours import settle
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Gap, Monitor, Result, Share, Status, Unwatched
@@ -33,6 +36,43 @@ class Comparison:
     results: Mapping[str, Result]
     objectives: Mapping[str, float]
     """Of each, with the sizes of the first one's goals before, so that they compare; NaN where a metric has no value."""
+
+
+def check_applicable(problem: Problem) -> None:
+    """Refuse scenarios that the system refuses, and goals whose metric does not exist under their experiment.
+
+    Raises
+    ------
+    ProblemError
+        With the scenario or range and what is wrong with it, or the goal and what it needs.
+    """
+    start = {path: v for path, v in problem.values(problem.start()).items() if path not in problem.commands}
+    for index, scenario in enumerate(problem.scenarios):
+        _check_exists(problem, {**start, **scenario}, ("scenarios", index))
+    for index, axis in enumerate(problem.ranges):
+        for key, end in (("lower", axis.lower), ("upper", axis.upper)):
+            _check_exists(problem, {**start, axis.parameter: end}, ("uncertain", index, key))
+    if problem.diagram.nonlinear:  # a simulation each, and what is absent at the start may be there elsewhere
+        return
+    catalogue = metric_catalogue()
+    timed = [g for g, goal in enumerate(problem.goals) if catalogue[goal.metric].domain == "time"]
+    found = measured(problem, problem.values(problem.start()), problem.scenarios[0], goals=timed)
+    for g, (one, _) in zip(timed, found, strict=True):
+        if one.verdict is Verdict.NOT_APPLICABLE:
+            goal = problem.goals[g]
+            raise ProblemError(
+                f"metric must be one that exists under experiment {goal.experiment!r}, got {goal.metric}: {one.advice}",
+                at=("goals", g, "metric"),
+            )
+
+
+def _check_exists(problem: Problem, overrides: Mapping[str, float], at: Path) -> None:
+    try:
+        problem.diagram.realize(overrides)
+    except IllPosedError:  # at the start only, maybe
+        return
+    except EngineError as error:
+        raise ProblemError(error.message, at=at) from error
 
 
 def solve(

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, cast
 
+from servotune.access import Keys, Workspaces
 from servotune.datasets import Datasets
 from servotune.errors import ApiError, ServiceUnreachableError
 from servotune.jobs import Job, Jobs
+from servotune.schedules import Schedules
 from servotune.transport import Transport
 
 if TYPE_CHECKING:
@@ -44,8 +46,12 @@ class Client:
         Recordings.
     jobs : Jobs
         Long work.
+    schedules : Schedules
+        Jobs that are run again and again.
     catalog : Catalog
         The elements, metrics, methods and signals that the service knows.
+    keys, workspaces : Keys, Workspaces
+        Who may come in, and where to.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -53,7 +59,10 @@ class Client:
         self.systems = Systems(transport)
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
+        self.schedules = Schedules(transport)
         self.catalog = Catalog(transport)
+        self.keys = Keys(transport)
+        self.workspaces = Workspaces(transport)
 
     def __enter__(self) -> Self:
         return self

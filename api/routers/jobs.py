@@ -90,18 +90,23 @@ def result(identifier: str, caller: Reader, service: InstallationDep) -> Respons
     return respond(answer(body))
 
 
+class PythonScript(PlainTextResponse):
+    """A program to download."""
+
+    media_type = "text/x-python"
+
+
 @router.get(
     "/jobs/{identifier}/script",
-    response_class=PlainTextResponse,
+    response_class=PythonScript,
     summary="Export an optimisation as a script",
 )
-def script(identifier: str, caller: Reader, service: InstallationDep) -> PlainTextResponse:
+def script(identifier: str, caller: Reader, service: InstallationDep) -> PythonScript:
     """Return a standalone Python script that repeats the optimisation through the client library."""
     with service.database.session() as session:
         text = scripts.script_of(session, caller, identifier)
-    return PlainTextResponse(
+    return PythonScript(
         text,
-        media_type="text/x-python",
         headers={"Content-Disposition": f'attachment; filename="optimization_{identifier}.py"'},
     )
 

@@ -26,10 +26,9 @@ from api.services.systems import Subject, compiled, document_of, subject_of
 from engine.errors import EngineError
 from engine.study import simulate
 from optimizers import methods
-from optimizers.applicable import check_applicable
 from optimizers.problem import Problem
 from optimizers.result import Monitor
-from optimizers.solving import check_request, compare, solve
+from optimizers.solving import check_applicable, check_request, compare, solve
 from storage.session import Database
 
 KIND = "optimization"

@@ -10,12 +10,11 @@ import pytest
 
 from engine.diagram import Block, Connection, Parameter, System, compile_system
 from engine.signals import make
-from optimizers.applicable import check_applicable
 from optimizers.expectation import expected, wilson
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Uncertain, Variable
 from optimizers.result import Status, Unwatched
 from optimizers.robust import adversary
-from optimizers.solving import compare, solve
+from optimizers.solving import check_applicable, compare, solve
 from tests.unit.optimizers.oscillator import damping_for, oscillator, problem
 
 FEW = {"starts": 2, "seed": 1, "max_evaluations": 1500}
