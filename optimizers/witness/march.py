@@ -40,6 +40,8 @@ _ENDS = 1e-11
 _EARLY = 1e-14
 _DRIVE = 0.1
 """The drive is integrated: its last coefficients count less."""
+_SAME = 1e-12
+_DIVERGED = 1e60
 _MOST_STEPS = 6000
 _MOST_WIDTHS = 120
 _ECHOES = 6
@@ -142,38 +144,39 @@ class Marcher:
         last = max((t for signal in self._signals for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
         breaks = self._breaks(until)
         x = np.asarray(self._system.x0, dtype=float).copy()
-        time, width = 0.0, self._first_width(until)
+        time, moved, width = 0.0, 0.0, self._first_width(until)
         scale = np.full(len(self._read), 1e-300)
-        top = 0.0
-        while until is None or time < until * (1 - 1e-13):
-            if len(self._starts) >= _MOST_STEPS:
-                raise CannotFollowError
-            ahead = next((b for b in breaks if b > time * (1 + 1e-13) + 1e-300), np.inf)
-            whole = min(ahead - time, np.inf if until is None else until - time)
-            used = whole if width >= whole * (1 - 1e-9) else width
+        while until is None or time < until:
+            ahead = next((b for b in breaks if b > time), np.inf)
+            whole = width >= (ahead - time) * (1 - _SAME)
+            used = ahead - time if whole else width
             states, signals, quality = self._try(time, used, x, scale)
-            if quality > _ENDS and used > 1e-12 * max(time, 1e-12):
+            if quality > _ENDS and used > _SAME * time:
                 width = used / 2
                 continue
-            self._starts.append(time)
-            self._widths.append(used)
-            self._values.append(signals)
+            self._keep(time, used, signals)
             scale = np.maximum(scale, np.abs(signals).max(axis=0))
-            top = max(top, float(np.abs(signals).max()))
-            if not np.isfinite(top) or top > 1e60:
-                raise CannotFollowError
-            x, time = (
-                states[-1],
-                (time + used if used != whole else (ahead if whole == ahead - time else until or time + used)),
-            )
+            x, time = states[-1], ahead if whole else time + used
             if quality < _EARLY:
                 width = min(2 * used, float(self._delays.min(initial=np.inf)))
-            elif used != whole:
+            elif not whole:
                 width = used
-            if until is None and finals is not None and self._settled(finals, scale, last, time):
+            if finals is not None and self._moves(signals, finals, scale):
+                moved = time
+            # at rest for a third of the time since the commands ended, and for longer than any echo takes
+            since = time - last
+            if until is None and time - moved >= since / 3 and since > 3 * float(self._delays.sum()) and since > 0:
                 break
         values = np.stack(self._values)[:, :, : self._count]
         return March(starts=np.array(self._starts), widths=np.array(self._widths), values=values, finals=finals)
+
+    def _keep(self, time: float, width: float, signals: Real) -> None:
+        """Remember a step, unless it is one too many or diverges."""
+        if len(self._starts) >= _MOST_STEPS or not np.abs(signals).max(initial=0.0) < _DIVERGED:
+            raise CannotFollowError
+        self._starts.append(time)
+        self._widths.append(width)
+        self._values.append(signals)
 
     def _first_width(self, until: float | None) -> float:
         fastest = float(np.abs(np.linalg.eigvals(self._system.a)).max(initial=0.0))
@@ -189,7 +192,11 @@ class Marcher:
             if len(found) + len(newest) > _MOST_BREAKS:
                 break
             found |= newest
-        return sorted(t for t in found if until is None or t < until)
+        # instants that differ by rounding alone are one
+        instants = sorted(t for t in found if until is None or t < until * (1 - _SAME)) + (
+            [] if until is None else [until]
+        )
+        return [t for t, before in zip(instants, [-1.0, *instants], strict=False) if t - before > _SAME * t]
 
     def _try(self, time: float, width: float, x: Real, scale: Real) -> tuple[Real, Real, float]:
         """Return states, signals at the nodes and how far from resolved a step is."""
@@ -252,17 +259,7 @@ class Marcher:
         drive = np.concatenate([commands, found[n:]])
         return np.asarray(self._read[: self._count] @ found[:n] + self._direct[: self._count] @ drive)
 
-    def _settled(self, finals: Real, scale: Real, last: float, time: float) -> bool:
-        """Return whether the outputs have been at rest for a third of the time since the commands ended."""
-        since = time - last
-        if since <= 3 * float(self._delays.sum()) or len(self._starts) < 8:
-            return False
-        begin = max(time - since / 3, time - 40 * max(since, 1e-300))
-        late = [
-            values for start, values in zip(self._starts[-400:], self._values[-400:], strict=True) if start >= begin
-        ]
-        if len(late) < 2 or (len(late) == 400):
-            return False
-        away = np.abs(np.stack(late)[:, :, : self._count] - finals).max(axis=(0, 1))
-        own = np.maximum(scale[: self._count], np.abs(finals))
-        return bool((away <= _SETTLED * own).all())
+    def _moves(self, signals: Real, finals: Real, scale: Real) -> bool:
+        """Return whether some output is still away from where it settles during a step."""
+        away = np.abs(signals[:, : self._count] - finals).max(axis=0)
+        return bool((away > _SETTLED * np.maximum(scale[: self._count], np.abs(finals))).any())
