@@ -4,8 +4,9 @@
 
 which no point outside of the bound satisfies, so that all iterates keep it. D = 1 + L stays in a half plane around D₀: it
 does not pass 0 on the way, and a stable loop remains stable. A goal f = max |N/M| to be minimised has its present value
-for m and a slack: |N/M₀|/f₀ ≤ Re(M/M₀) + τ, f ≈ f₀ (1 + τ). Frequencies are added where the exact response between them
-turns out to peak.
+for m and a slack: |N/M₀|/f₀ ≤ Re(M/M₀) + τ, f ≈ f₀ (1 + τ), by which a single one falls in every round. Of several that are
+traded for each other the products φ r of φ = f/f₀ and r = Re(M/M₀) are restricted, too: φ r ≥ φ + r - 1 - (φ - r)²/4.
+Frequencies are added where the exact response between them turns out to peak.
 
 References
 ----------
@@ -25,6 +26,7 @@ import numpy.typing as npt
 from optimizers.convex.point import FEASIBLE, LEAST, Point, hard_bounds, objective_around, wanted
 from optimizers.convex.solvers import Solved, solve
 from optimizers.convex.summits import Summits, at_rest, grid, height, stable, summits
+from optimizers.problem import Across
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     from optimizers.evaluate import Evaluator
     from optimizers.problem import Vector
 
-_MOST_ROUNDS = 100
+_MOST_ROUNDS = 60
 _SAME = 1e-7
 """Relative change of the objective below which two rounds are one."""
 
@@ -48,7 +50,7 @@ _EXCHANGE = 100.0
 
 _REPAIRS = 4
 _FURTHEST = 20.0
-_HALVINGS = 12
+_HALVINGS = 6
 
 _AMPLE = 1e3
 _BOUND, _STABLE = -1, -2
@@ -85,6 +87,7 @@ class Procedure:
         axes = evaluator.problem.axes
         self._bounds = hard_bounds(evaluator)
         self._slacks = wanted(evaluator)
+        self._traded = len(self._slacks) > len(self._loops) or evaluator.problem.across is Across.MEAN
         self._lower = np.array([axis.lower for axis in axes])
         self._upper = np.array([axis.upper for axis in axes])
         self._grids: list[Real] = []
@@ -194,7 +197,8 @@ class Procedure:
         z, tau, worst = cp.Variable(len(scale)), cp.Variable(len(self._slacks)), cp.Variable(nonneg=True)
         owned = (cones.owner[:, None] == np.arange(len(self._slacks))).astype(float)
         bounded, guard = (cones.owner == _BOUND).astype(float), cones.owner == _STABLE
-        right = 1 + (cones.d * scale) @ z + owned @ tau
+        far = 1 + (cones.d * scale) @ z
+        right = far + owned @ tau
         seeking = here.violation > _SMALL
         if seeking:
             right = right + bounded * worst
@@ -202,8 +206,15 @@ class Procedure:
         left = cp.vstack([cones.n0.real + turned.real @ z, cones.n0.imag + turned.imag @ z])
         limits = [
             z >= (self._lower - centre) / scale, z <= (self._upper - centre) / scale,
-            cp.SOC(right[~guard], left[:, ~guard], axis=0), right[guard] >= _GUARD,
+            far[guard] >= _GUARD,
         ]  # fmt: skip
+        if self._traded and not seeking:
+            mine = cones.owner >= 0
+            excess = cp.Variable(int(mine.sum()))
+            gap = (1 + owned[mine] @ tau) - far[mine]
+            limits.append(cp.SOC(1 + excess, cp.vstack([gap, excess - 1]), axis=0))
+            right = right - np.eye(len(mine))[:, mine] @ excess
+        limits.append(cp.SOC(right[~guard], left[:, ~guard], axis=0))
         if seeking:
             problem = cp.Problem(cp.Minimize(worst), [*limits, tau <= _AMPLE])
         else:

@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from bench.optimizers.cases_convex import CHOSEN, LEAST_ERROR, LOAD, PI, gain, loop
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
@@ -12,7 +13,7 @@ from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.convex.solvers import Solved, solve
 from optimizers.methods import minimize
-from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Variable
+from optimizers.problem import Across, Experiment, Goal, Problem, ProblemError, Sense, Variable
 from optimizers.result import Result, Status, Unwatched
 
 LAGS = np.poly([-1, -1, -1]).tolist()
@@ -131,6 +132,41 @@ def test_the_worst_scenario_is_served() -> None:
     assert at[1.5] == pytest.approx(1.4, rel=1e-5)
     # gain and ki change together: the optimum for 1.5 alone is that for 1, divided by 1.5
     assert result.best["ki"] == pytest.approx(0.32532 / 1.5, rel=1e-4)
+
+
+def test_two_objectives_are_traded_as_a_dense_search_trades_them() -> None:
+    goals = (LEAST_ERROR, Goal(metric="sensitivity_peak", open_at="controller", sense=Sense.MINIMIZE, weight=3.0))
+    result = solved(robust(goals=goals))
+
+    # each objective counts relative to its value before, at (0.2, 0.05)
+    omega = OMEGA[::100]
+    plant = 1 / (1j * omega + 1) ** 3
+    before = float(np.abs(1 / (1 + (0.2 + 0.05 / (1j * omega)) * plant)).max())
+
+    def total(x: Any) -> float:
+        peak = np.abs(1 / (1 + (x[0] + x[1] / (1j * omega)) * plant)).max()
+        return float((1 / x[1]) / 20.0 + 3.0 * peak / before) if min(x) > 0 else np.inf
+
+    dense = optimize.minimize(total, [0.3, 0.1], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-10})
+    assert result.status is Status.CONVERGED
+    assert result.objective == pytest.approx(dense.fun, rel=1e-5)
+
+
+def test_the_mean_of_scenarios_may_be_what_counts() -> None:
+    diagram = three_lags(parameters={"kp": gain(0.2), "ki": gain(0.05), "k": Parameter(value=1.0)}, numerator=["=k"])
+    goals = (Goal(metric="sensitivity_peak", open_at="controller", sense=Sense.MINIMIZE),)
+    reach = Goal(metric="ie", experiment="load", output="y", upper=4.0)
+    problem = robust(diagram=diagram, scenarios=({}, {"k": 2.0}), across=Across.MEAN, goals=(*goals, reach))
+    result = solved(problem)
+
+    # the integrated error is 1/ki whatever the gain: ki = 1/4, and kp by a search along that line
+    omega = OMEGA[::100]
+    means = [
+        np.mean([np.abs(1 / (1 + (kp + 0.25 / (1j * omega)) * k / (1j * omega + 1) ** 3)).max() for k in (1.0, 2.0)])
+        for kp in np.linspace(0.3, 1.0, 701)
+    ]
+    assert result.best["ki"] == pytest.approx(0.25, rel=1e-5)
+    assert result.objective == pytest.approx(min(means), rel=1e-4)
 
 
 def test_an_unstable_and_an_infeasible_start_lead_to_the_same_optimum() -> None:
