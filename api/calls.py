@@ -21,6 +21,8 @@ from api.services.results import Study, keep
 from storage.repositories import Answer, IdempotencyRepository
 
 JSON = "application/json"
+#: The longest answer (bytes) that is kept for a repetition of a request that creates nothing.
+_LARGEST_KEPT = 1 << 20
 Limit = Annotated[int, Query(ge=1, le=1000, description="most items on a page")]
 Cursor = Annotated[str | None, Query(max_length=500, description="`next_cursor` of the page before")]
 IfMatch = Annotated[str | None, Header(alias="If-Match", description="the ETag that the change is meant for")]
@@ -74,7 +76,7 @@ class Creation:
 
     def create(self, work: Callable[[Session], Answer]) -> Response:
         """Do ``work`` in one transaction with the stored answer, or repeat the answer that was given before."""
-        return self._once(lambda: work)
+        return self._once(lambda: work, creates=True)
 
     def study(self, caller: Caller, kind: str, compute: Callable[[], Study], *, kept: bool) -> Response:
         """Compute outside of any transaction; then store the answer, and the study itself if it is to be kept."""
@@ -85,9 +87,9 @@ class Creation:
             computed = compute()
             return lambda session: answer(keep(session, caller, kind, computed) if kept else computed.body)
 
-        return self._once(prepare)
+        return self._once(prepare, creates=kept)
 
-    def _once(self, prepare: Callable[[], Callable[[Session], Answer]]) -> Response:
+    def _once(self, prepare: Callable[[], Callable[[Session], Answer]], *, creates: bool) -> Response:
         if self._key is None:
             work = prepare()
             with self._database.session() as session:
@@ -102,8 +104,11 @@ class Creation:
             work = prepare()
             with self._database.session() as session:
                 given = work(session)
-                self._keys(session).finish(claim, given)
-            done = True
+                # What creates nothing comes out the same again: a large answer need not be kept to be repeated.
+                repeatable = creates or len(given.body) <= _LARGEST_KEPT
+                if repeatable:
+                    self._keys(session).finish(claim, given)
+            done = repeatable
         finally:
             if not done:
                 with self._database.session() as session:
