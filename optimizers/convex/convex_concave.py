@@ -53,13 +53,13 @@ _FURTHEST = 20.0
 _HALVINGS = 6
 
 _AMPLE = 1e3
-_BOUND, _STABLE = -1, -2
-"""What a row belongs to, where it is no slack of an objective."""
+_BOUND = -1
+"""What a row belongs to where it is no slack of an objective."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cones:
-    """Second-order cones |n + N z| ≤ 1 + D z (+ slack), a row each; ``owner`` is a slack's number, bound or guard."""
+    """Second-order cones |n + N z| ≤ 1 + D z (+ slack), a row each; ``owner`` is a slack's number or -1: a bound."""
 
     n0: Complex
     n: Complex
@@ -192,29 +192,26 @@ class Procedure:
         """Return the optimum of the problem restricted around ``centre``, or the word why there is none."""
         import cvxpy as cp  # noqa: PLC0415 - costs a second, and only this method needs it
 
-        cones = self._cones(here, centre)
-        scale = self._scale(cones)
+        cones, guard = self._cones(here, centre)
+        scale = self._scale(cones, guard)
+        seeking = here.violation > _SMALL
         z, tau, worst = cp.Variable(len(scale)), cp.Variable(len(self._slacks)), cp.Variable(nonneg=True)
         owned = (cones.owner[:, None] == np.arange(len(self._slacks))).astype(float)
-        bounded, guard = (cones.owner == _BOUND).astype(float), cones.owner == _STABLE
-        far = 1 + (cones.d * scale) @ z
-        right = far + owned @ tau
-        seeking = here.violation > _SMALL
+        near, turned = cones.d * scale, cones.n * scale
+        right = 1 + near @ z + owned @ tau
         if seeking:
-            right = right + bounded * worst
-        turned = cones.n * scale
-        left = cp.vstack([cones.n0.real + turned.real @ z, cones.n0.imag + turned.imag @ z])
+            right = right + (cones.owner == _BOUND).astype(float) * worst
         limits = [
-            z >= (self._lower - centre) / scale, z <= (self._upper - centre) / scale,
-            far[guard] >= _GUARD,
+            z >= (self._lower - centre) / scale, z <= (self._upper - centre) / scale, 1 + (guard * scale) @ z >= _GUARD
         ]  # fmt: skip
         if self._traded and not seeking:
             mine = cones.owner >= 0
             excess = cp.Variable(int(mine.sum()))
-            gap = (1 + owned[mine] @ tau) - far[mine]
+            gap = owned[mine] @ tau - near[mine] @ z
             limits.append(cp.SOC(1 + excess, cp.vstack([gap, excess - 1]), axis=0))
             right = right - np.eye(len(mine))[:, mine] @ excess
-        limits.append(cp.SOC(right[~guard], left[:, ~guard], axis=0))
+        left = cp.vstack([cones.n0.real + turned.real @ z, cones.n0.imag + turned.imag @ z])
+        limits.append(cp.SOC(right, left, axis=0))
         if seeking:
             problem = cp.Problem(cp.Minimize(worst), [*limits, tau <= _AMPLE])
         else:
@@ -226,12 +223,13 @@ class Procedure:
             return f"the conic solver ended with '{answer}'"
         return np.asarray(np.clip(centre + scale * z.value, self._lower, self._upper))
 
-    def _cones(self, here: Point, centre: Vector) -> Cones:
-        """Return the cones around ``centre``."""
+    def _cones(self, here: Point, centre: Vector) -> tuple[Cones, Real]:
+        """Return the cones around ``centre``, and Re(D/D₀) - 1 at all frequencies by the variables."""
         parts: list[Cones] = []
+        guard: list[Real] = []
         for s, (loop, omega) in enumerate(zip(self._loops, self._grids, strict=True)):
             whole, rest = loop.coefficients(omega), loop.coefficients(at_rest(loop))
-            parts.append(_cones_of(whole, np.zeros_like(whole.d), whole.d, centre, level=1.0, owner=_STABLE))
+            guard.append((whole.d[1:] / whole.valued(whole.d, centre)).T.real)
             for r, ratio in enumerate(loop.ratios):
                 known = rest if ratio.at_rest else whole.at((omega >= ratio.band[0]) & (omega <= ratio.band[1]))
                 n, m, g = known.n[:, r], known.m[:, r], ratio.goal
@@ -241,11 +239,12 @@ class Procedure:
                     level = max(here.goals[s, g], LEAST)
                     parts.append(_cones_of(known, n, m, centre, level=level, owner=self._slacks.index((s, g))))
         names = ("n0", "n", "d", "owner")
-        return Cones(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        cones = Cones(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        return cones, np.concatenate(guard)
 
-    def _scale(self, cones: Cones) -> Vector:
+    def _scale(self, cones: Cones, guard: Real) -> Vector:
         """Return for each variable the change that moves some response by its own size, its range where none moves."""
-        size = np.maximum(np.abs(cones.d).max(axis=0), np.abs(cones.n).max(axis=0))
+        size = np.max([np.abs(part).max(axis=0) for part in (guard, cones.d, cones.n)], axis=0)
         span = self._upper - self._lower
         return np.asarray(np.where(size * span > 1, 1 / np.maximum(size, LEAST), span))
 

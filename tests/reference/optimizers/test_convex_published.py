@@ -8,7 +8,11 @@ from optimizers.methods import minimize
 from optimizers.result import Status
 
 
-@pytest.mark.parametrize("case", cases(), ids=lambda case: case.name)
+# of the table every plant once; `make bench-optimizers` runs the rest
+CASES = [case for case in cases() if "Ms = 2" not in case.name]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_published_optima_are_reached_with_bounds_that_hold_at_every_frequency(case: Case):
     result = minimize("convex", case.problem, {"starts": 1, **case.options})
 
