@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench.optimizers import cases_integrals, cases_servo
-from bench.optimizers.cases_convex import Case, astrom_hagglund
+from bench.optimizers.cases_convex import Case
 from bench.optimizers.outcome import solve
 
 
@@ -17,7 +17,6 @@ from bench.optimizers.outcome import solve
         (cases_integrals.itae_form(3), "gradient"),
         (cases_integrals.formulas("load", "iae"), "gradient"),
         (cases_integrals.robust_pi("1/(s+1)^3", 1.4, 3.0739), "gradient"),
-        (astrom_hagglund("1/(s+1)^3", 2.0), "gradient"),
         (cases_servo.settling(), "gradient"),
     ],
     ids=lambda value: value.name if isinstance(value, Case) else value,
