@@ -178,6 +178,8 @@ class Descent:
         level = self._excess(begin.values) if feasibility else self._evaluator.objectives(begin.values) / scale
         slope_of_level = np.append(np.zeros(n), 1.0)
         last = begin
+        # Feasible is enough: what lies further inside is a matter of the objective.
+        floor = 0.0 if feasibility else -np.inf
 
         def constraints(z: Vector) -> Vector:
             here = self._at(np.clip(z[:n], 0.0, 1.0))
@@ -202,7 +204,7 @@ class Descent:
         solver: Any = scipy_minimize
         outcome = solver(
             lambda z: float(z[n]), np.append(start, level.max()), jac=lambda _: slope_of_level, method="SLSQP",
-            bounds=Bounds(np.append(np.zeros(n), -np.inf), np.append(np.ones(n), np.inf)),
+            bounds=Bounds(np.append(np.zeros(n), floor), np.append(np.ones(n), np.inf)),
             constraints={"type": "ineq", "fun": constraints, "jac": jacobian}, options={"maxiter": 100, "ftol": 1e-8},
         )  # fmt: skip
         return np.clip(outcome.x[:n], 0.0, 1.0) if np.isfinite(outcome.x).all() else start

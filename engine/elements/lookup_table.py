@@ -6,6 +6,8 @@ y = y_k + (y_{k+1} - y_k) (u - u_k) / (u_{k+1} - u_k)   for u_k <= u < u_{k+1}
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +83,13 @@ class LookupTable(NonlinearElement):
     def affine(cls, mode: Mode, values: Values) -> bool:
         """Return that every interval is a straight line."""
         return True
+
+    @classmethod
+    def limits(cls, values: Values) -> Sequence[tuple[Any, Any]]:
+        """Return the least and the greatest value where the table holds its ends."""
+        if values["extrapolation"] != "hold":
+            return ()
+        return [(min(values["values"], key=first), max(values["values"], key=first))]
 
     @classmethod
     def describing_function(cls, amplitude: Array, values: Values) -> Array | None:

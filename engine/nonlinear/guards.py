@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from engine.linear.chebyshev import DEGREE, coefficient_matrix, weights
+from engine.linear.chebyshev import DEGREE, coefficient_matrix, differentiation_matrix, weights
 
 Real = npt.NDArray[np.float64]
 
@@ -85,13 +85,22 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
     if place == 0:
         return 0.0
     low, high = float(_SCAN[place - 1]), float(_SCAN[place])
-    if scan[place - 1] >= 0.0:
-        return low
     coefficients = coefficient_matrix() @ nodes
 
     def value(theta: float) -> float:
         return float(np.cos(_ORDERS * math.acos(2 * theta - 1)) @ coefficients)
 
+    if scan[place - 1] >= 0.0:
+        fall = float(differentiation_matrix()[0] @ nodes)
+        if place > 1 or fall >= 0.0:
+            return low
+        # it leaves 0 at the start and is back before the scan looks again: a bounce shorter than its steps
+        first = float(nodes[0])
+
+        def rest(theta: float) -> float:
+            return fall if theta == 0.0 else (value(theta) - first) / theta
+
+        return float(brentq(rest, 0.0, high, xtol=1e-16, rtol=1e-15)) if rest(high) > 0.0 else low
     if value(low) >= 0.0 or value(high) <= 0.0:
         return low
     return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))

@@ -31,6 +31,7 @@ from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.nonlinear.guards import Crossing, first_crossing, touches
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
+from engine.nonlinear.straight import until
 from engine.nonlinear.switching import StoppedError, Switchboard
 from engine.nonlinear.windows import Chain, lines
 from engine.nonlinear.windows import solve as solve_chain
@@ -56,6 +57,8 @@ CROWD: Final = 100
 
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
 _ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
+_RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
+_EARLY = 1e-3
 _EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
 
 
@@ -274,9 +277,9 @@ class Integration:
 
     # steps
 
-    def _step(self, until: float, lanes: Array | None) -> None:
-        """Go on to ``until``, or as far as accuracy or an event allow."""
-        gap = until - self.now
+    def _step(self, target: float, lanes: Array | None) -> None:
+        """Go on to ``target``, or as far as accuracy or an event allow."""
+        gap = target - self.now
         longest = float(self.system.delays[0].real.min()) if self.system.delays.shape[-1] else math.inf
         width = min(self._width, gap, longest)
         if not math.isfinite(self._width):
@@ -296,12 +299,36 @@ class Integration:
         tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
         crossing = first_crossing(step.guards, tolerances)
         if crossing is not None and crossing.theta * width <= gap:
-            self._event(step, crossing)
-        elif whole:
+            event = self._placed(step, crossing)
+            if event is not None:
+                self._note_guards(step, until(event.theta))
+                self._event(step, event)
+            return
+        self._note_guards(step)
+        if whole:
             part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
-            self._accept(part, until, lanes)
+            self._accept(part, target, lanes)
         else:
             self._accept(step, self.now + width, None)
+
+    def _note_guards(self, step: Step, part: Real | None = None) -> None:
+        """Remember how large the guards are on a step, or on a part of it that these weights give."""
+        for number, guard, values in step.guards:
+            self._board.note(number, guard, values if part is None else part @ values)
+
+    def _placed(self, step: Step, event: Crossing) -> Crossing | None:
+        """Return an event of a step; None where the step went so far beyond that its rounding is seen there: a shorter one follows.
+
+        An event that comes sooner than steps can be short happens at once.
+        """
+        if event.theta > _EARLY or not self._stepper.blown(step, event.theta):
+            return event
+        width = 1.5 * event.theta * step.width
+        if width <= _RESOLVED * max(self._horizon, self.now):
+            return Crossing(index=event.index, theta=0.0)
+        self._width = width
+        self._stepper.forget()
+        return None
 
     def _growth(self, step: Step) -> float:
         """Return by how much the next step may be longer."""

@@ -31,6 +31,7 @@ Real = npt.NDArray[np.float64]
 _ROUNDING = 30 * 2.3e-16
 _FEEBLE = 1e-13
 _NOISE = 1e-12
+_BLOWN = 1e4
 _MADE_OF = (("c1", "d11", "d13"), ("c2", "d21", "d23"), ("c3", "d31", "d33"))
 """What outputs, delayed signals and laws' inputs are made of."""
 
@@ -174,6 +175,12 @@ class Stepper:
         u, none = drive.values[None], np.zeros((1, len(NODES), 0))
         at = Instants(t=times, x=x, u=u, du=none, w=none, modes=modes)
         return Nodes(at=at, flow=Flow(f=f, e=into, v=out), y=y, z=none, slope=slope, linear=self.real.linear_states)
+
+    def blown(self, step: Step, theta: float) -> bool:
+        """Return whether a state grows so much on a step that rounding is seen in what it was at ``theta``."""
+        there = np.abs(self.method.at(np.array([theta])) @ step.path)[0] if len(step.path) > 2 else 0.0
+        known = np.maximum(np.maximum(self.scale, np.abs(step.path[0])), there)
+        return bool(np.any(np.abs(step.path).max(axis=0, initial=0.0) > _BLOWN * known))
 
     def cut(self, step: Step, theta: float, drive: Command) -> Step:
         """Return the part of a step before ``theta``; ``drive`` is the command on it."""

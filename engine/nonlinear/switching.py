@@ -91,9 +91,13 @@ class Switchboard:
 
     def tolerance(self, number: int, guard: int, values: Array) -> float:
         """Return what counts as 0 for a guard that has these values on a step."""
+        known = self._scale.get((number, self.modes[number], guard), 0.0)
+        return max(NEGLIGIBLE * max(known, float(np.abs(values).max())), self._rounding(number))
+
+    def note(self, number: int, guard: int, values: Array) -> None:
+        """Remember how large a guard has been on a step."""
         key = (number, self.modes[number], guard)
         self._scale[key] = max(self._scale.get(key, 0.0), float(np.abs(values).max()))
-        return max(NEGLIGIBLE * self._scale[key], self._rounding(number))
 
     def _rounding(self, number: int) -> float:
         return float(self._noise[self.system.laws[number].inputs].max(initial=0.0))

@@ -160,6 +160,7 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
         for k, guard in enumerate(law.element.guards(moment, board.modes[number], law.real)):
             values = np.broadcast_to(guard, (1, count * nodes)).reshape(count, nodes)
             good &= ~crosses(values, board.tolerance(number, k, values))
+            board.note(number, k, values)
     done = count if good.all() else int(np.argmin(good))
     if not done:
         return None
