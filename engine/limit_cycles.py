@@ -35,6 +35,7 @@ _PERIODS: Final = 3
 """So many periods must be seen at the end of a response to call it a limit cycle."""
 _SAME: Final = 1e-2
 """Two periods that differ by less than this part of their range are the same."""
+_STEADY: Final = 2e-3
 _MULTIPLES: Final = 8
 _MOVES: Final = 1e-9
 
@@ -145,7 +146,7 @@ def observed(response: Response, names: Sequence[str], last: float) -> tuple[flo
     sizes = {name: float(np.ptp(curve.values[:, :, 0].real)) for name, curve in curves.items()}
     moving = [name for name in names if sizes[name] > _MOVES * float(np.abs(curves[name].values[:, :, 0].real).max())]
     for name in moving:
-        period = _period(curves[name], sizes[name])
+        period = _period(curves[name], sizes[name]) if _steady(curves[name], sizes[name]) else None
         if period is None:
             return None
         frequency = 2 * np.pi / period
@@ -153,6 +154,14 @@ def observed(response: Response, names: Sequence[str], last: float) -> tuple[flo
             other: float(harmonics_of_curve(response.output(other), frequency, 1).amplitude[0]) for other in names
         }
     return None
+
+
+def _steady(curve: Curve, size: float) -> bool:
+    """Return whether a curve swings in its second half between the values of its first: it neither decays nor drifts."""
+    middle = 0.5 * (float(curve.times[0]) + curve.end)
+    early, late = (part.values[:, :, 0].real for part in (curve.until(middle), curve.since(middle)))
+    apart = max(abs(float(late.max() - early.max())), abs(float(late.min() - early.min())))
+    return apart <= _STEADY * size
 
 
 def _period(curve: Curve, size: float) -> float | None:

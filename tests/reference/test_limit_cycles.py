@@ -125,6 +125,18 @@ def test_a_loop_that_settles_has_no_limit_cycle():
     assert found.verdict is Verdict.OK
 
 
+def test_a_swing_that_dies_slowly_is_no_limit_cycle():
+    """Damping ratio 0.001: a hundred periods are not enough to settle, and yet the amplitude falls."""
+    made = compile_system(
+        document({"r": block("input"), "s": block("saturation", lower=-5.0, upper=5.0),
+                  "m": block("mass_spring_damper", mass=1.0, stiffness=1.0, damping=0.002)},
+                 ["r -> s", "s -> m.force"], {"x": "m.position"})
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {})}, duration=600.0)
+    assert found.limit_cycle is None
+    assert found.verdict is Verdict.OK
+
+
 def spring():
     """Return x'' + x' + x³ = r: at rest x = r^(1/3), with a slope of 3 x²."""
     return compile_system(
