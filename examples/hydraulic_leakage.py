@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import servotune
 from examples.presentation import label, panels, run, scaled, show, table
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LEAKAGE = "motor.leakage"
 TIGHT, LEAKY = ({"value": value, "unit": "cm**5/(daN*s)"} for value in (9.1, 45))
-DRIVE = {
+DRIVE: dict[str, Any] = {
     "name": "Velocity of a hydraulic motor",
     "blocks": {
         "reference": {"kind": "input"},

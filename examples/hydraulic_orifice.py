@@ -95,7 +95,7 @@ def study(client: servotune.Client) -> Figure:
     }
     replies = {size: simulate(client, velocity, list(cases.values())) for size, velocity in STEPS.items()}
     linear = client.simulate(DRIVE, input=step(1.0), duration=0.15, outputs=["velocity"], variants=list(cases.values()))
-    report(cases, replies, linear)
+    report(list(cases), replies, linear)
     return draw(list(cases), replies, linear)
 
 
@@ -146,15 +146,14 @@ def draw(names: Sequence[str], replies: Replies, linear: Simulation) -> Figure:
     for panel, size in ((small, "small"), (large, "large")):
         velocities(panel, names, replies[size], STEPS[size])
     for number, variant in enumerate(linear["variants"]):
-        note = {"label": "linear model"} if number == 0 else {}
+        note: Any = {"label": "linear model"} if number == 0 else {}
         curve = variant["outputs"]["velocity"]
         small.plot(scaled(variant["time"], 1e3), curve, color="0.6", linestyle="-", linewidth=0.8, zorder=1, **note)
     for name, variant in zip(names, replies["large"]["variants"], strict=True):
         time = scaled(variant["time"], 1e3)
         flow.plot(time, scaled(variant["outputs"]["flow"], 1e3), label=name)
         pressure.plot(time, scaled(variant["outputs"]["pressure"], 1e-5), label=name)
-    bound = {"color": "0.5", "linewidth": 0.8, "linestyle": "-"}
-    flow.axhline(1e3 * LARGEST_FLOW, **bound, label="spool at its end")
+    flow.axhline(1e3 * LARGEST_FLOW, color="0.5", linewidth=0.8, linestyle="-", label="spool at its end")
     label(small, title="Step of 0.05 m/s", x="time, ms", y="velocity per step", xlim=SHOWN, ylim=(0, 1.4))
     label(large, title="Step of 0.15 m/s", x="time, ms", y="velocity per step", xlim=SHOWN, ylim=(0, 1.4), legend=False)
     label(flow, title="Flow into the chamber, step of 0.15 m/s", x="time, ms", y="flow, l/s", xlim=SHOWN, ylim=(0, 1.6))

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import servotune
 from examples.presentation import label, panels, run, scaled, show, table
-from servotune.replies import Optimization, Simulation, Spectrum
+from servotune.replies import Optimization, Simulation, Spectrum, SpectrumVariant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,8 +109,16 @@ def compliance(client: servotune.Client, robot: Mapping[str, Any]) -> dict[float
         samples=1536,
         part=(0.5 * PERIOD, 1.5 * PERIOD),
     )
-    amplitude = scaled(reply["variants"][0]["value"], 1 / FORCE)
+    amplitude = scaled(whole(reply)["value"], 1 / FORCE)
     return {line * LINE: amplitude[line] for line in LINES}
+
+
+def whole(reply: Spectrum) -> SpectrumVariant:
+    """Return the spectrum, if the service had the time to follow the response to its end."""
+    variant = reply["variants"][0]
+    if variant["verdict"] != "ok":
+        raise servotune.ServotuneError(f"There is no spectrum, {variant['verdict']}: {variant.get('advice')}")
+    return variant
 
 
 def arrival(reply: Simulation) -> float:
@@ -176,7 +184,7 @@ def draw(
     for name, reply in moves.items():
         variant = reply["variants"][0]
         movement.plot(variant["time"], scaled(variant["outputs"]["position"], 1e3), label=name)
-        found = spectra[name]["variants"][0]
+        found = whole(spectra[name])
         lines.plot(found["frequency"], found["value"], label=name)
         compliant.plot(list(shaken[name]), scaled(list(shaken[name].values()), 1e6), label=name)
     for name, curves in result["curves"].items():

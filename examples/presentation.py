@@ -81,13 +81,12 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 def panels(rows: int, columns: int, *, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
     """Return an empty figure of this size (inches) and its panels, row by row."""
-    from cycler import cycler  # noqa: PLC0415 -- comes with matplotlib
     from matplotlib.figure import Figure  # noqa: PLC0415 -- costs a second, and only a script that draws needs it
 
     figure = Figure(figsize=size, layout="constrained")
     drawn = list(figure.subplots(rows, columns, squeeze=False).flat)
     for panel in drawn:
-        panel.set_prop_cycle(cycler(color=COLOURS) + cycler(linestyle=DASHES))
+        panel.set_prop_cycle(color=COLOURS, linestyle=DASHES)
     return figure, drawn
 
 

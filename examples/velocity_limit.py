@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import servotune
 from examples.presentation import label, panels, run, scaled, show, table
@@ -104,7 +104,7 @@ def draw(rule: float, energies: Sequence[float], spectra: Spectrum, moves: Simul
     figure, (over, lines, motion) = panels(1, 3, size=(12, 4))
     over.semilogy(LIMITS, energies[: len(LIMITS)], color="0.3")
     for periods in (1, 2, 3):
-        note = {"label": "h/v is 1, 2, 3 periods"} if periods == 1 else {}
+        note: Any = {"label": "h/v is 1, 2, 3 periods"} if periods == 1 else {}
         over.axvline(rule / periods, color="0.5", linewidth=0.8, linestyle="--", **note)
     for spectrum, move in zip(spectra["variants"][len(LIMITS) :], moves["variants"], strict=True):
         name = f"{move['parameters'][LIMIT]:.2f} m/s"
