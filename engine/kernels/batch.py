@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.diagram import LOOP
-from engine.kernels import response as time_kernel
 from engine.kernels import spectrum as frequency_kernel
 from engine.kernels.assembly import Assembly
+from engine.kernels.compiled import LANES
 from engine.kernels.evaluate import evaluate
+from engine.kernels.events import READINGS as TIMED
 from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, frequency_value, time_value
 from engine.kernels.spectrum import CHUNK, SpectrumProgram
 from engine.kernels.tape import Registers
@@ -35,12 +36,12 @@ if TYPE_CHECKING:
 Real = npt.NDArray[np.float64]
 
 MOST_STATES: Final = 64
-_BLOCK: Final = 2048
+_BLOCK: Final = 8192
+"""At most so many candidates are one piece of work for a thread."""
+_SMALL_BLOCK: Final = 512
 _PER_DECADE: Final = 30
-_DETAILS: Final = (1, 2, 8, 64, 512)
-"""How densely time is sampled, at first and where that is not enough."""
 _DENSITIES: Final = (1, 4, 16, 64)
-"""How densely frequency is sampled, likewise, and so much further beyond the poles."""
+"""How densely frequency is sampled, at first and where that is not enough, and so much further beyond the poles."""
 _MARGIN: Final = 30.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
@@ -190,8 +191,11 @@ class Batch:
             growth=np.full(total, np.nan),
             valid=np.zeros(total, dtype=bool),
         )
-        workers = min(threads or len(os.sched_getaffinity(0)), -(-total // _BLOCK))
-        spans = [slice(first, min(first + _BLOCK, total)) for first in range(0, total, _BLOCK)]
+        available = threads or len(os.sched_getaffinity(0))
+        # whole vectors, so that the same candidates are neighbours on any number of threads
+        block = min(_BLOCK, max(_SMALL_BLOCK, -(-total // (2 * available * LANES)) * LANES))
+        spans = [slice(first, min(first + block, total)) for first in range(0, total, block)]
+        workers = min(available, len(spans))
         if workers <= 1:
             for span in spans:
                 self._block(points, results, span)
@@ -202,45 +206,33 @@ class Batch:
         return results
 
     def _block(self, points: Real, results: Results, span: slice) -> None:
-        """Evaluate one block, and again with finer samples what the first look cannot vouch for, curve by curve."""
+        """Evaluate one block, and its curves again at more frequencies where the first look cannot vouch for them."""
         rows = np.arange(span.start, span.stop)
-        every = {trace: trace for trace in range(len(self._time.traces))}
-        self._look(points, results, rows, (self._time, every), self._spectrum(1), 1)
+        self._look(points, results, rows, self._time, self._spectrum(1))
         known = ~np.isnan(results.growth[rows])
-        for detail in _DETAILS[1:]:
-            for trace in every:
-                columns = [column for column, (own, _) in self._timed.items() if own == trace]
-                again = rows[results.doubtful[rows][:, columns].any(axis=1) & known]
-                if again.size:
-                    alone = self._time._replace(traces=self._time.traces[trace : trace + 1])
-                    self._look(points, results, again, (alone, {trace: 0}), self._no_spectrum, detail)
         for density in _DENSITIES[1:]:
             again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
             if again.size:
-                self._look(points, results, again, (self._no_time, {}), self._spectrum(density), 1)
+                self._look(points, results, again, self._no_time, self._spectrum(density))
         results.doubtful[span][:, [not measured for measured in self.measured]] = True
 
-    def _look(
-        self, points: Real, results: Results, rows: Any, timing: tuple[TimeProgram, Mapping[int, int]],
-        spectrum: SpectrumProgram, detail: int,
-    ) -> None:  # fmt: skip
-        """Evaluate candidates and enter what the programs ask for; ``timing`` says where the readings of a trace come."""
-        program, place = timing
+    def _look(self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram) -> None:
+        """Evaluate candidates and enter what the programs ask for."""
         size = len(rows)
-        timed = np.full((size, len(program.traces), time_kernel.READINGS), np.nan)
+        timed = np.full((size, len(program.traces), TIMED), np.nan)
         framed = np.full((size, len(spectrum.wants), frequency_kernel.READINGS), np.nan)
         growth, valid = np.full(size, np.nan), np.zeros(size)
         evaluate(
             self._tape, self._count, self._bounds, self._limits, self._pivots, self._smallest, program, spectrum,
-            points[rows], timed, framed, growth, valid, detail,
+            points[rows], timed, framed, growth, valid,
         )  # fmt: skip
         exists = valid > 0
         unsure = exists & np.isnan(growth)
         results.growth[rows], results.valid[rows] = growth, exists
         with np.errstate(invalid="ignore", divide="ignore"):
-            for column, (trace, metric) in self._timed.items():
-                if trace in place:
-                    found, doubt = time_value(metric, timed[:, place[trace]], self._references[trace])
+            if len(program.traces):
+                for column, (trace, metric) in self._timed.items():
+                    found, doubt = time_value(metric, timed[:, trace], self._references[trace])
                     results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
             if len(spectrum.wants):
                 for column, (curve, metric) in self._framed.items():

@@ -7,26 +7,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import LANES, apply, compiled, multiply
+from engine.kernels.compiled import LANES, compiled, multiply
+from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
 from engine.kernels.powers import LEVELS, STIFF, raise_powers
-from engine.kernels.response import (
-    COLUMNS,
-    FIELDS,
-    MOST_EVENTS,
-    PER_PASS,
-    READINGS,
-    ROWS,
-    TAYLOR,
-    begin,
-    locate,
-    passes,
-    scan,
-)
+from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, begin, follow, passes
+from engine.kernels.spectrum import CHUNK, EVENTS, MARKS, SpectrumProgram, spectrum
 from engine.kernels.spectrum import READINGS as SPECTRAL_READINGS
-from engine.kernels.spectrum import SpectrumProgram, spectrum
 from engine.kernels.tape import Tape, run
 from engine.kernels.time_program import TimeProgram
-from engine.kernels.vector import clear, copy, load, load2, spread, store, store2
+from engine.kernels.vector import clear, copy, load, load2, room, spread, store, store2, zeros
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
@@ -64,7 +53,7 @@ def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
 @compiled
 def evaluate(
     tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
-    curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real, detail: int,
+    curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real,
 ) -> None:  # fmt: skip
     """Evaluate candidates.
 
@@ -85,29 +74,32 @@ def evaluate(
         Written likewise.
     growth, valid : ndarray, shape (B,)
         Written.
-    detail : int
-        Responses are sampled 16 times this often in every octave of time; a power of two.
     """
     total = points.shape[0]
     n, nn, rows, experiments = program.states, program.padded, program.rows, program.experiments
-    registers = np.empty((count, LANES))
-    a, b = np.zeros((nn, nn, LANES)), np.zeros((nn, experiments, LANES))
-    c, d = np.zeros((rows, nn, LANES)), np.zeros((program.outputs, experiments, LANES))
-    powers, norms = np.empty((LEVELS, nn, nn, LANES)), np.empty((LEVELS, LANES))
-    rest, work = np.empty((nn, experiments, LANES)), np.empty((6, nn, nn, LANES))
-    alive, step, rate = np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    watched = np.zeros((ROWS * rows, nn, LANES))
-    columns, samples = np.zeros((nn, COLUMNS, LANES)), np.empty((ROWS * rows, COLUMNS, LANES))
-    one, two = np.empty((nn, 1, LANES)), np.empty((nn, 1, LANES))
-    taylor = np.empty((TAYLOR, rows, nn, LANES))
-    taylors = np.empty((program.outputs, TAYLOR, nn, LANES))
-    states = np.empty((program.traces.shape[0], FIELDS, LANES))
-    final = np.empty((program.traces.shape[0], LANES))
-    start, vectors = np.empty((nn, LANES)), np.empty((2, nn, MOST_EVENTS, LANES))
-    reading = np.empty((READINGS, LANES))
-    spectral = np.empty((curves.wants.shape[0], SPECTRAL_READINGS, LANES))
-    curve_re = np.empty((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
-    curve_im = np.empty((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
+    registers = room((count, LANES))
+    a, b = zeros((nn, nn, LANES)), zeros((nn, experiments, LANES))
+    c, d = zeros((rows, nn, LANES)), zeros((program.outputs, experiments, LANES))
+    powers, norms = room((LEVELS, nn, nn, LANES)), room((LEVELS, LANES))
+    rest, work = room((nn, experiments, LANES)), room((6, nn, nn, LANES))
+    moved = room((2, nn, experiments, LANES))
+    alive, step, rate = room((LANES,)), room((LANES,)), room((LANES,))
+    watched, moving = room((2, ROWS * rows, nn, LANES)), room((3, nn, 1, LANES))
+    columns, samples = zeros((nn, COLUMNS, LANES)), room((ROWS * rows, COLUMNS, LANES))
+    taylor = room((TAYLOR, rows, nn, LANES))
+    taylors = room((program.outputs, TAYLOR, nn, LANES))
+    traces = program.traces.shape[0]
+    states, saved = room((traces, FIELDS, LANES)), room((traces, FIELDS, LANES))
+    start, edge, final = room((nn, LANES)), room((2, 1, LANES)), room((traces, LANES))
+    roles, numbers = np.empty((2, ROLES, MOST * traces), np.int64), room((2, NUMBERS, MOST * traces, LANES))
+    vectors, polynomial = room((3, nn * MOST * traces, LANES)), room((TAYLOR, LANES))
+    reading = room((traces, READINGS, LANES))
+    spectral = room((curves.wants.shape[0], SPECTRAL_READINGS, LANES))
+    curve_re = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
+    curve_im = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
+    places = max(curves.scan.places, 1)
+    network, seen, seen_count = room((2, places, CHUNK, LANES)), room((3, EVENTS, LANES)), np.empty(LANES, np.int32)
+    aside, point = room((MARKS + curves.wants.shape[0], LANES)), room((4, max(curves.points.places, 1), LANES))
     for first in range(0, total, LANES):
         for lane in range(LANES):
             candidate = min(first + lane, total - 1)
@@ -122,7 +114,7 @@ def evaluate(
             if candidate < total:
                 valid[candidate] = alive[lane]
         # from here on `alive` also asks for finite coefficients
-        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work)
+        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved)
         for lane in range(LANES):
             for k in range(pivots.shape[0]):
                 if abs(registers[pivots[k], lane]) < smallest[k]:
@@ -140,7 +132,7 @@ def evaluate(
         if not stable:
             continue
         if curves.wants.shape[0] > 0:
-            spectrum(curves, registers, spectral, curve_re, curve_im)
+            spectrum(curves, registers, spectral, curve_re, curve_im, network, seen, seen_count, aside, point)
             for lane in range(LANES):
                 candidate = first + lane
                 if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
@@ -165,7 +157,7 @@ def evaluate(
                 store2(outputs, load2(taylor[1], 2 * o, i) / h, 2 * o + 1, i)
             for k in range(TAYLOR):
                 copy(taylors, (o * TAYLOR + k) * nn, taylor, (k * rows + 2 * o) * nn, nn)
-        last = passes(norms, levels, alive, rate, detail)
+        last = passes(norms, levels, alive, rate)
         for e in range(experiments):
             for i in range(nn):
                 store(start, -load2(rest, i, e), i)
@@ -178,42 +170,17 @@ def evaluate(
                     away = away + load2(outputs, 2 * o, i) * load(start, i)
                     slope = slope + load2(outputs, 2 * o + 1, i) * load(start, i)
                 store(final, load2(d, o, e) - away, t)
-                store(reading, away, 0)
-                store(reading, slope, 1)
-                begin(states[t], reading[0], reading[1], final[t])
-            # rows C P^j, j = 0..3
-            copy(watched, 0, outputs, 0, rows * nn)
-            multiply(watched[rows:], watched, powers[0], rows, nn, nn, nn, nn, nn)
-            multiply(watched[2 * rows :], watched, powers[1], 2 * rows, nn, nn, nn, nn, nn)
-            copy(one, 0, start, 0, nn)
-            for number in range(last):
-                level = max(0, number // detail - 1)
-                part = number if number < 2 * detail else detail + number % detail
-                changed = number >= 2 * detail and number % detail == 0
-                if changed:
-                    copy(watched, rows * nn, watched, 2 * rows * nn, rows * nn)
-                    multiply(watched[2 * rows :], watched, powers[level + 1], 2 * rows, nn, nn, nn, nn, nn)
-                for m in range(COLUMNS):
-                    for i in range(nn):
-                        store2(columns, load(one, i), i, m)
-                    apply(two, powers[level + 2], one, nn, 1, nn, nn, 1, 1)
-                    one, two = two, one
-                multiply(samples, watched, columns, ROWS * rows, COLUMNS, nn, nn, COLUMNS, COLUMNS)
+                store2(edge, away, 0, 0)
+                store2(edge, slope, 1, 0)
+                begin(states[t], edge[0, 0], edge[1, 0], final[t])
+            follow(
+                program, e, powers, outputs, start, final, step, last, states, saved, watched, columns, samples, moving
+            )
+            locate(program, e, states, powers, start, outputs, taylors, final, step, reading, roles, numbers, vectors,
+                   polynomial)  # fmt: skip
+        for lane in range(LANES):
+            candidate = first + lane
+            if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
                 for t in range(program.traces.shape[0]):
-                    if program.traces[t, 1] == e:
-                        o = program.traces[t, 0]
-                        scan(states[t], samples, 2 * o, rows, final[t], step, level, part * PER_PASS, changed,
-                             program.traces[t, 2])  # fmt: skip
-            for t in range(program.traces.shape[0]):
-                if program.traces[t, 1] != e:
-                    continue
-                o = program.traces[t, 0]
-                locate(
-                    states[t], powers, nn, start, outputs[2 * o], outputs[2 * o + 1], taylors[o], final[t], step,
-                    program.traces[t, 2], reading, vectors,
-                )  # fmt: skip
-                for lane in range(LANES):
-                    candidate = first + lane
-                    if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:
-                        for k in range(READINGS):
-                            readings[candidate, t, k] = reading[k, lane]
+                    for k in range(READINGS):
+                        readings[candidate, t, k] = reading[t, k, lane]

@@ -80,13 +80,14 @@ def _largest_row(p: Real, n: int, nn: int, norm: Real) -> None:
 @compiled
 def raise_powers(
     a: Real, b: Real, n: int, nn: int, experiments: int, alive: Real, step: Real, powers: Real, norms: Real,
-    rest: Real, growth: Real, work: Real,
+    rest: Real, growth: Real, work: Real, room: Real,
 ) -> int:  # fmt: skip
     """Fill ``powers`` (LEVELS, nn, nn, LANES) and return how many there are.
 
     On return ``step`` is the time step of the first, ``norms`` (LEVELS, LANES) their row norms, ``rest`` (nn, experiments,
     LANES) the states at rest, ``growth`` (LANES,) the rate of the slowest mode, about, in 1/s: positive where it diverges,
-    NaN where neither was seen. Sizes are ``nn``, a multiple of 4; ``work`` is (6, nn, nn, LANES).
+    NaN where neither was seen. Sizes are ``nn``, a multiple of 4; ``work`` is (6, nn, nn, LANES), ``room`` (2, nn,
+    experiments, LANES).
     """
     step_size(a, n, alive, step)
     x, x2, t1, t2, p, q = work[0], work[1], work[2], work[3], work[4], work[5]
@@ -109,7 +110,7 @@ def raise_powers(
     for i in range(nn):
         store(p, load(p, i * nn + i) + 1.0, i * nn + i)
     # ∫ e^(A s) ds B over one step: Horner's rule, nine terms
-    forcing, moved = np.empty((nn, experiments, LANES)), np.empty((nn, experiments, LANES))
+    forcing, moved = room[0], room[1]
     entries = nn * experiments
     for k in range(entries):
         forced = load(b, k) * h
@@ -130,7 +131,7 @@ def raise_powers(
         step[lane] *= 2.0**_EXTRA
         growth[lane] = math.nan
     level = 0
-    norm = np.empty(LANES)
+    norm = x[0, 0]
     while True:
         here = powers[level]
         _largest_row(here, n, nn, norm)

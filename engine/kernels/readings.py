@@ -8,7 +8,8 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels import response as r
+from engine.kernels import events as r
+from engine.kernels import sampling as s
 from engine.kernels import spectrum as f
 
 Real = npt.NDArray[np.float64]
@@ -19,9 +20,9 @@ NEGLIGIBLE = 1e-9
 
 TIME_READINGS: Mapping[str, int] = MappingProxyType(
     {
-        "rise_time": r.RISE, "settling_time": r.SETTLE_2, "response_time": r.SETTLE_5, "overshoot": r.TOP,
-        "undershoot": r.BOTTOM, "peak": r.TOP | r.BOTTOM, "peak_time": r.TOP | r.BOTTOM,
-        "max_velocity": r.TOP | r.BOTTOM, "max_acceleration": r.TOP | r.BOTTOM, "control_effort": r.TOP | r.BOTTOM,
+        "rise_time": s.RISE, "settling_time": s.SETTLE_2, "response_time": s.SETTLE_5, "overshoot": s.HIGHEST,
+        "undershoot": s.LOWEST, "peak": s.HIGHEST | s.LOWEST, "peak_time": s.HIGHEST | s.LOWEST | s.WHEN,
+        "max_velocity": s.HIGHEST | s.LOWEST, "max_acceleration": s.HIGHEST | s.LOWEST, "control_effort": s.HIGHEST | s.LOWEST,
         "steady_state_error": 0,
     }
 )  # fmt: skip

@@ -35,18 +35,21 @@ READINGS: Final = 9
 that are not vouched for. Infinite where nothing crosses."""
 
 CHUNK: Final = 16
+MARKS: Final = CHUNK + 11 + 18
 """Frequencies are done so many at a time, so that all functions of a program stay in the nearest cache."""
 FALL: Final = 10.0**-0.3
 _SMALLEST: Final = 1e-3
 _ABRUPT: Final = 0.3
+_BEND: Final = 0.1
+"""A curve may turn so much further than the parabola through three samples, by their second difference."""
 _RIVAL: Final = 0.1
-_EVENTS: Final = 12
+EVENTS: Final = 12
 _TURNS: Final = 9
 _AGREED: Final = 1e-6
-_AGREED_PEAK: Final = 1e-6
 """Relative step after which the next point is final; the value at a peak depends on the square of what is left."""
 _ALL: Final = 127.0
-_CROSS_UNIT, _CROSS_AXIS, _CROSS_LEVEL, _PEAK_S, _PEAK_T, _PEAK_H = range(6)
+_CROSS_UNIT, _CROSS_AXIS, _CROSS_LEVEL, _PEAK_S, _PEAK_T, _PEAK_H, _NO_EVENT = range(7)
+_BRACKET: Final = 11
 
 
 class SpectrumProgram(NamedTuple):
@@ -125,14 +128,12 @@ def run_program(
 
 
 @compiled
-def _note(
-    kinds: Whole, places: Whole, counts: Whole, curves: Whole, bits: int, kind: int, place: int, curve: int
-) -> int:
+def _note(kinds: Real, places: Real, counts: Whole, curves: Real, bits: int, kind: int, place: int, curve: int) -> int:
     """Enter an event for the lanes of ``bits``; return the lanes whose list is full."""
     full = 0
     for lane in range(LANES):
         if (bits >> lane) & 1:
-            if counts[lane] < _EVENTS:
+            if counts[lane] < EVENTS:
                 kinds[counts[lane], lane], places[counts[lane], lane], curves[counts[lane], lane] = kind, place, curve
                 counts[lane] += 1
             else:
@@ -151,16 +152,20 @@ def _size(kind: int, x: float, y: float) -> float:
 
 
 @compiled
-def spectrum(program: SpectrumProgram, registers: Real, readings: Real, store_re: Real, store_im: Real) -> None:
+def spectrum(
+    program: SpectrumProgram, registers: Real, readings: Real, store_re: Real, store_im: Real, room: Real, events: Real,
+    counts: Whole, aside: Real, point: Real,
+) -> None:  # fmt: skip
     """Fill ``readings`` (curves, READINGS, LANES).
 
-    ``store_re``, ``store_im`` (curves, frequencies, LANES) are room for the curves. Where the loop is unstable the readings
-    mean nothing.
+    ``store_re``, ``store_im`` (curves, frequencies, LANES) are room for the curves, ``room`` (2, places, CHUNK, LANES) for
+    their calculation, ``events`` (3, EVENTS, LANES) and ``counts`` (LANES,) for what is found,
+    ``aside`` (MARKS + curves, LANES) and ``point`` (4, places, LANES) for the rest. Where the loop is unstable
+    the readings mean nothing.
     """
     total, curves = program.frequencies.shape[0], program.wants.shape[0]
-    places = max(program.scan.places, program.points.places)
-    re, im = np.empty((places, CHUNK, LANES)), np.empty((places, CHUNK, LANES))
-    omega = np.empty((CHUNK, LANES))
+    re, im = room[0], room[1]
+    omega, bracket, marks, level = aside[:CHUNK], aside[CHUNK:], aside[CHUNK + _BRACKET :], aside[MARKS:]
     for first in range(0, total, CHUNK):
         for w in range(CHUNK):
             store(omega, program.frequencies[first + w], w)
@@ -170,27 +175,27 @@ def spectrum(program: SpectrumProgram, registers: Real, readings: Real, store_re
             for w in range(CHUNK):
                 store2(store_re, load2(re, place, w), c, first + w)
                 store2(store_im, load2(im, place, w), c, first + w)
-    kinds, at, of = (
-        np.empty((_EVENTS, LANES), np.int32),
-        np.empty((_EVENTS, LANES), np.int32),
-        np.empty((_EVENTS, LANES), np.int32),
-    )
-    counts = np.zeros(LANES, np.int32)
-    level = np.empty((curves, LANES))
-    for c in range(curves):
-        _look(program, c, store_re, store_im, readings, level, kinds, at, counts, of)
-    room = np.empty((4, places, LANES))
+    kinds, at, of = events[0], events[1], events[2]
     most = 0
     for lane in range(LANES):
+        counts[lane] = 0
+    for c in range(curves):
+        _look(program, c, store_re, store_im, readings, level, kinds, at, counts, of, marks)
+    for lane in range(LANES):
         most = max(most, counts[lane])
+    for lane in range(LANES):
+        for slot in range(counts[lane], most):
+            kinds[slot, lane], at[slot, lane], of[slot, lane] = _NO_EVENT, 2.0, 0.0
     for slot in range(most):
-        _polish(program, registers, slot, store_re, store_im, readings, level, kinds, at, counts, of, room)
+        _polish(
+            program, registers, store_re, store_im, readings, level, kinds[slot], at[slot], of[slot], point, bracket
+        )
 
 
 @compiled
 def _look(
-    program: SpectrumProgram, c: int, store_re: Real, store_im: Real, readings: Real, level: Real, kinds: Whole,
-    at: Whole, counts: Whole, of: Whole,
+    program: SpectrumProgram, c: int, store_re: Real, store_im: Real, readings: Real, level: Real, kinds: Real,
+    at: Real, counts: Whole, of: Real, marks: Real,
 ) -> None:  # fmt: skip
     """Go along one curve and take down its crossings and peaks."""
     wants, last = program.wants[c], program.frequencies.shape[0] - 1
@@ -213,12 +218,12 @@ def _look(
     x2, y2 = first_re, first_im
     x1, y1 = first_re, first_im
     m1, m2 = static, static
-    best = np.empty((3, LANES))
-    second, where, runner_up = np.empty((3, LANES)), np.zeros((3, LANES)), np.zeros((3, LANES))
-    before1, before2 = np.empty((3, LANES)), np.empty((3, LANES))
+    best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
+    before1, before2 = marks[12:15], marks[15:18]
     for p in range(3):
         for lane in range(LANES):
             best[p, lane], second[p, lane], before2[p, lane] = -1.0, -1.0, math.inf
+            where[p, lane], runner_up[p, lane] = 0.0, 0.0
             before1[p, lane] = _size(_PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
     for k in range(1, last + 1):
         x, y = load2(store_re, c, k), load2(store_im, c, k)
@@ -348,10 +353,12 @@ def _suspect(readings: Real, c: int, lane: int, bit: float) -> None:
 def _hidden(left: Any, middle: Any, right: Any, goal: Any) -> Any:
     """Where a curve turns at the middle of three samples, so near to a level that it may cross it twice unseen.
 
-    The parabola through the samples, and half as much again, reaches the level; the samples are all on one side of it.
+    The parabola through the samples, half as much again and a tenth of its bend reaches the level; the samples are all on
+    one side of it.
     """
-    tip = middle - (right - left) * (right - left) / (8.0 * (left - 2.0 * middle + right))
-    beyond = tip + 0.5 * (tip - middle)
+    bend = left - 2.0 * middle + right
+    tip = middle - (right - left) * (right - left) / (8.0 * bend)
+    beyond = tip + 0.5 * (tip - middle) - _BEND * bend
     turns = (middle - left) * (middle - right) > 0.0
     side = middle - goal
     return turns & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0) & (side * (beyond - goal) <= 0.0)
@@ -433,123 +440,125 @@ def run_point(
 
 
 @compiled
-def _residual(kind: int, x: float, y: float, dx: float, dy: float, level: float) -> tuple[float, float]:
-    """Return what is 0 at a crossing or peak, and its slope by frequency (0 for a peak, whose slope is not known).
-
-    At a peak it is the slope of the inverse square, which is smooth however sharp the peak.
-    """
-    square, slope = x * x + y * y, 2.0 * (x * dx + y * dy)
-    if kind == _CROSS_UNIT:
-        return square - 1.0, slope
-    if kind == _CROSS_AXIS:
-        return y, dy
-    if kind == _CROSS_LEVEL:
-        return square - level, slope
-    if kind == _PEAK_H:
-        return slope, 0.0
-    nearness = slope + 2.0 * dx
-    if kind == _PEAK_S:
-        return nearness, 0.0
+def _inverse(kind: Any, x: Any, y: Any, level: Any) -> Any:
+    """Return what is 0 at a crossing, or smallest at a peak: there the inverse, a parabola also where a peak is sharp."""
+    square = x * x + y * y
     distance = square + 2.0 * x + 1.0
-    return nearness * square - distance * slope, 0.0
+    mark = select(kind == float(_CROSS_UNIT), 1.0, level)
+    found = (square - mark) / (square + mark)
+    found = select(kind == float(_CROSS_AXIS), y, found)
+    found = select(kind == float(_PEAK_S), distance, found)
+    found = select(kind == float(_PEAK_T), distance / square, found)
+    return select(kind == float(_PEAK_H), 1.0 / square, found)
 
 
 @compiled
 def _polish(
-    program: SpectrumProgram, registers: Real, slot: int, store_re: Real, store_im: Real, readings: Real, level: Real,
-    kinds: Whole, at: Whole, counts: Whole, of: Whole, room: Real,
+    program: SpectrumProgram, registers: Real, store_re: Real, store_im: Real, readings: Real, levels: Real, kinds: Real,
+    at: Real, of: Real, room: Real, bracket: Real,
 ) -> None:  # fmt: skip
-    """Polish one event of every lane and enter what it says into its readings; ``room`` is (4, places, LANES)."""
-    omega = np.empty((1, LANES))
-    low, high = np.empty(LANES), np.empty(LANES)
-    before, f_before, rising = np.full(LANES, -1.0), np.empty(LANES), np.empty(LANES)
+    """Polish one event of every lane and enter what it says into its readings.
+
+    ``kinds``, ``at``, ``of`` (LANES,) say what lies behind which frequency of which curve; crossings are found by Newton's
+    method, peaks by the secant method on the slope of the inverse, which begins with the curvature of three samples.
+    """
+    for lane in range(LANES):
+        k, c = int(at[lane]), int(of[lane])
+        ahead = 1 if kinds[lane] >= _PEAK_S else 0
+        for row in range(3):
+            there = k - 1 + row if row < 2 else k + ahead
+            bracket[row, lane] = program.frequencies[there]
+            bracket[3 + row, lane] = store_re[c, there, lane]
+            bracket[6 + row, lane] = store_im[c, there, lane]
+        bracket[9, lane] = levels[c, lane]
+    kind, curve, level = load(kinds, 0), load(of, 0), load(bracket, 9)
+    w0, w1, w2 = load(bracket, 0), load(bracket, 1), load(bracket, 2)
+    f0 = _inverse(kind, load(bracket, 3), load(bracket, 6), level)
+    f1 = _inverse(kind, load(bracket, 4), load(bracket, 7), level)
+    f2 = _inverse(kind, load(bracket, 5), load(bracket, 8), level)
+    peak = (kind >= float(_PEAK_S)) & (kind <= float(_PEAK_H))
+    # between two samples the straight line, between three the parabola; there also the curvature
+    line = w0 - f0 * (w1 - w0) / (f1 - f0)
+    before, after = (f1 - f0) / (w1 - w0), (f2 - f1) / select(peak, w2 - w1, 1.0)
+    second = 2.0 * (after - before) / select(peak, w2 - w0, 1.0)
+    vertex = 0.5 * (w0 + w1) - before / second
+    low, high = w0, w2
+    here = select(peak, vertex, line)
+    here = select((here > low) & (here < high), here, 0.5 * (low + high))
+    # at a peak of |T| the slope of the square is followed, which falls; elsewhere what rises if the samples do
+    height = load(bracket, 4) * load(bracket, 4) + load(bracket, 7) * load(bracket, 7)
+    steep = select(
+        kind == float(_PEAK_S),
+        second,
+        select(kind == float(_PEAK_T), height * height * second, -(height * height * second)),
+    )
+    rising = select(kind == float(_PEAK_H), -1.0, select(peak, 1.0, select(f1 > f0, 1.0, -1.0)))
+    omega = bracket[_BRACKET - 1 : _BRACKET]
+    store(omega, here, 0)
+    moving = select(kind == float(_NO_EVENT), 0.0, 1.0)
+    last, f_last = here, spread(0.0)
     re, im, dre, dim = room[0], room[1], room[2], room[3]
-    for lane in range(LANES):
-        there = slot < counts[lane]
-        k = at[slot, lane] if there else 2
-        c = of[slot, lane] if there else 0
-        kind = kinds[slot, lane] if there else _CROSS_UNIT
-        low[lane], high[lane] = program.frequencies[k - 1], program.frequencies[k]
-        left = _function(kind, store_re[c, k - 1, lane], store_im[c, k - 1, lane], level[c, lane])
-        right = _function(kind, store_re[c, k, lane], store_im[c, k, lane], level[c, lane])
-        if kind >= _PEAK_S:
-            middle, f_middle = high[lane], right
-            high[lane] = program.frequencies[k + 1]
-            right = _function(kind, store_re[c, k + 1, lane], store_im[c, k + 1, lane], level[c, lane])
-            first, second = (middle - low[lane]) * (f_middle - right), (high[lane] - middle) * (f_middle - left)
-            weight = first + second
-            to = middle
-            if weight > 0.0:
-                to += 0.5 * ((high[lane] - middle) * second - (middle - low[lane]) * first) / weight
-            # the slope of the inverse square falls through 0 at a peak of |T|, and rises for the others
-            rising[lane] = -1.0 if kind == _PEAK_H else 1.0
-        else:
-            span = right - left
-            to = low[lane] - left * (high[lane] - low[lane]) / span if span != 0.0 else low[lane]
-            rising[lane] = 1.0 if right > left else -1.0
-        omega[0, lane] = to if low[lane] < to < high[lane] else 0.5 * (low[lane] + high[lane])
-    arrived = np.zeros(LANES, np.bool_)
-    for turn in range(_TURNS):
+    turn = 0
+    while True:
         run_point(program.points, registers, omega, re, im, dre, dim)
-        busy = False
-        for lane in range(LANES):
-            if slot >= counts[lane] or arrived[lane]:
-                continue
-            kind, c, here = kinds[slot, lane], of[slot, lane], omega[0, lane]
-            place = program.points.targets[c]
-            f, slope = _residual(
-                kind, re[place, lane], im[place, lane], dre[place, lane], dim[place, lane], level[c, lane]
-            )
-            if f * rising[lane] > 0.0:
-                high[lane] = min(high[lane], here)
-            else:
-                low[lane] = max(low[lane], here)
-            if slope == 0.0 and before[lane] > 0.0 and here != before[lane]:
-                slope = (f - f_before[lane]) / (here - before[lane])
-            before[lane], f_before[lane] = here, f
-            to = here - f / slope if slope != 0.0 else here * (1.0 - 1e-3 * rising[lane] * (1.0 if f > 0.0 else -1.0))
-            inside = low[lane] <= to <= high[lane]
-            to = to if inside else 0.5 * (low[lane] + high[lane])
-            # The next point is the last: it is nearer than the step to it by the square of that step.
-            arrived[lane] = slope != 0.0 and abs(to - here) <= (_AGREED if kind < _PEAK_S else _AGREED_PEAK) * here
-            omega[0, lane] = to
-            busy = True
-            if turn == _TURNS - 1:
-                readings[c, DOUBT, lane] = _ALL
-        if not busy:
+        x, y, dx, dy = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+        for c in range(program.wants.shape[0]):
+            place, mine = program.points.targets[c], curve == float(c)
+            x, y = select(mine, load(re, place), x), select(mine, load(im, place), y)
+            dx, dy = select(mine, load(dre, place), dx), select(mine, load(dim, place), dy)
+        if not anywhere(moving > 0.0):
             break
+        if turn == _TURNS:
+            store(bracket, moving, 0)
+            for lane in range(LANES):
+                if bracket[0, lane] > 0.0:
+                    readings[int(of[lane]), DOUBT, lane] = _ALL
+            break
+        square, slope = x * x + y * y, 2.0 * (x * dx + y * dy)
+        nearness, distance = slope + 2.0 * dx, square + 2.0 * x + 1.0
+        f = square - select(kind == float(_CROSS_UNIT), 1.0, level)
+        f = select(kind == float(_CROSS_AXIS), y, f)
+        f = select(kind == float(_PEAK_S), nearness, f)
+        f = select(kind == float(_PEAK_T), nearness * square - distance * slope, f)
+        f = select(kind == float(_PEAK_H), slope, f)
+        if turn > 0:
+            apart = here - last
+            secant = (f - f_last) / select(apart == 0.0, 1.0, apart)
+            steep = select((apart == 0.0) | (secant == 0.0), steep, secant)
+        slope = select(peak, steep, select(kind == float(_CROSS_AXIS), dy, slope))
+        beyond = f * rising > 0.0
+        high = select(beyond & (here < high), here, high)
+        low = select(beyond | (here < low), low, here)
+        to = here - f / slope
+        inside = (to >= low) & (to <= high)
+        to = select(inside, to, 0.5 * (low + high))
+        # The next point is the last where it is so near: it is nearer than the step to it by about the square of the step.
+        arrives = inside & (magnitude(to - here) <= _AGREED * here)
+        last, f_last = here, f
+        here = select(moving > 0.0, to, here)
+        moving = select(arrives, 0.0, moving)
+        store(omega, here, 0)
+        turn += 1
+    store(bracket, x, 0)
+    store(bracket, y, 1)
     for lane in range(LANES):
-        if slot >= counts[lane]:
-            continue
-        kind, c = kinds[slot, lane], of[slot, lane]
-        place = program.points.targets[c]
-        x, y = re[place, lane], im[place, lane]
-        if kind == _CROSS_UNIT:
-            margin = math.atan2(-y, -x)
-            best = readings[c, PHASE_MARGIN, lane]
-            readings[c, PHASE_MARGIN, lane] = margin if abs(margin) < abs(best) else best
-            turn_left = margin if margin >= -1e-12 else margin + 2.0 * math.pi
-            readings[c, DELAY_MARGIN, lane] = min(readings[c, DELAY_MARGIN, lane], turn_left / omega[0, lane])
-        elif kind == _CROSS_AXIS:
-            if x < -_SMALLEST:
-                margin, best = -1.0 / x, readings[c, GAIN_MARGIN, lane]
-                nearer = abs(math.log(margin)) < abs(math.log(best))
-                readings[c, GAIN_MARGIN, lane] = margin if nearer else best
-        elif kind == _CROSS_LEVEL:
-            readings[c, FIRST_FALL, lane] = omega[0, lane]
-        else:
-            to = HIGHEST if kind == _PEAK_H else MS + kind - _PEAK_S
-            readings[c, to, lane] = max(readings[c, to, lane], math.sqrt(_size(kind, x, y)))
+        _enter(readings[int(of[lane])], int(kinds[lane]), lane, omega[0, lane], bracket[0, lane], bracket[1, lane])
 
 
 @compiled
-def _function(kind: int, x: float, y: float, level: float) -> float:
-    """Return what is 0 at a crossing, or largest at a peak: the inverse is a parabola also where a peak is sharp."""
-    square = x * x + y * y
+def _enter(reading: Real, kind: int, lane: int, omega: float, x: float, y: float) -> None:
+    """Enter what a polished event says, L or T being x + jy there."""
     if kind == _CROSS_UNIT:
-        return (square - 1.0) / (square + 1.0)
-    if kind == _CROSS_AXIS:
-        return y
-    if kind == _CROSS_LEVEL:
-        return (square - level) / (square + level)
-    return -1.0 / _size(kind, x, y)
+        margin = math.atan2(-y, -x)
+        if abs(margin) < abs(reading[PHASE_MARGIN, lane]):
+            reading[PHASE_MARGIN, lane] = margin
+        turn_left = margin if margin >= -1e-12 else margin + 2.0 * math.pi
+        reading[DELAY_MARGIN, lane] = min(reading[DELAY_MARGIN, lane], turn_left / omega)
+    elif kind == _CROSS_AXIS:
+        if x < -_SMALLEST and abs(math.log(-x)) < abs(math.log(reading[GAIN_MARGIN, lane])):
+            reading[GAIN_MARGIN, lane] = -1.0 / x
+    elif kind == _CROSS_LEVEL:
+        reading[FIRST_FALL, lane] = omega
+    elif kind != _NO_EVENT:
+        to = HIGHEST if kind == _PEAK_H else MS + kind - _PEAK_S
+        reading[to, lane] = max(reading[to, lane], math.sqrt(_size(kind, x, y)))

@@ -10,6 +10,7 @@ import operator
 from collections.abc import Callable
 from typing import Any, Final
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -264,3 +265,22 @@ def clear(to: Any, count: int) -> None:
     """Put zeros in the first ``count`` vectors of an array."""
     for k in range(count):
         store(to, 0.0, k)
+
+
+@compiled
+def room(shape: Any) -> Any:
+    """Return an array of any content whose vectors each lie in one line of the cache; the last size is the lanes."""
+    count = 1
+    for size in shape:
+        count *= size
+    raw = np.empty(count + LANES - 1)
+    skip = (-(raw.ctypes.data >> 3)) & (LANES - 1)
+    return raw[skip : skip + count].reshape(shape)
+
+
+@compiled
+def zeros(shape: Any) -> Any:
+    """Return such an array full of zeros."""
+    made = room(shape)
+    made[...] = 0.0
+    return made

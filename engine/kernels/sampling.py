@@ -1,0 +1,414 @@
+"""Step responses of eight candidates at a time, sampled where something happens.
+
+    y(t) = y∞ + C e^(A t) (-x∞):   16 samples for every octave of time, from the fastest mode until nothing moves
+
+Each sample comes with its slope. Where slopes do not add up to what happened between two samples, or a cubic through them
+leaves open whether a level is reached, that octave is sampled again twice as finely, and again; what stays open at the finest
+is marked doubtful. The state of a scan holds in which interval the last or highest event of every kind lies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.kernels.compiled import LANES, apply, compiled, multiply
+from engine.kernels.time_program import TimeProgram
+from engine.kernels.vector import anywhere, copy, lanes_of, load, load2, magnitude, select, spread, store, store2
+
+Real = npt.NDArray[np.float64]
+
+RISE: Final = 1
+SETTLE_2: Final = 2
+SETTLE_5: Final = 4
+HIGHEST: Final = 8
+LOWEST: Final = 16
+WHEN: Final = 32
+"""What a metric needs of a response; HIGHEST is the furthest in the direction of the final value, WHEN also asks for its instant,
+however little it stands out."""
+
+SETTLED: Final = 1e-8
+"""A response is followed until its slowest mode has decayed to this."""
+ROWS: Final = 4
+COLUMNS: Final = 4
+PER_PASS: Final = 16
+FINEST: Final = 9
+"""How often the samples of an octave are doubled at most."""
+_SWING: Final = 0.2
+"""The trapezoidal rule misses by s²/12 of the steepest slope where a swing goes on by s rad between samples."""
+_GRAZE: Final = 1e-6
+"""A tip so near to the edge of a band, by the band, or as near as the interpolation error, is not decided here."""
+SURE: Final = 4.0
+"""How much larger than estimated an error of interpolation may be."""
+_NOISE: Final = 1e-12
+_RIPPLE: Final = 1e-8
+"""What slips by less than this part of the largest value changes no metric that is read here."""
+SLIGHT: Final = 1e-7
+"""An overshoot below this part of the final value counts as none, where its instant does not matter."""
+
+# Fields of the state of a scan, each with LANES entries. A reading's bracket is the step at which it begins and its level:
+# it is 2^level steps long. The lists of tops and lows hold the three furthest.
+(
+    Y, D, Y2, D2, BIG, N10, L10, N90, L90,
+    N2, L2, POKE2, SIDE2, GRAZE2, N5, L5, POKE5, SIDE5, GRAZE5,
+    TOP, TOP_N, TOP_L, TOP_E, TOP2, TOP2_N, TOP2_L, TOP2_E, TOP3, TOP3_N, TOP3_L, TOP3_E, TOP4,
+    LOW, LOW_N, LOW_L, LOW_E, LOW2, LOW2_N, LOW2_L, LOW2_E, LOW3, LOW3_N, LOW3_L, LOW3_E, LOW4,
+    ERROR, MIXED, UP, DOWN,
+) = range(49)  # fmt: skip
+FIELDS: Final = 49
+RANKS: Final = 3
+ENTRY: Final = 4
+"""Fields of an entry: height, step, level, error of the height. Behind the entries is the most that any other tip reaches."""
+NONE: Final = -1.0
+EDGE: Final = -2.0
+_NOWHERE: Final = -1e300
+
+
+@compiled
+def passes(norms: Real, levels: int, alive: Real, growth: Real) -> int:
+    """Return how many passes of 16 samples follow every candidate of the block until it rests."""
+    last = 0
+    for lane in range(LANES):
+        if alive[lane] > 0.0 and growth[lane] < 0.0:
+            level = 0
+            while level + 1 < levels and norms[level, lane] > SETTLED:
+                level += 1
+            last = max(last, level)
+    # the pass number k ends after 16 * 2^k steps
+    return min(max(last - 5, 0), max(levels - 4, 0)) + 2
+
+
+@compiled
+def begin(state: Real, start: Real, slope: Real, final: Real) -> None:
+    """Start a scan at t = 0+, where the output is ``start`` below its final value (all LANES,)."""
+    for field in range(FIELDS):
+        store(state, 0.0, field)
+    away, goal = load(start, 0), load(final, 0)
+    size, value = magnitude(goal), away + goal
+    way = select(goal >= 0.0, 1.0, -1.0)
+    progress = way * value
+    store(state, away, Y)
+    store(state, away, Y2)
+    store(state, load(slope, 0), D)
+    store(state, load(slope, 0), D2)
+    store(state, magnitude(value), BIG)
+    store(state, select(progress >= 0.1 * size, EDGE, NONE), L10)
+    store(state, select(progress >= 0.9 * size, EDGE, NONE), L90)
+    store(state, select(magnitude(away) > 0.02 * size, 0.0, NONE), L2)
+    store(state, select(magnitude(away) > 0.05 * size, 0.0, NONE), L5)
+    side = select(away > 0.0, -1.0, 1.0)
+    store(state, side, SIDE2)
+    store(state, side, SIDE5)
+    for first in (TOP, LOW):
+        for rank in range(RANKS):
+            store(state, _NOWHERE, first + ENTRY * rank)
+            store(state, NONE, first + ENTRY * rank + 2)
+        store(state, _NOWHERE, first + ENTRY * RANKS)
+        store(state, way * away if first == TOP else -(way * away), first)
+        store(state, EDGE, first + 2)
+
+
+@compiled
+def _enter(state: Real, first: int, lane: int, height: float, n: float, level: float, error: float) -> None:
+    """Enter a turning point into the list of the furthest."""
+    rank, beyond = RANKS, first + ENTRY * RANKS
+    while rank > 0 and height > state[first + ENTRY * (rank - 1), lane]:
+        rank -= 1
+    if rank == RANKS:
+        state[beyond, lane] = max(state[beyond, lane], height + SURE * error)
+        return
+    pushed = beyond - ENTRY
+    if state[pushed + 2, lane] != NONE:
+        state[beyond, lane] = max(state[beyond, lane], state[pushed, lane] + SURE * state[pushed + 3, lane])
+    for field in range(beyond - 1, first + ENTRY * (rank + 1) - 1, -1):
+        state[field, lane] = state[field - ENTRY, lane]
+    at = first + ENTRY * rank
+    state[at, lane], state[at + 1, lane], state[at + 2, lane], state[at + 3, lane] = height, n, level, error
+
+
+@compiled
+def _turn(
+    state: Real, lane: int, y: float, d: float, final: float, h: float, n: float, level: float, wants: int
+) -> bool:
+    """Take down a turning point in the interval that begins at ``n`` and ends with the deviation y and its slope d.
+
+    Return whether finer samples would tell more.
+    """
+    before, rising, error = state[Y, lane], state[D, lane], state[ERROR, lane]
+    # the turning point of the cubic through both values with both slopes
+    m0, m1, climb = h * rising, h * d, y - before
+    c2, c3 = 3.0 * climb - 2.0 * m0 - m1, m0 + m1 - 2.0 * climb
+    bend = math.sqrt(max(c2 * c2 - 3.0 * c3 * m0, 0.0))
+    below = -c2 + bend if rising > 0.0 else -c2 - bend
+    share = min(max(m0 / below, 0.0), 1.0) if below != 0.0 else 0.5
+    tip = before + share * (m0 + share * (c2 + share * c3))
+    size, way = abs(final), 1.0 if final >= 0.0 else -1.0
+    unsure = False
+    if way * rising > 0.0:
+        if wants & HIGHEST:
+            _enter(state, TOP, lane, way * tip, n, level, error)
+    elif wants & LOWEST:
+        _enter(state, LOW, lane, -way * tip, n, level, error)
+    if wants & RISE:
+        highest, reached = way * (tip + final), way * (y + final)
+        for f, part in ((L10, 0.1), (L90, 0.9)):
+            # A level that is reached between two samples only: the bracket has no change of sign.
+            if state[f, lane] == NONE and reached < part * size and highest + error >= part * size:
+                state[MIXED, lane] = 1.0
+                unsure = True
+    for bit, f, part in ((SETTLE_2, N2, 0.02), (SETTLE_5, N5, 0.05)):
+        band = part * size
+        margin = _GRAZE * band + 3.0 * error
+        if wants & bit and abs(tip) > band - margin and abs(y) <= band:
+            state[f, lane], state[f + 1, lane], state[f + 2, lane] = n, level, 1.0
+            state[f + 3, lane] = -1.0 if tip > 0.0 else 1.0
+            state[f + 4, lane] = 1.0 if abs(tip) < band + margin else 0.0
+            unsure = unsure or (abs(tip) < band + margin and 3.0 * error > _GRAZE * band)
+    return unsure
+
+
+@compiled
+def scan(
+    state: Real, samples: Real, row: int, stride: int, final: Real, step: Real, level: int, before: int, start: float,
+    wants: int, least: bool,
+) -> bool:  # fmt: skip
+    """Go through the 16 samples of a pass: ``samples`` (4 * stride, 4, LANES), deviation in ``row``, slope in ``row + 1``.
+
+    They are ``2**level`` steps apart, the first so much after sample number ``start``; those before were ``2**before`` steps
+    apart. Return whether finer samples would tell more; unless ``least``, which are the finest, the rest is left out then.
+    """
+    unit = 2.0**level
+    goal, h = load(final, 0), load(step, 0)
+    size = magnitude(goal)
+    sign = select(goal >= 0.0, 1.0, -1.0)
+    ahead = unit * h
+    y1, d1, big = load(state, Y), load(state, D), load(state, BIG)
+    y2, d2 = load(state, Y2), load(state, D2)
+    steep1 = magnitude(d1)
+    rising = bool(wants & RISE) and anywhere(load(state, L90) == NONE)
+    if level != before:
+        # what was outside its band last begins an interval of the new length
+        for f in (N2, N5):
+            first = (load(state, f) == start * unit) & (load(state, f + 1) >= 0.0)
+            store(state, select(first, float(level), load(state, f + 1)), f + 1)
+    unrisen = select(load(state, L90) == NONE, 1.0, 0.0)
+    highest, lowest, stir = sign * y1, sign * y1, spread(0.0)
+    unsure = False
+    for column in range(COLUMNS):
+        for j in range(ROWS):
+            index = column * ROWS + j
+            at = row + j * stride
+            y, d = load2(samples, at, column), load2(samples, at + 1, column)
+            steep = magnitude(d)
+            steepest = select(steep > steep1, steep, steep1)
+            slip = magnitude(y - y1 - 0.5 * ahead * (d + d1))
+            swings = slip > _SWING * ahead * steepest
+            value = magnitude(y + goal)
+            big = select(value > big, value, big)
+            stir = select(swings & (slip > stir), slip, stir)
+            progress = sign * y
+            highest = select(progress > highest, progress, highest)
+            lowest = select(progress < lowest, progress, lowest)
+            # a response at rest turns at every sample, by rounding
+            turning = (d1 * d < 0.0) & (ahead * magnitude(d1 - d) > _NOISE * big)
+            if anywhere(turning):
+                # How far a tip can be from the final value at most; most ripples cannot matter any more.
+                further = select(magnitude(y) > magnitude(y1), magnitude(y), magnitude(y1))
+                reach = further + 0.5 * ahead * steepest
+                matters = reach < -1e300
+                if wants & SETTLE_2:
+                    matters = reach > 0.015 * size
+                elif wants & SETTLE_5:
+                    matters = reach > 0.04 * size
+                if rising:
+                    matters = matters | (reach > 0.1 * size)
+                if wants & HIGHEST:
+                    matters = matters | ((sign * d1 > 0.0) & (reach > load(state, TOP4)))
+                if wants & LOWEST:
+                    matters = matters | ((sign * d1 < 0.0) & (reach > load(state, LOW4)))
+                turning = turning & matters
+                if anywhere(turning):
+                    # Cubic interpolation over the two steps to both sides of the sample before errs so much more than that
+                    # over one; in the first step of all, how slopes add up must do.
+                    w2 = 2.0**before if index == 0 else unit
+                    theta, ratio = w2 / (w2 + unit), unit / w2
+                    rest = 1.0 - theta
+                    wide = (w2 + unit) * h
+                    middle = (
+                        (1.0 + 2.0 * theta) * rest * rest * y2 + theta * rest * rest * wide * d2
+                        + theta * theta * (3.0 - 2.0 * theta) * y - theta * theta * rest * wide * d
+                    )  # fmt: skip
+                    miss = (ratio * ratio / 16.0) * magnitude(middle - y1)
+                    if start + index == 0.0:
+                        miss = slip * (1.0 / 16.0)
+                    store(state, y1, Y)
+                    store(state, d1, D)
+                    store(state, miss, ERROR)
+                    bits = lanes_of(turning)
+                    n_before = (start + index) * unit
+                    for lane in range(LANES):
+                        if (bits >> lane) & 1 and _turn(
+                            state, lane, samples[at, column, lane], samples[at + 1, column, lane], final[lane],
+                            unit * step[lane], n_before, float(level), wants,
+                        ):  # fmt: skip
+                            unsure = True
+                    if unsure and not least:
+                        return True
+            y2, d2, y1, d1, steep1 = y1, d1, y, d, steep
+            if wants & SETTLE_2:
+                _outside(state, N2, 0.02, y, size, (start + index + 1.0) * unit, float(level))
+            if wants & SETTLE_5:
+                _outside(state, N5, 0.05, y, size, (start + index + 1.0) * unit, float(level))
+            if rising:
+                reached = sign * (y + goal)
+                first, last = load(state, L10), load(state, L90)
+                passes10 = (first == NONE) & (reached >= 0.1 * size)
+                passes90 = (last == NONE) & (reached >= 0.9 * size)
+                n_before = (start + index) * unit
+                store(state, select(passes10, n_before, load(state, N10)), N10)
+                store(state, select(passes10, float(level), first), L10)
+                store(state, select(passes90, n_before, load(state, N90)), N90)
+                last = select(passes90, float(level), last)
+                store(state, last, L90)
+                rising = anywhere(last == NONE)
+    store(state, y1, Y)
+    store(state, d1, D)
+    store(state, y2, Y2)
+    store(state, d2, D2)
+    store(state, big, BIG)
+    if anywhere(stir > _RIPPLE * big) and _hides(state, highest, lowest, stir, size, unrisen, wants, least):
+        unsure = True
+    return unsure
+
+
+@compiled
+def _hides(state: Real, highest: Any, lowest: Any, stir: Any, size: Any, unrisen: Any, wants: int, least: bool) -> bool:
+    """Return whether swings that nobody saw may change a reading, in a pass from ``lowest`` to ``highest``.
+
+    Where there are no finer samples than these, say so in the state.
+    """
+    # a swing of more than 2 rad slips by more than 0.6 of its size
+    hidden = 2.0 * stir
+    up, down = highest + hidden, hidden - lowest
+    reach = select(up > down, up, down)
+    there = stir > _RIPPLE * load(state, BIG)
+    slight = (1e-9 if wants & WHEN else SLIGHT) * size
+    higher = there & (up > load(state, TOP)) & (up > slight)
+    lower = there & (down > load(state, LOW))
+    wide, wider = there & (reach > 0.0195 * size), there & (reach > 0.049 * size)
+    late = there & (unrisen > 0.0) & (hidden > 0.01 * size)
+    if least:
+        store(state, select(higher & (up > load(state, UP)), up, load(state, UP)), UP)
+        store(state, select(lower & (down > load(state, DOWN)), down, load(state, DOWN)), DOWN)
+        store(state, select(wide, 1.0, load(state, GRAZE2)), GRAZE2)
+        store(state, select(wider, 1.0, load(state, GRAZE5)), GRAZE5)
+        store(state, select(late, 1.0, load(state, MIXED)), MIXED)
+    matters = reach < -1e300
+    if wants & HIGHEST:
+        matters = matters | higher
+    if wants & LOWEST:
+        matters = matters | lower
+    if wants & SETTLE_2:
+        matters = matters | wide
+    if wants & SETTLE_5:
+        matters = matters | wider
+    if wants & RISE:
+        matters = matters | late
+    return bool(anywhere(matters))
+
+
+@compiled
+def _outside(state: Real, f: int, part: float, y: Any, size: Any, n: float, level: float) -> None:
+    """Take down the candidates whose sample lies outside its band."""
+    out = magnitude(y) > part * size
+    if anywhere(out):
+        store(state, select(out, n, load(state, f)), f)
+        store(state, select(out, level, load(state, f + 1)), f + 1)
+        store(state, select(out, 0.0, load(state, f + 2)), f + 2)
+        store(state, select(out, select(y > 0.0, -1.0, 1.0), load(state, f + 3)), f + 3)
+        store(state, select(out, 0.0, load(state, f + 4)), f + 4)
+
+
+@compiled
+def _watch(watched: Real, rows: Real, powers: Real, level: int, count: int, nn: int) -> None:
+    """Fill ``watched`` with the rows C P^j, j = 1 ... 4, where P leads over 2^level steps."""
+    multiply(watched, rows, powers[level], count, nn, nn, nn, nn, nn)
+    multiply(watched[count:], watched, powers[level], count, nn, nn, nn, nn, nn)
+    multiply(watched[2 * count :], watched, powers[level + 1], 2 * count, nn, nn, nn, nn, nn)
+
+
+@compiled
+def follow(
+    program: TimeProgram, experiment: int, powers: Real, rows: Real, start: Real, final: Real, step: Real, last: int,
+    states: Real, saved: Real, watched: Real, columns: Real, samples: Real, moving: Real,
+) -> None:  # fmt: skip
+    """Sample the responses to one command in ``last`` passes, and scan them.
+
+    Parameters
+    ----------
+    program, experiment
+        Whose traces, and which of them; their scans have begun.
+    powers, rows
+        Of the exponential (levels, nn, nn, LANES); of every output and its slope (rows, nn, LANES).
+    start : ndarray, shape (nn, LANES)
+        The deviation of the states at t = 0+ from their values at rest.
+    final : ndarray, shape (traces, LANES)
+    step : ndarray, shape (LANES,)
+    states : ndarray, shape (traces, FIELDS, LANES)
+        Of the scans.
+    saved, watched, columns, samples, moving
+        Room: as ``states``; (2, ROWS * rows, nn, LANES); (nn, COLUMNS, LANES); (ROWS * rows, COLUMNS, LANES);
+        (3, nn, 1, LANES).
+    """
+    nn, count, traces = program.padded, program.rows, program.traces.shape[0]
+    one, two, origin = moving[0], moving[1], moving[2]
+    copy(origin, 0, start, 0, nn)
+    main, fine = watched[0], watched[1]
+    _watch(main, rows, powers, 0, count, nn)
+    doubled, before = 0, 0
+    for number in range(last):
+        level = max(0, number - 1)
+        first = 0 if number == 0 else PER_PASS
+        if level > 0:
+            copy(main, 0, main, count * nn, count * nn)
+            copy(main, count * nn, main, 3 * count * nn, count * nn)
+            multiply(main[2 * count :], main, powers[level + 1], 2 * count, nn, nn, nn, nn, nn)
+        # where the octave before needed finer samples, this one may, too
+        doubled = min(max(doubled - 1, 0), level)
+        if level > 0:
+            copy(saved, 0, states, 0, traces * FIELDS)
+        while True:
+            deep = level - doubled
+            least = deep == 0 or doubled == FINEST
+            seen = main
+            if doubled:
+                seen = fine
+                _watch(fine, rows, powers, deep, count, nn)
+            copy(one, 0, origin, 0, nn)
+            unsure = False
+            for part in range(1 << doubled):
+                for m in range(COLUMNS):
+                    for i in range(nn):
+                        store2(columns, load(one, i), i, m)
+                    apply(two, powers[deep + 2], one, nn, 1, nn, nn, 1, 1)
+                    one, two = two, one
+                multiply(samples, seen, columns, ROWS * count, COLUMNS, nn, nn, COLUMNS, COLUMNS)
+                begin_at = float((first << doubled) + PER_PASS * part)
+                for t in range(traces):
+                    if program.traces[t, 1] == experiment:
+                        open_ = scan(states[t], samples, 2 * program.traces[t, 0], count, final[t], step, deep,
+                                     before if part == 0 else deep, begin_at, program.traces[t, 2], least)  # fmt: skip
+                        if open_ and not least:
+                            unsure = True
+                            break
+                if unsure:
+                    break
+            if not unsure:
+                break
+            doubled += 1
+            copy(states, 0, saved, 0, traces * FIELDS)
+        copy(origin, 0, one, 0, nn)
+        before = level - doubled
