@@ -11,16 +11,19 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.batch_nonlinear.equations import Equations
+from engine.batch_nonlinear.look import Look, coarse, floor
 from engine.batch_nonlinear.march import Marched, Marcher, Pieces, by_input
 from engine.batch_nonlinear.program import Compiled
-from engine.batch_nonlinear.readings import INTEGRALS, METRICS, RATIOS, TIMES, Curves, middle_of, read
+from engine.batch_nonlinear.readings import INTEGRALS, METRICS, Curves, middle_of, read
+from engine.batch_nonlinear.rest import Rest
 from engine.batch_nonlinear.signals import UnsuitableError
 from engine.evaluation import Evaluation
 from engine.linear.screening import Screened
@@ -33,16 +36,12 @@ if TYPE_CHECKING:
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-TOLERANCE: Final = 1e-5
-"""Largest difference of the curves of two marches, relative to the largest value."""
-METRIC_TOLERANCE: Final = 1e-4
-"""Largest relative difference of a metric; that of a ratio of the way is absolute."""
 FEWEST: Final = 256
 """Steps of the coarsest march,"""
 MOST_DOUBLINGS: Final = 10
 """which are halved so often in the finest."""
-_EXTENSIONS: Final = 7
-"""A response of free length that has not settled is followed twice as long, so many times."""
+_EXTENSIONS: Final = 6
+"""A response of free length that has not settled is followed twice as long, so many times: not beyond the exact path."""
 _LIFETIME: Final = 0.4
 """Part of the lifetime of the linearised system, in which e^-36 is left, that a response is followed for at first."""
 _STABLE: Final = 1.5
@@ -142,7 +141,7 @@ class NonlinearBatch:
         doubtful = np.ones((total, len(self.requests)), dtype=bool)
         found = _Found(values=values, doubtful=doubtful)
         rows = np.flatnonzero(valid & posed & np.isfinite(once).all(axis=0))
-        given = _Given(start=start, once=once)
+        given = _Given(points=points, start=start, once=once)
         blocks = [rows[first : first + _LANES] for first in range(0, len(rows), _LANES)]
         jobs = [(experiment, block) for experiment in range(len(self._experiments)) for block in blocks]
         workers = min(threads or len(os.sched_getaffinity(0)), len(jobs))
@@ -195,7 +194,7 @@ class NonlinearBatch:
         columns = list(experiment.requests)
         doublings = self._doublings.get((number, end), self._first(end))
         unsettled, most = [], None
-        before: _Look | None = None
+        before: Look | None = None
         while rows.size and doublings <= MOST_DOUBLINGS:
             pieces = Pieces.of(signals, end, FEWEST, doublings)
             looks = []
@@ -203,8 +202,8 @@ class NonlinearBatch:
             for first in range(0, len(rows), widest):
                 part = given.of(rows[first : first + widest])
                 marched = self.marcher(part.start, part.once, pieces)
-                looks.append(self._look(experiment, pieces, marched, self._before(part)))
-            look = _Look.joined(looks)
+                looks.append(self._look(experiment, pieces, marched, part))
+            look = Look.joined(looks)
             if extendable:  # what goes on moving is marched for longer anyway
                 moving = ~look.settled & np.isfinite(look.curves[:, -1]).all(axis=0)
                 unsettled.append(rows[moving])
@@ -225,9 +224,9 @@ class NonlinearBatch:
         wanted = end * self._fastest / _STABLE / FEWEST
         return int(np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS - 2))
 
-    def _look(self, experiment: Experiment, pieces: Pieces, marched: Marched, initial: Real) -> _Look:
+    def _look(self, experiment: Experiment, pieces: Pieces, marched: Marched, given: _Given) -> Look:
         """Read the metrics of an experiment off the curves."""
-        batch = len(marched.covered)
+        batch, initial = len(marched.covered), self._before(given)
         values, doubtful = (
             np.full((batch, len(experiment.requests)), np.nan),
             np.ones((batch, len(experiment.requests)), bool),
@@ -239,17 +238,45 @@ class NonlinearBatch:
                 output: self._curves(experiment, pieces, marched, k, initial[k])
                 for k, output in enumerate(self._outputs)
             }
+            curves = self._rested(experiment, marched, given, curves)
             for column, number in enumerate(experiment.requests):
                 request = self.requests[number]
                 own = curves[self._diagram.outputs.index(str(request.output))]
                 values[:, column], doubtful[:, column] = read(request.metric, own)
-                floors[:, column] = _floor(request.metric, own)
-                settled &= own.settled
+                floors[:, column] = floor(request.metric, own)
+                integral = request.metric in INTEGRALS and experiment.duration is None
+                settled &= own.still if integral else own.settled
         doubtful[~marched.covered] = True
-        return _Look(
-            curves=marched.values, coarse=_coarse(pieces), values=values, doubtful=doubtful, settled=settled,
+        return Look(
+            curves=marched.values, coarse=coarse(pieces), values=values, doubtful=doubtful, settled=settled,
             floors=floors, finest=pieces.stride > 1,
         )  # fmt: skip
+
+    @cached_property
+    def _rest(self) -> Rest:
+        return Rest(self._equations, self._outputs)
+
+    def _rested(
+        self, experiment: Experiment, marched: Marched, given: _Given, curves: dict[int, Curves]
+    ) -> dict[int, Curves]:
+        """Return the curves with the rest of those that may have come near to it."""
+        ends = [
+            0.0 if signal is None else signal.final() for signal in by_input(self._diagram.inputs, experiment.signals)
+        ]
+        constants = [float(end) for end in ends if end is not None]
+        if len(constants) < len(ends):
+            return curves
+        unclear = np.any([~own.still & ~own.restless for own in curves.values()], axis=0)
+        unclear &= marched.covered & np.all([own.slow for own in curves.values()], axis=0)
+        rows = np.flatnonzero(unclear)
+        if not rows.size:
+            return curves
+        found = self._rest(given.points[rows], marched.states[:, rows], constants)
+        single = np.zeros(len(unclear), dtype=bool)
+        single[rows] = found.single
+        rests = np.full((len(curves), len(unclear)), np.nan)
+        rests[:, rows] = found.outputs
+        return {output: replace(own, rest=rests[k], single=single) for k, (output, own) in enumerate(curves.items())}
 
     def _curves(self, experiment: Experiment, pieces: Pieces, marched: Marched, k: int, initial: Real) -> Curves:
         roles = self._diagram.input_roles
@@ -265,7 +292,7 @@ class NonlinearBatch:
         command = np.zeros((len(y), 2))
         if reference is not None:
             command = pieces.commands[:, :, self._diagram.inputs.index(reference)]
-        return _with_errors(curves, command[:, :, None] - np.stack([y, middle_of(curves)], axis=1))
+        return replace(curves, errors=command[:, :, None] - np.stack([y, middle_of(curves)], axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -280,85 +307,12 @@ class _Found:
 class _Given:
     """What the candidates begin with, the last axis being theirs."""
 
+    points: Real
     start: Real
     once: Real
 
     def of(self, rows: Any) -> _Given:
-        return _Given(start=self.start[:, rows], once=self.once[:, rows])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Look:
-    """What one march shows.
-
-    Attributes
-    ----------
-    curves : ndarray, shape (watched, samples, B)
-    coarse : ndarray of int
-        The samples that a march with steps twice as long has, too.
-    finest : bool
-        Whether smaller steps bring no more samples.
-    values, doubtful, floors : ndarray, shape (B, R)
-        Metrics, and differences of them that mean nothing.
-    settled : ndarray of bool, shape (B,)
-    """
-
-    curves: Real
-    coarse: npt.NDArray[np.intp]
-    values: Real
-    doubtful: Flags
-    floors: Real
-    settled: Flags
-    finest: bool
-
-    @classmethod
-    def joined(cls, looks: Sequence[_Look]) -> _Look:
-        if len(looks) == 1:
-            return looks[0]
-        return cls(
-            curves=np.concatenate([look.curves for look in looks], axis=2), coarse=looks[0].coarse,
-            values=np.concatenate([look.values for look in looks]),
-            doubtful=np.concatenate([look.doubtful for look in looks]),
-            floors=np.concatenate([look.floors for look in looks]),
-            settled=np.concatenate([look.settled for look in looks]), finest=looks[0].finest,
-        )  # fmt: skip
-
-    def take(self, which: Flags) -> _Look:
-        return _Look(
-            curves=self.curves[:, :, which], coarse=self.coarse, values=self.values[which], doubtful=self.doubtful[which],
-            floors=self.floors[which], settled=self.settled[which], finest=self.finest,
-        )  # fmt: skip
-
-    def agrees(self, before: _Look) -> Flags:
-        """Tell for whom halving the steps has changed nothing but what stays doubtful with the most samples, (B,)."""
-        with np.errstate(all="ignore"):
-            away = np.abs(self.curves[:, self.coarse] - before.curves).max(axis=1)
-            agreed = (away <= TOLERANCE * np.abs(self.curves).max(axis=1)).all(axis=0)
-            near = np.abs(self.values - before.values) <= METRIC_TOLERANCE * np.abs(self.values) + self.floors
-            same = near | (np.isnan(self.values) & np.isnan(before.values))
-            settled = self.doubtful if self.finest else np.zeros_like(self.doubtful)
-            settled = settled | (same & ~self.doubtful)
-        return np.asarray(agreed & settled.all(axis=1))
-
-
-def _floor(metric: str, curves: Curves) -> Real | float:
-    """Return by how much a metric may change for nothing."""
-    if metric in TIMES:
-        return 1e-7 * float(curves.times[-1])
-    if metric in RATIOS:
-        return METRIC_TOLERANCE
-    return 0.0 if metric in INTEGRALS else TOLERANCE * curves.size
-
-
-def _with_errors(curves: Curves, errors: Real) -> Curves:
-    return Curves(**{**vars(curves), "errors": errors})
-
-
-def _coarse(pieces: Pieces) -> npt.NDArray[np.intp]:
-    """Return the samples that a march with steps twice as long has, too."""
-    skip = 2 if pieces.stride == 1 else 1
-    first = np.concatenate([[0], np.cumsum(pieces.samples + 1)[:-1]])
-    return np.concatenate([f + np.arange(0, n + 1, skip) for f, n in zip(first, pieces.samples, strict=True)])
+        return _Given(points=self.points[rows], start=self.start[:, rows], once=self.once[:, rows])
 
 
 def _experiments(requests: Sequence[MetricRequest]) -> list[Experiment]:

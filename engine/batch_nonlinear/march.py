@@ -106,12 +106,14 @@ class Pieces:
 class Marched:
     """Curves of B candidates at the instants ``times`` (samples,).
 
-    ``values`` and ``slopes`` are (watched, samples, B); ``covered`` (B,) tells that no law was left and nothing overflowed.
+    ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) those at the end; ``covered`` (B,) tells that
+    no law was left and nothing overflowed.
     """
 
     times: Real
     values: Real
     slopes: Real
+    states: Real
     covered: npt.NDArray[np.bool_]
 
 
@@ -168,7 +170,7 @@ class Marcher:
         covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0)
         return Marched(
             times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2],
-            covered=covered,
+            states=registers[: program.states].reshape(program.states, -1)[:, :batch], covered=covered,
         )  # fmt: skip
 
 

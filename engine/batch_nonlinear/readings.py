@@ -25,8 +25,10 @@ NEGLIGIBLE: Final = 1e-9
 """A difference below this part of the signal is not a difference."""
 STILL: Final = 1e-6
 """A curve whose last tenth stays within this part of its size has settled."""
-RESTLESS: Final = 3e-3
-"""One whose last tenth moves by more than this part of its size has not; the exact path asks for 1e-3 around the end."""
+NEAR: Final = 1e-3
+"""One whose last tenth stays within this part of its size of the state of rest has settled on the exact path;"""
+_BETWEEN: Final = 0.1
+"""this much nearer or further there is no doubt about it."""
 _RESOLVED: Final = 1e-4
 """What a kink between two samples may change at most in a metric, relatively."""
 _NEARLY: Final = 1e-4
@@ -55,6 +57,10 @@ class Curves:
         Where the reference settles.
     duration : float or None
         The limit that was asked for.
+    rest : ndarray, shape (B,), or None
+        Where the output is when everything rests, NaN where that is not known or no rest is there.
+    single : ndarray of bool, shape (B,), or None
+        Whether that is the only rest nearby.
     """
 
     times: Real
@@ -67,6 +73,8 @@ class Curves:
     constant: bool
     target: float | None
     duration: float | None
+    rest: Real | None = None
+    single: Flags | None = None
 
     @cached_property
     def size(self) -> Real:
@@ -80,25 +88,52 @@ class Curves:
         return np.flatnonzero(self.times >= end - 0.1 * (end - self.last))
 
     @cached_property
-    def settled(self) -> Flags:
-        """Who has come to rest under constant commands, (B,)."""
-        if not self.constant or self.times[-1] <= self.last:
+    def _constant(self) -> bool:
+        return self.constant and bool(self.times[-1] > self.last)
+
+    @cached_property
+    def _spread(self) -> Real:
+        return np.asarray(np.maximum(np.ptp(self.values, axis=0), 1e-12 * self.size))
+
+    @cached_property
+    def _away(self) -> Real:
+        """How far the last tenth is from rest, in parts of the size; NaN where no rest is known, (B,)."""
+        if self.rest is None:
+            return np.full(self.values.shape[1], np.nan)
+        return np.asarray(np.abs(self.values[self.late] - self.rest).max(axis=0) / self._spread)
+
+    @cached_property
+    def still(self) -> Flags:
+        """Who does not move any more under constant commands, (B,)."""
+        if not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        spread = np.maximum(np.ptp(self.values, axis=0), 1e-12 * self.size)
-        return np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * spread)
+        return np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
+
+    @cached_property
+    def slow(self) -> Flags:
+        """Who moves so little in the end that rest may be near, (B,)."""
+        return np.asarray(np.ptp(self.values[self.late], axis=0) <= 3 * NEAR * self._spread)
+
+    @cached_property
+    def settled(self) -> Flags:
+        """Who has come to rest, or near to the only rest there is, (B,)."""
+        if not self._constant or self.single is None:
+            return self.still
+        return np.asarray(self.still | (self.single & (self._away <= (1 - _BETWEEN) * NEAR)))
 
     @cached_property
     def restless(self) -> Flags:
-        """Who moves so much in the end that it has not settled by any standard, in a time that was asked for, (B,)."""
-        if self.duration is None or not self.constant or self.times[-1] <= self.last:
+        """Who has not settled by any standard in a time that was asked for, (B,)."""
+        if self.duration is None or not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        spread = np.ptp(self.values, axis=0)
-        return np.asarray(np.ptp(self.values[self.late], axis=0) > RESTLESS * spread)
+        return np.asarray(~self.still & (~self.slow | (self._away > (1 + _BETWEEN) * NEAR)))
 
-    @property
+    @cached_property
     def final(self) -> Real:
         """Where the settled ones rest, (B,)."""
-        return np.asarray(self.values[-1])
+        if self.rest is None:
+            return np.asarray(self.values[-1])
+        return np.where(self.settled & ~np.isnan(self.rest), self.rest, self.values[-1])
 
     @cached_property
     def turning(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Real, Real]:
@@ -286,6 +321,7 @@ def _largest(curves: Curves) -> tuple[Real, Real, Flags]:
     top, top_at, bottom, bottom_at = curves.extremes
     high = top >= -bottom
     value, at = np.where(high, top, -bottom), np.where(high, top_at, bottom_at)
+    value = np.where(curves.settled, np.maximum(value, np.abs(curves.final)), value)
     # what has not settled may still come to rest at more than it has been, or run on for ever
     end = curves.times[-1]
     open_end = ~curves.settled & (at >= end - 0.2 * (end - curves.last))
@@ -318,7 +354,7 @@ def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
         if curves.duration is not None:
             return value, np.zeros(len(value), dtype=bool)
         rest = np.abs(curves.errors[-1, 0]) > STILL * np.abs(curves.errors[:, 0]).max(axis=0)
-        return value, ~curves.settled | rest  # the exact path says whether what is left is an error or rounding
+        return value, ~curves.still | rest  # the exact path says whether what is left is an error or rounding
 
     return read
 

@@ -10,6 +10,7 @@ from engine.diagram import Block, Connection, Diagram, Parameter, System, compil
 from engine.measuring import MetricRequest, measure
 from engine.screening import Screening
 from engine.signals import make
+from engine.verdicts import Verdict
 
 METRICS = ("rise_time", "settling_time", "overshoot", "peak", "peak_time", "iae")
 positive = st.floats(0.2, 5.0)
@@ -50,6 +51,9 @@ def test_what_is_not_doubted_is_what_the_exact_path_says(diagram, amplitude, fac
     point = diagram.parameters["k"].value * factor
     found = Screening(diagram, asked)({"k": np.array([point])})
     exact = measure(diagram, asked, overrides={"k": point})
+    if any(measured.verdict is Verdict.TOO_SHORT for measured, _ in exact):
+        # a machine that stands still for half a minute ends the exact path by its wall limit: it is asked again
+        exact = measure(diagram, asked, overrides={"k": point})
     for request, value, doubtful, (measured, _) in zip(asked, found.values[0], found.doubtful[0], exact, strict=True):
         if doubtful:
             continue
