@@ -301,7 +301,7 @@ class Integration:
         if crossing is not None and crossing.theta * width <= gap:
             event = self._placed(step, crossing)
             if event is not None:
-                self._note_guards(step, until(event.theta))
+                self._note_guards(step, until(event.theta) if event.theta <= _EARLY else None)
                 self._event(step, event)
             return
         self._note_guards(step)
