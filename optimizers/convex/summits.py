@@ -107,7 +107,7 @@ def _climbed(loop: LinearLoop, x: Vector, brackets: Real) -> tuple[Real, npt.NDA
     owners = brackets[:, 0].astype(np.intp)
     low, at, high, best = brackets[:, 1:].T
     rows, shares = np.arange(len(owners)), np.linspace(0, 1, _CLOSER)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if len(owners) else 0):
         closer = low[:, None] * (high / low)[:, None] ** shares
         known = loop.coefficients(closer.ravel())
         found = np.array([height(known, x, r) for r in range(len(loop.ratios))])

@@ -182,4 +182,7 @@ def _outcome(ends: Sequence[tuple[Point, str]], problem: Problem) -> tuple[Statu
     same = sum(
         point.rank[0] == best.rank[0] and abs(point.objective - best.objective) <= _SAME * size for point, _ in ends
     )
-    return Status.CONVERGED, f"{same} of {len(ends)} stable starts lead to this optimum; it holds at every frequency."
+    found = f"{same} of {len(ends)} stable starts lead to this optimum; it holds at every frequency."
+    if all(goal.metric == INTEGRATED_ERROR for goal in problem.goals):
+        found += " No goal bounds a peak, so it may lie near the limit of stability: bound sensitivity_peak."
+    return Status.CONVERGED, found

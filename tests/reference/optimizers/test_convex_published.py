@@ -7,7 +7,6 @@ from bench.optimizers.cases_convex import Case, astrom_hagglund, cases
 from optimizers.methods import minimize
 from optimizers.result import Status
 
-
 # of the table every plant once; `make bench-optimizers` runs the rest
 CASES = [case for case in cases() if "Ms = 2" not in case.name]
 
