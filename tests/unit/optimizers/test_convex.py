@@ -219,7 +219,7 @@ def test_acceleration_feedback_is_sized_under_a_bound_on_the_control() -> None:
     )
     result = solved(Problem(diagram=diagram, variables=tuple(Variable(parameter=n) for n in names), goals=goals))
 
-    omega = np.geomspace(0.05, 60.0, 4001)
+    omega = np.geomspace(0.05, 60.0, 20_001)
     s = 1j * omega
 
     def peaks(x: Any) -> tuple[float, float]:
