@@ -12,6 +12,8 @@ C. Van Loan, "Computing integrals involving the matrix exponential", IEEE TAC 23
 
 from __future__ import annotations
 
+import bisect
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -42,8 +44,8 @@ _DRIVE = 0.1
 """The drive is integrated: its last coefficients count less."""
 _SAME = 1e-12
 _DIVERGED = 1e60
-_MOST_STEPS = 6000
-_MOST_WIDTHS = 120
+_MOST_STEPS = 20_000
+_MOST_WIDTHS = 200
 _ECHOES = 6
 _MOST_BREAKS = 300
 _SETTLED = 1e-10
@@ -130,6 +132,7 @@ class Marcher:
         self._starts: list[float] = []
         self._widths: list[float] = []
         self._values: list[Real] = []
+        self._series: list[Real] = []  # of the inputs of the delays
 
     def run(self, until: float | None = None) -> March:
         """Follow the response up to ``until`` (s), or until it has settled.
@@ -142,12 +145,14 @@ class Marcher:
         if until is None and finals is None:
             raise CannotFollowError
         last = max((t for signal in self._signals for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
-        breaks = self._breaks(until)
+        breaks = deque(self._breaks(until))
         x = np.asarray(self._system.x0, dtype=float).copy()
         time, moved, width = 0.0, 0.0, self._first_width(until)
         scale = np.full(len(self._read), 1e-300)
         while until is None or time < until:
-            ahead = next((b for b in breaks if b > time), np.inf)
+            while breaks and breaks[0] <= time:
+                breaks.popleft()
+            ahead = breaks[0] if breaks else np.inf
             whole = width >= (ahead - time) * (1 - _SAME)
             used = ahead - time if whole else width
             states, signals, quality = self._try(time, used, x, scale)
@@ -177,6 +182,7 @@ class Marcher:
         self._starts.append(time)
         self._widths.append(width)
         self._values.append(signals)
+        self._series.append(TO_SERIES @ signals[:, self._count :])
 
     def _first_width(self, until: float | None) -> float:
         fastest = float(np.abs(np.linalg.eigvals(self._system.a)).max(initial=0.0))
@@ -202,11 +208,12 @@ class Marcher:
         """Return states, signals at the nodes and how far from resolved a step is."""
         drive = self._drive(time, width)
         series = TO_SERIES @ drive
-        if width not in self._steps:
+        alike = float(f"{width:.12e}")  # widths that differ by rounding share their map
+        if alike not in self._steps:
             if len(self._steps) >= _MOST_WIDTHS:
                 raise CannotFollowError
-            self._steps[width] = _Step(np.asarray(self._system.a, dtype=float), self._b, width)
-        states = self._steps[width].states(x, series)
+            self._steps[alike] = _Step(np.asarray(self._system.a, dtype=float), self._b, alike)
+        states = self._steps[alike].states(x, series)
         signals = states @ self._read.T + drive @ self._direct.T
         self._loudest = np.maximum(self._loudest, np.abs(drive).max(axis=0))
         own = np.abs(TO_SERIES @ signals)[-2:].max(axis=0) / np.maximum(scale, np.abs(signals).max(axis=0))
@@ -228,15 +235,15 @@ class Marcher:
         middle = 0.5 * (t[0] + t[-1])
         if middle < 0 or not self._starts:
             return found
-        starts, widths = np.array(self._starts), np.array(self._widths)
         # instants at the seam of two steps belong to the side that the middle of this step lies on
         nudged = t + np.where(t < middle, 1, -1) * 1e-9 * width
-        index = np.clip(np.searchsorted(starts, nudged, side="right") - 1, 0, len(starts) - 1)
-        for k in np.unique(index):
-            own = index == k
-            place = 2 * (t[own] - starts[k]) / widths[k] - 1
-            series = TO_SERIES @ self._values[k][:, self._count + channel]
-            found[own] = chebyshev.chebval(np.clip(place, -1 - 1e-9, 1 + 1e-9), series)
+        first = max(bisect.bisect_right(self._starts, nudged[0]) - 1, 0)
+        last = bisect.bisect_right(self._starts, nudged[-1]) - 1
+        for k in range(first, last + 1):
+            end = self._starts[k + 1] if k < last else np.inf
+            own = (nudged >= self._starts[k]) & (nudged < end) if k > first else nudged < end
+            place = np.clip(2 * (t[own] - self._starts[k]) / self._widths[k] - 1, -1 - 1e-9, 1 + 1e-9)
+            found[own] = chebyshev.chebval(place, self._series[k][:, channel])
         found[nudged < 0] = 0.0
         return found
 
@@ -253,9 +260,14 @@ class Marcher:
         right = np.concatenate([self._b[:, : len(commands)] @ commands, through @ commands])
         if not n + m:
             return np.asarray(self._direct[: self._count, : len(commands)] @ commands)
-        found, *_ = np.linalg.lstsq(matrix, right, rcond=1e-13)
-        if np.abs(matrix @ found - right).max() > 1e-9 * max(np.abs(right).max(), 1e-300):
+        # rows and columns of one size: states differ by many decades
+        rows = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+        columns = 1 / np.maximum(np.abs(matrix * rows[:, None]).max(axis=0), 1e-300)
+        even, target = matrix * rows[:, None] * columns, right * rows
+        found, *_ = np.linalg.lstsq(even, target, rcond=1e-14)
+        if np.abs(even @ found - target).max() > 1e-9 * max(np.abs(found).max(), np.abs(target).max()):
             return None
+        found *= columns
         drive = np.concatenate([commands, found[n:]])
         return np.asarray(self._read[: self._count] @ found[:n] + self._direct[: self._count] @ drive)
 
