@@ -1,24 +1,26 @@
 """Limit cycles: what a simulated response swings in for ever, and what describing functions predict of it.
 
-Every nonlinear block with a describing function is looked at in turn, all others being linearised at rest. The
+Every nonlinear block that has a describing function is looked at in turn, all others being linearised at rest. The
 prediction assumes that what comes back to the block is a sine about 0: the better the loop filters, the better it is.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
 from engine.errors import EngineError
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import merged, path
 from engine.linear.poles import poles
 from engine.linear.system import LaneSystem
-from engine.nonlinear.describing_function import Cycle, cycles
+from engine.nonlinear.describing_function import Cycle, cycles, fourier_gain
 from engine.spectra.harmonics import harmonics_of_curve
 from engine.verdicts import Verdict
 
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from engine.nonlinear.laws import Law
     from engine.nonlinear.response import Response
 
+_AMPLITUDES: Final = np.logspace(-5, 3, 41)
+"""Where a law without a closed form is looked at, unit of its input."""
+_FEWEST: Final = 4
 _FLOOR: Final = 1e-9
 _MOST_POINTS: Final = 1500
 _PERIODS: Final = 3
@@ -75,11 +80,12 @@ def predicted(diagram: Diagram, overrides: Mapping[str, float] | None = None) ->
     """
     found: list[PredictedCycle] = []
     for law in diagram.laws(overrides).laws:
-        if law.element.describing_function(np.ones(1), law.real) is None:
+        gain = _gain(law)
+        if gain is None:
             continue
         try:
             seen = _Seen(diagram, law.label, overrides)
-            solutions = cycles(_gain(law), seen.frequencies, seen.loop, 1.0)
+            solutions = cycles(gain, seen.frequencies, seen.loop, 1.0)
         except EngineError:  # nothing is known of a loop that does not exist
             continue
         found.extend(
@@ -92,11 +98,33 @@ def predicted(diagram: Diagram, overrides: Mapping[str, float] | None = None) ->
     return tuple(found)
 
 
-def _gain(law: Law) -> Gain:
-    def gain(amplitude: npt.NDArray[np.float64]) -> npt.NDArray[np.complex128]:
-        return np.asarray(law.element.describing_function(amplitude, law.real), dtype=complex)
+def _gain(law: Law) -> Gain | None:
+    """Return N(A): the closed form of a law or, for one without memory, its Fourier integrals at amplitudes between which ln N is smooth."""
+    element, values = law.element, law.real
+    if element.describing_function(np.ones(1), values) is not None:
 
-    return gain
+        def closed(amplitude: npt.NDArray[np.float64]) -> npt.NDArray[np.complex128]:
+            return np.asarray(element.describing_function(amplitude, values), dtype=complex)
+
+        return closed
+    ports = element.ports(values)
+    if (len(ports.inputs), len(ports.outputs)) != (1, 1) or element.states or element.period(values) is not None:
+        return None
+    table: dict[float, complex] = {}
+    for amplitude in _AMPLITUDES:
+        with contextlib.suppress(ValueError, EngineError):  # too sharp a bend to be followed at this amplitude
+            table[float(amplitude)] = fourier_gain(element, values, float(amplitude))
+    known = {amplitude: gain for amplitude, gain in table.items() if np.isfinite(gain) and gain != 0}
+    if len(known) < _FEWEST:
+        return None
+    gains = np.array(list(known.values()))
+    logarithm = np.log(np.abs(gains)) + 1j * np.unwrap(np.angle(gains))
+    spline = CubicSpline(np.log(list(known)), logarithm, extrapolate=False)
+
+    def tabulated(amplitude: npt.NDArray[np.float64]) -> npt.NDArray[np.complex128]:
+        return np.asarray(np.exp(spline(np.log(amplitude))))
+
+    return tabulated
 
 
 class _Seen:

@@ -119,6 +119,20 @@ def test_coulomb_friction_that_feeds_a_swing_is_told_unstable():
     assert np.abs(outside.curves["x"]).max() > 2.0
 
 
+def test_friction_without_a_closed_form_is_integrated():
+    """As above, with a friction that builds up over v_t: 4 F/(π A) falls short by no more than (v_t/A)² of itself, about."""
+    blocks = {
+        "n": block("sum", signs="+--"), "g": block("gain", gain=0.2), "v": block("integrator"), "x": block("integrator"),
+        "f": block("friction", coulomb=0.1, transition_velocity=2e-3),
+    }  # fmt: skip
+    wires = ["v -> g", "g -> n.in1", "x -> n.in2", "f -> n.in3", "n -> v", "v -> x", "v -> f.velocity"]
+    cycles = predicted(compile_system(document(blocks, wires, {"x": "x"})))
+    large = max(cycles, key=lambda cycle: cycle.amplitude)
+    assert not large.stable
+    assert large.frequency == pytest.approx(1.0, rel=1e-6)
+    assert large.amplitude == pytest.approx(4 * 0.1 / (math.pi * 0.2), rel=1e-3)
+
+
 def test_a_loop_that_settles_has_no_limit_cycle():
     found = simulate(loop(block("saturation"), lags(2.0)), signals={"r": make("step", {"amplitude": 3.0})})
     assert found.limit_cycle is None
