@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 _SETTINGS: dict[str, dict[str, Any]] = {
-    "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10, "time_limit": 20.0},
-    "SCS": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 20_000, "time_limit_secs": 20.0},
+    "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10, "time_limit": 5.0},
+    "SCS": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 20_000, "time_limit_secs": 5.0},
 }
 """An interior-point method first, which is exact; a first-order method where that finds no way."""
 

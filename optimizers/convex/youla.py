@@ -177,12 +177,19 @@ class _Family:
         """Return the bound for z = (a - s)/(a + s), evaluated on a finer grid than the one it is found on."""
         rolloff = self._rolloff(centre)
         theta, fine = _angles(_GRID), _angles(_FINER * _GRID)
-        found = _dual(self._rows(centre * np.tan(theta / 2), centre, rolloff), theta)
+        coarse = self._rows(centre * np.tan(theta / 2), centre, rolloff)
+        moved = [k for k, row in enumerate(coarse) if row.t.any()]
+        if not any(coarse[k].goal for k in moved):
+            return None
+        exact = self._rows(centre * np.tan(fine / 2), centre, rolloff)
+        if not np.all(np.abs([exact[k].t for k in moved]).max(axis=0) > 0):
+            return 0.0  # frequencies at which nothing is asked take everything
+        found = _dual([coarse[k] for k in moved], theta)
         if found is None:
             return None
         series, multipliers = found
         between = [np.interp(fine, theta, h.real) + 1j * np.interp(fine, theta, h.imag) for h in multipliers]
-        return _value(self._rows(centre * np.tan(fine / 2), centre, rolloff), fine, series, between)
+        return _value([exact[k] for k in moved], fine, series, between)
 
     def _rolloff(self, centre: float) -> int:
         """Return by how many powers of s the effect of Q fades where it fades least: by so many Q may be improper."""

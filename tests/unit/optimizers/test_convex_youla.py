@@ -5,7 +5,7 @@ import pytest
 
 from bench.optimizers.cases_convex import CHOSEN, LEAST_ERROR, LOAD, PI, gain, loop, tracking
 from engine.diagram import Block, Connection, System, compile_system
-from engine.masks import FrequencyBounds, Rational
+from engine.masks import Corners, FrequencyBounds, Rational
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.convex.youla import best_linear
@@ -49,6 +49,18 @@ def test_a_zero_limits_the_weighted_sensitivity() -> None:
     assert found == pytest.approx(expected, rel=2e-3)
     assert found is not None
     assert found <= expected * (1 + 1e-9)
+
+
+def test_what_is_asked_of_a_band_alone_has_no_limit() -> None:
+    band = FrequencyBounds(upper=Corners(frequencies=(0.1, 1.0), magnitudes=(0.5, 0.5)))
+    diagram = loop(
+        controller=PI,
+        parameters={"kp": gain(0.1), "ki": gain(0.02)},
+        numerator=[-1.0, 4.0],
+        denominator=[1.0, 3.0, 2.0],
+    )
+    goal = Goal(metric="sensitivity_bound", open_at="controller", sense=Sense.MINIMIZE, mask=band)
+    assert limit(Problem(diagram=diagram, variables=CHOSEN, goals=(goal,))) == 0.0
 
 
 def test_richer_controllers_come_near_the_limit() -> None:
