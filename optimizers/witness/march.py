@@ -44,11 +44,11 @@ _DRIVE = 0.1
 """The drive is integrated: its last coefficients count less."""
 _SAME = 1e-12
 _DIVERGED = 1e60
-_MOST_STEPS = 20_000
+_MOST_STEPS = 2500
 _MOST_WIDTHS = 200
 _ECHOES = 6
 _MOST_BREAKS = 300
-_SETTLED = 1e-10
+_SETTLED = 1e-9
 
 
 class CannotFollowError(Exception):
@@ -168,9 +168,9 @@ class Marcher:
                 width = used
             if finals is not None and self._moves(signals, finals, scale):
                 moved = time
-            # at rest for a third of the time since the commands ended, and for longer than any echo takes
+            # at rest for a tenth of the time since the commands ended, and for longer than any echo takes
             since = time - last
-            if until is None and time - moved >= since / 3 and since > 3 * float(self._delays.sum()) and since > 0:
+            if until is None and time - moved >= since / 10 and since > 3 * float(self._delays.sum()) and since > 0:
                 break
         values = np.stack(self._values)[:, :, : self._count]
         return March(starts=np.array(self._starts), widths=np.array(self._widths), values=values, finals=finals)

@@ -110,6 +110,7 @@ class _Bench:
         self._system = system
         self._sweeps: dict[tuple[str | None, ...], Sweep] = {}
         self._marches: dict[tuple[object, ...], March] = {}
+        self._refused: set[tuple[object, ...]] = set()
 
     def measure(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
         """Return the value of a metric, None where it has no reading here."""
@@ -175,10 +176,14 @@ class _Bench:
         """Return one output; all that some goal looks at are followed together."""
         outputs = sorted({str(r.output) for r in self._requests if r.output is not None})
         key = (until, *((port, id(signal)) for port, signal in signals.items()))
+        if key in self._refused:
+            raise CannotFollowError
         if key not in self._marches:
+            self._refused.add(key)
             commands = [(self._system.inputs.index(port), signal) for port, signal in signals.items()]
             columns = [self._system.outputs.index(output) for output in outputs]
             self._marches[key] = Marcher(self._system, commands, columns).run(until)
+            self._refused.discard(key)
         output = self._system.outputs.index(str(request.output))
         initial = float(self._system.c1[output] @ self._system.x0)
         begin = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)

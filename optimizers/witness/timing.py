@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _LOOKS = np.linspace(0.0, 1.0, 33)
 _TO_LOOKS = chebyshev.chebvander(2 * _LOOKS - 1, len(NODES) - 1) @ TO_SERIES
+_STILL = 1e-13
+"""A step that varies by less than this part of the response turns nowhere but in its rounding."""
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -78,9 +80,10 @@ class Trace:
     def largest(self) -> float:
         """Return the greatest value."""
         looks = self.values @ _TO_LOOKS.T
-        near = np.flatnonzero(looks.max(axis=1) >= looks.max() - 0.05 * np.ptp(self.values))
         best = float(max(looks.max(), self.values.max()))
-        for k in near:
+        reach = np.ptp(looks, axis=1)
+        near = (looks.max(axis=1) + 0.05 * reach >= best) & (reach > _STILL * np.abs(self.values).max())
+        for k in np.flatnonzero(near):
             series = TO_SERIES @ self.values[k]
             best = max([best, *(float(chebyshev.chebval(place, series)) for place in _turns(series))])
         return best
@@ -88,31 +91,31 @@ class Trace:
     def crossings(self, level: float) -> list[float]:
         """Return every instant at which the level is passed, rising."""
         found: list[float] = []
-        looks = self.values @ _TO_LOOKS.T - level
-        for k in range(len(self.starts)):
-            if k and (looks[k - 1, -1] < 0) != (looks[k, 0] < 0):
+        below = self.values @ _TO_LOOKS.T < level
+        jumps = np.zeros(len(below), dtype=bool)
+        jumps[1:] = below[1:, 0] != below[:-1, -1]
+        changes = below[:, 1:] != below[:, :-1]
+        for k in np.flatnonzero(jumps | changes.any(axis=1)):
+            if jumps[k]:
                 found.append(float(self.starts[k]))
-            signs = looks[k] < 0
             series = TO_SERIES @ self.values[k]
             series[0] -= level
-            for j in np.flatnonzero(signs[1:] != signs[:-1]):
-                root = brentq(
-                    lambda x, s=series: chebyshev.chebval(x, s), 2 * _LOOKS[j] - 1, 2 * _LOOKS[j + 1] - 1, xtol=1e-15
-                )
+            for j in np.flatnonzero(changes[k]):
+                ends = 2 * _LOOKS[j] - 1, 2 * _LOOKS[j + 1] - 1
+                root = brentq(lambda x, s=series: chebyshev.chebval(x, s), *ends, xtol=1e-15)
                 found.append(float(self.starts[k] + self.widths[k] * (root + 1) / 2))
         return found
 
     def integral(self, of: Callable[[Real, Real], Real], cuts: list[float]) -> float:
         """Return the integral of a function of (t, y), smooth between ``cuts``."""
         edges = np.unique(np.concatenate([self.starts, [self.end], [c for c in cuts if self.starts[0] < c < self.end]]))
-        total = 0.0
-        middles = 0.5 * (edges[1:] + edges[:-1])
+        middles, halves = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
         owner = np.clip(np.searchsorted(self.starts, middles, side="right") - 1, 0, len(self.starts) - 1)
-        for a, b, k in zip(edges[:-1], edges[1:], owner, strict=True):
-            t = 0.5 * (a + b) + 0.5 * (b - a) * _POINTS
-            y = chebyshev.chebval(2 * (t - self.starts[k]) / self.widths[k] - 1, TO_SERIES @ self.values[k])
-            total += 0.5 * (b - a) * float(_WEIGHTS @ of(t, y))
-        return total
+        t = middles[:, None] + halves[:, None] * _POINTS
+        place = 2 * (t - self.starts[owner, None]) / self.widths[owner, None] - 1
+        series = (self.values @ TO_SERIES.T)[owner]
+        y = chebyshev.chebval(place, series.T[:, :, None], tensor=False)
+        return float(halves @ (of(t, y) @ _WEIGHTS))
 
 
 def _turns(series: Real) -> list[float]:
