@@ -9,10 +9,10 @@ shows the error of the finer one in all these cases. What stays doubtful belongs
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -118,6 +118,8 @@ class NonlinearBatch:
         lifetime = linear.lifetime
         self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0
         self._doublings: dict[tuple[int, float], int] = {}
+        self._writing = threading.Lock()
+        self._searched: Rest | None = None
 
     def __call__(self, points: Real, *, threads: int | None = None) -> Screened:
         """Return the metrics of candidates.
@@ -252,9 +254,12 @@ class NonlinearBatch:
             floors=floors, finest=pieces.stride > 1,
         )  # fmt: skip
 
-    @cached_property
     def _rest(self) -> Rest:
-        return Rest(self._equations, self._outputs)
+        """Return the search for rest, written into the graph when it is needed for the first time."""
+        with self._writing:
+            if self._searched is None:
+                self._searched = Rest(self._equations, self._outputs)
+        return self._searched
 
     def _rested(
         self, experiment: Experiment, marched: Marched, given: _Given, curves: dict[int, Curves]
@@ -271,7 +276,7 @@ class NonlinearBatch:
         rows = np.flatnonzero(unclear)
         if not rows.size:
             return curves
-        found = self._rest(given.points[rows], marched.states[:, rows], constants)
+        found = self._rest()(given.points[rows], marched.states[:, rows], constants)
         single = np.zeros(len(unclear), dtype=bool)
         single[rows] = found.single
         rests = np.full((len(curves), len(unclear)), np.nan)

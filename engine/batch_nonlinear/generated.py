@@ -43,7 +43,7 @@ class Generated:
         self.march: Callable[[Real, Real, float, int, Real], None] | None = None
         self._program = program
         self._engine: Any = None
-        self._thread = threading.Thread(target=self._generate, daemon=True, name="code generation")
+        self._thread = threading.Thread(target=self._generate, name="code generation")
         self._thread.start()
 
     def wait(self) -> None:
