@@ -120,7 +120,7 @@ class _State:
 
 
 def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
-    """Search; return whether the last look around the best point found nothing better worth mentioning."""
+    """Search; return whether the polish of the best point found nothing better worth mentioning."""
     margins = np.full(len(tracker.evaluator.problem.goals), SAFETY)
     keeper = tracker.monitor if isinstance(tracker.monitor, Keeper) else None
     # Drawn before anything is known, so that a run that goes on later draws the same.
@@ -154,9 +154,9 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
     else:
         descent.run(tracker.best, evaluations=_LAST_DESCENT)
         _surround(tracker, tracker.best, clouds[0], rounds=8, size=64)
-    entered = tracker.rank
     tracker.monitor.progress(0.85, "polishing")
     descent.run(tracker.best, evaluations=_DESCENT)
+    entered = tracker.rank
     Polish(tracker, margins).run(tracker.best, evaluations=_POLISH)
     gain = _gain(entered, tracker.rank)
     descend_to_proof(tracker, margins)
