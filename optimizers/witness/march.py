@@ -2,8 +2,9 @@
 
     x' = A x + B v,   v(s) = Σ c_k T_k(2s - 1),   [x; c](s) = exp(s [[h A, h B T(-1)], [0, 2 D]]) [x; c](0)
 
-v holds the commands and the delayed signals, read from the steps before; D differentiates Chebyshev series. A step is halved
-until the series of all its signals end, doubled where they end early; it never crosses an instant where something breaks.
+v holds the commands and the delayed signals, read from the steps before and, where a step is longer than a delay, from the
+step itself: that is one linear equation for its nodes. D differentiates Chebyshev series. A step is halved until the series of
+all its signals end, doubled where they end early; it never crosses an instant where something breaks.
 
 References
 ----------
@@ -37,14 +38,15 @@ _DERIVATIVE = np.vstack([2 * chebyshev.chebder(np.eye(DEGREE + 1)), np.zeros(DEG
 
 _TERMS = 16
 """Of Taylor's series, for a norm of 1/2: 1e-18 of the first."""
-_ENDS = 1e-11
+_ENDS = 1e-10
 """The last coefficients of a resolved series, relative to the signal's largest value so far."""
-_EARLY = 1e-14
+_EARLY, _CALM = 1e-12, 2
+"""A step is doubled after so many whose last coefficients are as small as this."""
 _DRIVE = 0.1
 """The drive is integrated: its last coefficients count less."""
 _SAME = 1e-12
 _DIVERGED = 1e60
-_MOST_STEPS = 2500
+_MOST_STEPS = 4000
 _MOST_WIDTHS = 200
 _ECHOES = 6
 _MOST_BREAKS = 300
@@ -83,11 +85,30 @@ class _Step:
         whole[:n, :n] = a * width
         whole[:n, n:] = width * np.kron(b, (-1.0) ** np.arange(size))
         whole[n:, n:] = np.kron(np.eye(drives), _DERIVATIVE)
+        self.width = width
         self.maps = _exponentials(whole * NODES[:, None, None])[:, :n]
 
     def states(self, x: Real, series: Real) -> Real:
         """Return the states at the nodes, (DEGREE + 1, n), for a drive with ``series`` (DEGREE + 1, drives)."""
         return np.asarray(self.maps @ np.concatenate([x, series.T.ravel()]))
+
+    def closed(self, read: Real, direct: Real, delays: Real) -> tuple[Real, Real]:
+        """Return how delays that are shorter than the step close it: what they read of it, and the inverse of I - P J.
+
+        z = z0 + J w over all nodes, w = past + P z:  w = (I - P J)⁻¹ (past + P z0).  ``read`` (m, n) and ``direct`` (m, m) give
+        the delays' inputs z; ``P`` (nodes, nodes, m) interpolates them, earlier by each delay, where that is on the step.
+        """
+        m, size = len(delays), DEGREE + 1
+        own = self.maps[:, :, -m * size :].reshape(size, -1, m, size) @ TO_SERIES  # states for w, node by node
+        answer = np.einsum("kn,jnil->jkli", read, own)
+        answer[range(size), :, range(size), :] += direct
+        earlier = NODES[:, None] - delays / self.width
+        place = np.where(earlier >= 0, earlier, 0.0)
+        interpolation = np.where(
+            (earlier >= 0)[:, :, None], chebyshev.chebvander(2 * place - 1, DEGREE) @ TO_SERIES, 0.0
+        )
+        through = np.einsum("ukj,jkli->ukli", interpolation, answer).reshape(size * m, size * m)
+        return interpolation, np.linalg.inv(np.eye(size * m) - through)
 
 
 def _exponentials(matrices: Real) -> Real:
@@ -128,7 +149,9 @@ class Marcher:
         self._count = len(chosen)
         self._delays = np.asarray(system.delays, dtype=float)
         self._loudest = np.full(self._b.shape[1], 1e-300)
+        self._shortest = float(self._delays.min(initial=np.inf))
         self._steps: dict[float, _Step] = {}
+        self._closed: dict[float, tuple[Real, Real]] = {}
         self._starts: list[float] = []
         self._widths: list[float] = []
         self._values: list[Real] = []
@@ -148,7 +171,7 @@ class Marcher:
         breaks = deque(self._breaks(until))
         x = np.asarray(self._system.x0, dtype=float).copy()
         time, moved, width = 0.0, 0.0, self._first_width(until)
-        scale = np.full(len(self._read), 1e-300)
+        calm, scale = 0, np.full(len(self._read), 1e-300)
         while until is None or time < until:
             while breaks and breaks[0] <= time:
                 breaks.popleft()
@@ -157,13 +180,14 @@ class Marcher:
             used = ahead - time if whole else width
             states, signals, quality = self._try(time, used, x, scale)
             if quality > _ENDS and used > _SAME * time:
-                width = used / 2
+                width, calm = used / 2, 0
                 continue
             self._keep(time, used, signals)
             scale = np.maximum(scale, np.abs(signals).max(axis=0))
             x, time = states[-1], ahead if whole else time + used
-            if quality < _EARLY:
-                width = min(2 * used, float(self._delays.min(initial=np.inf)))
+            calm = calm + 1 if quality < _EARLY else 0
+            if calm > _CALM:
+                width, calm = 2 * used, 0
             elif not whole:
                 width = used
             if finals is not None and self._moves(signals, finals, scale):
@@ -206,27 +230,54 @@ class Marcher:
 
     def _try(self, time: float, width: float, x: Real, scale: Real) -> tuple[Real, Real, float]:
         """Return states, signals at the nodes and how far from resolved a step is."""
+        step = self._step(width)
         drive = self._drive(time, width)
+        if width > self._shortest * (1 + _SAME):
+            drive = self._closed_by_delays(step, drive, x)
         series = TO_SERIES @ drive
-        alike = float(f"{width:.12e}")  # widths that differ by rounding share their map
-        if alike not in self._steps:
-            if len(self._steps) >= _MOST_WIDTHS:
-                raise CannotFollowError
-            self._steps[alike] = _Step(np.asarray(self._system.a, dtype=float), self._b, alike)
-        states = self._steps[alike].states(x, series)
+        states = step.states(x, series)
         signals = states @ self._read.T + drive @ self._direct.T
         self._loudest = np.maximum(self._loudest, np.abs(drive).max(axis=0))
         own = np.abs(TO_SERIES @ signals)[-2:].max(axis=0) / np.maximum(scale, np.abs(signals).max(axis=0))
         driving = np.abs(series[-2:]).max(axis=0) / self._loudest
         return states, signals, float(max(own.max(initial=0.0), _DRIVE * driving.max(initial=0.0)))
 
+    def _step(self, width: float) -> _Step:
+        alike = float(f"{width:.12e}")  # widths that differ by rounding share their map
+        if alike not in self._steps:
+            if len(self._steps) >= _MOST_WIDTHS:
+                raise CannotFollowError
+            self._steps[alike] = _Step(np.asarray(self._system.a, dtype=float), self._b, alike)
+        return self._steps[alike]
+
+    def _closed_by_delays(self, step: _Step, drive: Real, x: Real) -> Real:
+        """Return the drive of a step that is longer than a delay, so that it hears itself."""
+        m, count = len(self._delays), self._count
+        if step.width not in self._closed:
+            direct = self._direct[count:, -m:]
+            self._closed[step.width] = step.closed(self._read[count:], direct, self._delays)
+        interpolation, inverse = self._closed[step.width]
+        known = drive.copy()
+        known[:, -m:] = 0.0
+        inputs = step.states(x, TO_SERIES @ known) @ self._read[count:].T + known @ self._direct[count:].T
+        right = drive[:, -m:] + np.einsum("ukj,jk->uk", interpolation, inputs)
+        known[:, -m:] = (inverse @ right.ravel()).reshape(-1, m)
+        return known
+
     def _drive(self, time: float, width: float) -> Real:
-        """Return commands and delayed signals at the nodes, (DEGREE + 1, drives); the last node from its left."""
+        """Return commands and delayed signals at the nodes, (DEGREE + 1, drives); the last node from its left.
+
+        Of a delay that is shorter than the step only what comes from before the step.
+        """
         t = time + width * NODES
         inner = t.copy()
         inner[-1] = np.nextafter(inner[-1], 0.0)
         columns = [np.asarray(signal.value(inner), dtype=float) for signal in self._signals]
-        columns += [self._past(i, t - delay, width) for i, delay in enumerate(self._delays)]
+        for channel, delay in enumerate(self._delays):
+            before = NODES * width < delay if delay < width * (1 - _SAME) else np.ones(len(NODES), dtype=bool)
+            column = np.zeros(len(NODES))
+            column[before] = self._past(channel, t[before] - delay, width)
+            columns.append(column)
         return np.stack(columns, axis=1)
 
     def _past(self, channel: int, t: Real, width: float) -> Real:
