@@ -52,8 +52,8 @@ LARGEST: Final = 1e100
 """Beyond this a growing response is not followed."""
 
 MAX_STEPS: Final = 200_000
-CROWD: Final = 100
-"""So many events within the millionth part of the time simulated are an accumulation."""
+CROWDS: Final = ((100, 1e-6), (1000, 2e-3))
+"""So many events within this part of the time simulated are an accumulation: at this pace no simulation comes to its end."""
 
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
 _ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
@@ -142,7 +142,7 @@ class Integration:
         self.steps = self.events = 0
         self.smooth = True
         self.error = 0.0
-        self._recent: deque[float] = deque(maxlen=CROWD)
+        self._recent: deque[float] = deque(maxlen=CROWDS[-1][0])
         self._agenda = Agenda()
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
@@ -494,7 +494,10 @@ class Integration:
             self._stepper.forget()
         self.events += 1
         self._recent.append(self.now)
-        if len(self._recent) == CROWD and self._recent[-1] - self._recent[0] <= 1e-6 * self._horizon:
+        if any(
+            len(self._recent) >= count and self._recent[-1] - self._recent[-count] <= part * self._horizon
+            for count, part in CROWDS
+        ):
             raise StoppedError(
                 Verdict.DOUBTFUL,
                 f"events of {self.system.laws[number].label} accumulate at t = {self.now:.6g} s: "

@@ -177,6 +177,23 @@ def test_a_relay_that_contradicts_itself_ends_with_a_verdict():
     assert any("chattering" in remark.detail for remark in found.warnings)
 
 
+def test_chatter_that_only_slowly_becomes_faster_ends_with_a_verdict():
+    """A mass on the edge between two levels of its encoder: ever faster, ever smaller swings, which no time step ends."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "c": block("pd", kp=400.0, kd=8.0, filter_frequency=2000.0),
+             "m": block("mass_spring_damper", mass=1.0, stiffness=0.0, damping=2.0), "q": block("quantizer", step=0.005)},
+            ["r -> e.in1", "m.position -> q", "q -> e.in2", "e -> c", "c -> m.force"],
+            {"y": "m.position"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {"amplitude": 0.1})}, duration=1.0)
+    assert found.verdict is Verdict.DOUBTFUL
+    assert any("accumulate" in remark.detail for remark in found.warnings)
+    rest = found.curves["y"][np.isfinite(found.curves["y"])][-1]
+    assert rest == pytest.approx(0.1025, abs=1e-6)  # 20.5 steps: an edge
+
+
 def test_a_loop_through_a_relay_alone_is_refused():
     """Sliding at u = 0 would take an output of 0 to be given by the relay to itself."""
     with pytest.raises(EngineError, match="what k hold must be moved by their outputs"):
