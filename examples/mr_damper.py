@@ -40,7 +40,9 @@ SAMPLES = 800
 RATE = 200
 """Samples per second of the recordings."""
 
-SHOWN = 8 * RATE
+COMPARED = 10.0
+"""So much of them is compared, s."""
+SHOWN = 6 * RATE
 """The cycle that begins after this sample is shown."""
 
 MEASURED: Mapping[str, Any] = {"color": "0.45", "linestyle": "", "marker": "o", "markersize": 2.5, "zorder": 3}
@@ -108,6 +110,7 @@ def validate(client: servotune.Client, current: float, name: str) -> Validation:
         inputs={"displacement": "displacement", "velocity": "velocity"},
         outputs={"force": "force"},
         parameters={"current.current": current},
+        window=(0, COMPARED),
     )
 
 

@@ -105,7 +105,8 @@ def run_validation(service: Installation, caller: Caller, request: ValidationReq
         raise invalid(f"window must hold at least 2 samples, got {max(part.stop - part.start, 0)}", "window")
     given = _offsets(request, diagram)
     with service.computing.slot():
-        simulated = _simulated(diagram, recording, overrides, place=("parameters",) if overrides else ("system",))
+        place = ("parameters",) if overrides else ("system",)
+        simulated = _simulated(diagram, recording, overrides, samples=part.stop, place=place)
         inputs = np.array([values[part] for values in recording.inputs.values()])
         time = np.arange(part.start, part.stop) * recording.sample_time
         outputs: dict[str, Any] = {}
@@ -159,14 +160,14 @@ def _offsets(request: ValidationRequest, diagram: Diagram) -> dict[str, float]:
 
 
 def _simulated(
-    diagram: Diagram, recording: Recording, overrides: Mapping[str, float], *, place: Place
+    diagram: Diagram, recording: Recording, overrides: Mapping[str, float], *, samples: int, place: Place
 ) -> dict[str, Values]:
-    """Return the model's answer to the recorded inputs; those not recorded are 0."""
+    """Return the model's answer to the first ``samples`` of the recorded inputs; those not recorded are 0."""
     with at(*place):
         system = diagram.realize(overrides)
         laws = diagram.laws(overrides) if diagram.nonlinear else None
     rest = np.zeros(recording.samples)
-    inputs = np.array([recording.inputs.get(name, rest) for name in diagram.inputs])
+    inputs = np.array([recording.inputs.get(name, rest)[:samples] for name in diagram.inputs])
     names = tuple(recording.outputs)
     if laws is not None:
         values, _ = simulate_recorded(laws, inputs, recording.sample_time, outputs=names)
