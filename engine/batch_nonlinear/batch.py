@@ -198,7 +198,7 @@ class NonlinearBatch:
         unsettled, most = [], None
         before: Look | None = None
         while rows.size and doublings <= MOST_DOUBLINGS:
-            pieces = Pieces.of(signals, end, FEWEST, doublings)
+            pieces = Pieces.of(signals, end, FEWEST, doublings, graded=True)
             looks = []
             widest = max(16, _WORDS // (pieces.words * (2 * len(self._outputs) + 1)))
             for first in range(0, len(rows), widest):

@@ -25,7 +25,11 @@ Real = npt.NDArray[np.float64]
 _INSIDE: Final = 1e-9
 """The ends of a piece are looked at so much inside it, in steps: commands jump there."""
 _INFINITESIMAL: Final = 1e-30
-MOST_SAMPLES: Final = 4096
+_RATIO: Final = 4.0
+_OCTAVES: Final = 7
+_WITHIN: Final = 4
+"""The first step behind a breakpoint is cut at its part 4^-7, 4^-6, ... and each of these is cut into so many steps."""
+MOST_SAMPLES: Final = 8192
 """A curve has about so many samples at most, however small its steps are; a cubic goes through them."""
 
 
@@ -50,7 +54,9 @@ class Pieces:
     inputs: list[Real]
 
     @classmethod
-    def of(cls, signals: Sequence[Signal | None], end: float, steps: int, doublings: int = 0) -> Pieces:
+    def of(
+        cls, signals: Sequence[Signal | None], end: float, steps: int, doublings: int = 0, *, graded: bool = False
+    ) -> Pieces:
         """Return pieces until ``end`` (s).
 
         Parameters
@@ -62,10 +68,14 @@ class Pieces:
             At least so many steps altogether,
         doublings : int
             which are halved so often.
+        graded : bool
+            Whether steps are smaller behind every breakpoint, where what is fast moves: a limit may be reached in an instant.
         """
         breaks = {t for signal in signals if signal is not None for t in signal.breakpoints() if 0 < t < end}
         edges = np.array([0.0, *sorted(breaks), end])
         counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
+        if graded:
+            edges, counts = _graded(edges, counts)
         fine = int(np.clip(np.floor(np.log2(MOST_SAMPLES / counts.sum())), 0, doublings))
         samples, stride = counts << fine, 1 << (doublings - fine)
         tables = []
@@ -172,6 +182,20 @@ class Marcher:
             times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2],
             states=registers[: program.states].reshape(program.states, -1)[:, :batch], covered=covered,
         )  # fmt: skip
+
+
+def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArray[np.int64]]:
+    """Return pieces whose first step is cut geometrically."""
+    fractions = _RATIO ** -np.arange(_OCTAVES, -1.0, -1.0)
+    cut, steps = [float(edges[0])], []
+    for first, last, count in zip(edges[:-1], edges[1:], counts.tolist(), strict=True):
+        small = first + (last - first) / count * fractions
+        cut += [*small[:-1].tolist(), float(small[-1] if count > 1 else last)]
+        steps += [_WITHIN] * len(fractions)
+        if count > 1:
+            cut.append(float(last))
+            steps.append(count - 1)
+    return np.array(cut), np.array(steps)
 
 
 def _fill(registers: Real, values: Real) -> None:

@@ -173,9 +173,23 @@ class Curves:
 
     @cached_property
     def bend(self) -> Real:
-        """What a kink between samples is worth where the curve is furthest from 0, (B,)."""
+        """What a kink between samples is worth where the curve is furthest from 0, (B,).
+
+        It reaches no further than to where the straight lines through both samples meet: at a limit, not at all.
+        """
         place = np.argmax(np.abs(self.values), axis=0)
-        return np.maximum(self.kink(np.maximum(place - 1, 0)), self.kink(np.minimum(place, len(self.times) - 2)))
+        b = np.arange(self.values.shape[1])
+        sign = np.sign(self.values[place, b])
+        worth = np.zeros(len(b))
+        for before in (np.maximum(place - 1, 0), np.minimum(place, len(self.times) - 2)):
+            h = self.times[before + 1] - self.times[before]
+            y0, y1 = sign * self.values[before, b], sign * self.values[before + 1, b]
+            d0, d1 = sign * self.slopes[before, b], sign * self.slopes[before + 1, b]
+            with np.errstate(all="ignore"):
+                meet = np.clip(np.nan_to_num((y1 - d1 * h - y0) / (d0 - d1)), 0.0, h)
+            beyond = np.maximum(y0 + d0 * meet - np.maximum(y0, y1), 0.0)
+            worth = np.maximum(worth, np.minimum(beyond, self.kink(before)))
+        return worth
 
     def kink(self, place: npt.NDArray[np.intp]) -> Real:
         """Return how far the curve may be from its cubic behind the samples ``place`` (B,): h |Δy'|/8 of what sticks out.

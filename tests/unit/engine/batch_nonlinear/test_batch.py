@@ -128,3 +128,38 @@ def test_a_command_that_goes_on_for_ever_needs_a_duration():
     found = NonlinearBatch(limited(), ["kp"], [timed])(np.array([[2.0]]))
     exact = measure(limited(), [timed])[0][0].value
     assert found.doubtful[0, 0] or abs(found.values[0, 0] / exact - 1) < 1e-4
+
+
+def test_a_limit_that_is_reached_in_an_instant_is_seen():
+    """Behind the step the controller's output rises by 1e6 per second until the limit stops it, after 20 microseconds."""
+    blocks = {
+        "r": Block(kind="input", values={}), "error": Block(kind="sum", values={"signs": "+-"}),
+        "law": Block(kind="pd2", values={"kp": "=kp", "kd1": 30.0, "filter_frequency": 300.0}),
+        "limit": Block(kind="saturation", values={"lower": -20.0, "upper": 20.0}),
+        "net": Block(kind="sum", values={"signs": "+-"}), "path": Block(kind="integrator", values={}),
+        "mass": Block(kind="transfer_function", values={"numerator": [0.5], "denominator": [1.0, 0.0]}),
+        "friction": Block(
+            kind="friction",
+            values={"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.02, "viscous": 3.0, "transition_velocity": 0.02},
+        ),
+    }  # fmt: skip
+    wires = [
+        ("r", "error.in1"), ("path", "error.in2"), ("error", "law"), ("law", "limit"), ("limit", "net.in1"),
+        ("friction", "net.in2"), ("net", "mass"), ("mass", "path"), ("mass", "friction"),
+    ]  # fmt: skip
+    diagram = compile_system(
+        System(
+            name="servo", parameters={"kp": Parameter(value=400.0)}, blocks=blocks, outputs={"y": "path", "u": "limit"},
+            connections=tuple(Connection(source=a, target=b) for a, b in wires),
+        )
+    )  # fmt: skip
+    step = {"r": make("step", {"amplitude": 0.5})}
+    asked = [
+        MetricRequest(metric=m, signals=step, output="y", duration=2.0) for m in ("rise_time", "settling_time", "iae")
+    ]
+    asked.append(MetricRequest(metric="control_effort", signals=step, output="u", duration=2.0))
+    found = NonlinearBatch(diagram, ["kp"], asked)(np.array([[400.0], [300.0]]))
+    assert not found.doubtful.any()
+    exact = measure(diagram, asked)
+    np.testing.assert_allclose(found.values[0], [m.value for m, _ in exact], rtol=1e-5)
+    assert found.values[1, 3] == 20.0

@@ -90,13 +90,26 @@ def test_samples_are_those_of_all_steps_thinned_out(loop):
     start, once, *_ = made.start(nonlinear_loop.sample(8, seed=7))
     signals = by_input(("reference",), {"reference": make("step", {"amplitude": 0.02, "start": 0.03})})
     march = Marcher(made, generate=False)
-    thin, full = Pieces.of(signals, 0.1, 2000, 3), Pieces.of(signals, 0.1, 16000)
+    thin, full = Pieces.of(signals, 0.1, 2000, 4), Pieces.of(signals, 0.1, 32000)
     assert (thin.stride, full.stride) == (4, 1)
     assert np.array_equal(thin.edges, [0.0, 0.03, 0.1])
     few, all_ = march(start, once, thin), march(start, once, full)
     assert few.times[-1] == all_.times[-1] == 0.1
     np.testing.assert_allclose(few.values[0, -1], all_.values[0, -1], rtol=1e-12)
     assert np.all(few.values[0, few.times < 0.03] == 0.0)
+
+
+def test_graded_steps_are_small_behind_every_breakpoint():
+    signals = by_input(("r",), {"r": make("step", {"amplitude": 1.0, "start": 0.25})})
+    pieces = Pieces.of(signals, 1.0, 4, 1, graded=True)
+    assert 0.25 in pieces.edges
+    assert pieces.edges[-1] == 1.0
+    widths = np.diff(pieces.edges) / (pieces.samples * pieces.stride)
+    for start in (0.0, 0.25):
+        first = int(np.searchsorted(pieces.edges, start))
+        assert widths[first] == pytest.approx(0.25 / 4**7 / 8, rel=1e-6)
+        assert np.all(np.diff(widths[first : first + 8]) > 0)
+    assert widths.max() == pytest.approx(1 / 8)
 
 
 def test_slopes_are_derivatives():
