@@ -70,5 +70,8 @@ def wide(count: int, seed: int) -> dict[str, Real]:
 def _around(spread: float, count: int, seed: int) -> dict[str, Real]:
     declared = diagram().parameters
     nominal = np.array([declared[name].value for name in PARAMETERS])
-    candidates = nominal * np.exp(np.random.default_rng(seed).uniform(-spread, spread, (count, len(PARAMETERS))))
+    candidates = np.random.default_rng(seed).uniform(-spread, spread, (count, len(PARAMETERS)))
+    # in place: a million candidates are not to stand in memory several times
+    np.exp(candidates, out=candidates)
+    candidates *= nominal
     return dict(zip(PARAMETERS, candidates.T.copy(), strict=True))

@@ -40,6 +40,8 @@ _BLOCK: Final = 8192
 """At most so many candidates are one piece of work for a thread."""
 _SMALL_BLOCK: Final = 512
 _PER_DECADE: Final = 30
+_EXTRA: Final = 3
+"""How often the samples of a response are doubled where the usual ones leave doubt."""
 _DENSITIES: Final = (1, 4, 16, 64)
 """How densely frequency is sampled, at first and where that is not enough, and so much further beyond the poles."""
 _MARGIN: Final = 30.0
@@ -206,17 +208,23 @@ class Batch:
         return results
 
     def _block(self, points: Real, results: Results, span: slice) -> None:
-        """Evaluate one block, and its curves again at more frequencies where the first look cannot vouch for them."""
+        """Evaluate one block, and again with more samples or frequencies where the first look cannot vouch for it."""
         rows = np.arange(span.start, span.stop)
         self._look(points, results, rows, self._time, self._spectrum(1))
         known = ~np.isnan(results.growth[rows])
+        again = rows[results.doubtful[rows][:, list(self._timed)].any(axis=1) & known]
+        if again.size:
+            self._look(points, results, again, self._time, self._no_spectrum, _EXTRA)
         for density in _DENSITIES[1:]:
             again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
             if again.size:
                 self._look(points, results, again, self._no_time, self._spectrum(density))
         results.doubtful[span][:, [not measured for measured in self.measured]] = True
 
-    def _look(self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram) -> None:
+    def _look(
+        self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram,
+        extra: int = 0,
+    ) -> None:  # fmt: skip
         """Evaluate candidates and enter what the programs ask for."""
         size = len(rows)
         timed = np.full((size, len(program.traces), TIMED), np.nan)
@@ -224,7 +232,7 @@ class Batch:
         growth, valid = np.full(size, np.nan), np.zeros(size)
         evaluate(
             self._tape, self._count, self._bounds, self._limits, self._pivots, self._smallest, program, spectrum,
-            points[rows], timed, framed, growth, valid,
+            points[rows], timed, framed, growth, valid, extra,
         )  # fmt: skip
         exists = valid > 0
         unsure = exists & np.isnan(growth)

@@ -53,7 +53,7 @@ def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
 @compiled
 def evaluate(
     tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
-    curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real,
+    curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real, extra: int,
 ) -> None:  # fmt: skip
     """Evaluate candidates.
 
@@ -74,6 +74,8 @@ def evaluate(
         Written likewise.
     growth, valid : ndarray, shape (B,)
         Written.
+    extra : int
+        Responses have 2^extra times as many samples as usual.
     """
     total = points.shape[0]
     n, nn, rows, experiments = program.states, program.padded, program.rows, program.experiments
@@ -174,7 +176,21 @@ def evaluate(
                 store2(edge, slope, 1, 0)
                 begin(states[t], edge[0, 0], edge[1, 0], final[t])
             follow(
-                program, e, powers, outputs, start, final, step, last, states, saved, watched, columns, samples, moving
+                program,
+                e,
+                powers,
+                outputs,
+                start,
+                final,
+                step,
+                last,
+                extra,
+                states,
+                saved,
+                watched,
+                columns,
+                samples,
+                moving,
             )
             locate(program, e, states, powers, start, outputs, taylors, final, step, reading, roles, numbers, vectors,
                    polynomial)  # fmt: skip

@@ -38,11 +38,16 @@ PATH_READINGS: Mapping[str, int] = MappingProxyType(
 )
 
 
+def _has(sums: Real, bits: int) -> Flags:
+    """Whether any of the bits is part of each sum; what was never written has none."""
+    return (np.where(np.isnan(sums), 0.0, sums).astype(int) & bits) != 0
+
+
 def time_value(metric: str, reading: Real, reference: float) -> tuple[Real, Flags]:
     """Return a metric (B,) and who is doubtful, from readings (B, READINGS); NaN where the metric does not exist."""
     final, size = reading[:, r.FINAL], reading[:, r.SIZE]
     needs = TIME_READINGS[metric]
-    doubt = (np.nan_to_num(reading[:, r.DOUBT]).astype(int) & needs) != 0
+    doubt = _has(reading[:, r.DOUBT], needs)
     relative = np.abs(final) > NEGLIGIBLE * size
     match metric:
         case "rise_time":
@@ -80,7 +85,7 @@ def _magnitude(metric: str, reading: Real) -> Real:
 def frequency_value(metric: str, reading: Real) -> tuple[Real, Flags]:
     """Return a metric (B,) and who is doubtful, from readings (B, READINGS) of a curve; infinite where nothing crosses."""
     needs = LOOP_READINGS.get(metric) or PATH_READINGS[metric]
-    doubt = (np.nan_to_num(reading[:, f.DOUBT]).astype(int) & needs) != 0
+    doubt = _has(reading[:, f.DOUBT], needs)
     match metric:
         case "gain_margin":
             return reading[:, f.GAIN_MARGIN], doubt

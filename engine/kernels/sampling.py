@@ -343,9 +343,9 @@ def _watch(watched: Real, rows: Real, powers: Real, level: int, count: int, nn: 
 @compiled
 def follow(
     program: TimeProgram, experiment: int, powers: Real, rows: Real, start: Real, final: Real, step: Real, last: int,
-    states: Real, saved: Real, watched: Real, columns: Real, samples: Real, moving: Real,
+    extra: int, states: Real, saved: Real, watched: Real, columns: Real, samples: Real, moving: Real,
 ) -> None:  # fmt: skip
-    """Sample the responses to one command in ``last`` passes, and scan them.
+    """Sample the responses to one command in ``last`` passes, and scan them; with 2^extra times as many samples at least.
 
     Parameters
     ----------
@@ -377,7 +377,7 @@ def follow(
             copy(main, count * nn, main, 3 * count * nn, count * nn)
             multiply(main[2 * count :], main, powers[level + 1], 2 * count, nn, nn, nn, nn, nn)
         # where the octave before needed finer samples, this one may, too
-        doubled = min(max(doubled - 1, 0), level)
+        doubled = min(max(doubled - 1, extra), level)
         if level > 0:
             copy(saved, 0, states, 0, traces * FIELDS)
         while True:

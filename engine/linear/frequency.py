@@ -31,6 +31,8 @@ SMALLEST_LOOP_GAIN = 1e-3
 """Crossings of a loop gain below this are not listed."""
 
 _STRAIGHT = 0.01
+_NEAR = 0.03
+"""Part of the magnitude within which a curve that is so straight may touch a level between two points of its scan."""
 _SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
 _SAME = 4e-16
 """Two frequencies that are nearer than this, relative to themselves, are one."""
@@ -318,6 +320,7 @@ class FrequencyResponse:
         omega, values = self.scan
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             level_of = shape(values.real, values.imag) - base
+        omega, values, level_of = self._with_turns(shape, base, omega, values, level_of)
         finite = np.isfinite(level_of)
         magnitude = np.abs(values)
         # the scan is straight to one percent: half the floor at both neighbours keeps what lies between below it
@@ -334,6 +337,33 @@ class FrequencyResponse:
         passes = np.abs(height(found)) <= np.minimum(np.abs(level_of[where]), np.abs(level_of[where + 1]))
         found = found[passes]
         return [self._moving(shape, float(root), level) for root in found]
+
+    def _with_turns(
+        self, shape: Shape, base: float, omega: Real, values: npt.NDArray[np.complex128], level_of: Real
+    ) -> tuple[Real, npt.NDArray[np.complex128], Real]:
+        """Add the turning points between neighbours on one side of a level, where they may lie on the other side.
+
+        The scan is straight to one percent, so that only what is about as near to the level can.
+        """
+        with np.errstate(invalid="ignore", over="ignore"):
+            magnitude = np.abs(values)
+            reach = _NEAR * np.maximum(magnitude, magnitude * magnitude)
+            near = np.abs(level_of) <= reach
+            together = (level_of[:-1] < 0) == (level_of[1:] < 0)
+        left = np.flatnonzero((near[:-1] | near[1:]) & together & np.isfinite(level_of[:-1] + level_of[1:]))
+        if not len(left):
+            return omega, values, level_of
+        ends = np.unique(np.concatenate([left, left + 1]))
+        away = self.slope(shape, omega[ends]) * np.where(level_of[ends] < 0, -1.0, 1.0)
+        left = left[(away[np.searchsorted(ends, left)] < 0) & (away[np.searchsorted(ends, left + 1)] > 0)]
+        turns = _roots(lambda w: self.slope(shape, w), omega[left], omega[left + 1])
+        between = self(turns)
+        heights = np.asarray(shape(between.real, between.imag) - base)
+        return (
+            np.insert(omega, left + 1, turns),
+            np.insert(values, left + 1, between),
+            np.insert(level_of, left + 1, heights),
+        )
 
     def _moving(self, shape: Shape, root: float, level: Array | float) -> Array:
         """Let the root at ``root`` carry its derivatives: dω/dp = -(∂g/∂p) / (∂g/∂ω)."""
