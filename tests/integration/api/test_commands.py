@@ -22,6 +22,7 @@ from api.commands import openapi
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, RAW, lag_recording, upload
 from tests.integration.api.test_datasets import FILE, TEXT
+from tests.support import postgres
 
 KEY = "a-key-of-the-operator"
 
@@ -147,9 +148,10 @@ def test_openapi_is_printed(capsys) -> None:
     assert '"openapi": "3.1.0"' in capsys.readouterr().out
 
 
-def test_no_secret_gets_into_the_most_talkative_log(tmp_path, database_url) -> None:
+def test_no_secret_gets_into_the_most_talkative_log(tmp_path, postgres_url, postgres_template) -> None:
     password = "the-password-of-the-database"
-    with_password = database_url.replace("postgres@/", f"postgres:{password}@/")
+    url = postgres.create_database(postgres_url, "talkative", template=postgres_template)
+    with_password = url.replace("postgres@/", f"postgres:{password}@/")
     log = tmp_path / "log.txt"
     with served(tmp_path, "--no-worker", database=with_password, bootstrap_key=KEY, log_level="debug") as (_, client):
         made = client.post("/v1/keys", json={"name": "x", "scopes": ["read"]}, headers={"Idempotency-Key": "once"})
@@ -165,3 +167,4 @@ def test_no_secret_gets_into_the_most_talkative_log(tmp_path, database_url) -> N
     assert "POST /v1/keys" in written  # it was talkative
     assert "Traceback" not in written
     assert [secret for secret in secrets if secret in written] == []
+    postgres.drop_database(postgres_url, "talkative")
