@@ -40,7 +40,7 @@ PATH_READINGS: Mapping[str, int] = MappingProxyType(
 
 def _has(sums: Real, bits: int) -> Flags:
     """Whether any of the bits is part of each sum; what was never written has none."""
-    return (np.where(np.isnan(sums), 0.0, sums).astype(int) & bits) != 0
+    return np.asarray((np.where(np.isnan(sums), 0.0, sums).astype(int) & bits) != 0)
 
 
 def time_value(metric: str, reading: Real, reference: float) -> tuple[Real, Flags]:
