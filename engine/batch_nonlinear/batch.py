@@ -208,7 +208,9 @@ class NonlinearBatch:
             look = Look.joined(looks)
             if extendable:  # what goes on moving is marched for longer anyway
                 moving = ~look.settled & np.isfinite(look.curves[:, -1]).all(axis=0)
-                unsettled.append(rows[moving])
+                # the exact path takes what moves steadily after a lifetime for an integrator: it has to decide
+                late = end - experiment.last >= (1 - 1e-9) * 2 * self._pace
+                unsettled.append(rows[moving & ~(look.steady & late)])
                 rows, look = rows[~moving], look.take(~moving)
                 before = None if before is None else before.take(~moving)
             if before is not None and rows.size:
@@ -234,7 +236,7 @@ class NonlinearBatch:
             np.ones((batch, len(experiment.requests)), bool),
         )
         floors = np.zeros_like(values)
-        settled = np.ones(batch, dtype=bool)
+        settled, steady = np.ones(batch, dtype=bool), np.zeros(batch, dtype=bool)
         with np.errstate(all="ignore"):
             curves = {
                 output: self._curves(experiment, pieces, marched, k, initial[k])
@@ -248,9 +250,10 @@ class NonlinearBatch:
                 floors[:, column] = floor(request.metric, own)
                 integral = request.metric in INTEGRALS and experiment.duration is None
                 settled &= own.still if integral else own.settled
+                steady |= own.steady
         doubtful[~marched.covered] = True
         return Look(
-            curves=marched.values, coarse=coarse(pieces), values=values, doubtful=doubtful, settled=settled,
+            curves=marched.values, coarse=coarse(pieces), values=values, doubtful=doubtful, settled=settled, steady=steady,
             floors=floors, finest=pieces.stride > 1,
         )  # fmt: skip
 

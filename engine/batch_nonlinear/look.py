@@ -34,7 +34,8 @@ class Look:
         Whether smaller steps bring no more samples.
     values, doubtful, floors : ndarray, shape (B, R)
         Metrics, and differences of them that mean nothing.
-    settled : ndarray of bool, shape (B,)
+    settled, steady : ndarray of bool, shape (B,)
+        Who has come to rest, and who moves at a constant rate in the end.
     """
 
     curves: Real
@@ -43,6 +44,7 @@ class Look:
     doubtful: Flags
     floors: Real
     settled: Flags
+    steady: Flags
     finest: bool
 
     @classmethod
@@ -55,14 +57,15 @@ class Look:
             values=np.concatenate([look.values for look in looks]),
             doubtful=np.concatenate([look.doubtful for look in looks]),
             floors=np.concatenate([look.floors for look in looks]),
-            settled=np.concatenate([look.settled for look in looks]), finest=looks[0].finest,
+            settled=np.concatenate([look.settled for look in looks]),
+            steady=np.concatenate([look.steady for look in looks]), finest=looks[0].finest,
         )  # fmt: skip
 
     def take(self, which: Flags) -> Look:
         """Return what it shows of some candidates."""
         return Look(
             curves=self.curves[:, :, which], coarse=self.coarse, values=self.values[which], doubtful=self.doubtful[which],
-            floors=self.floors[which], settled=self.settled[which], finest=self.finest,
+            floors=self.floors[which], settled=self.settled[which], steady=self.steady[which], finest=self.finest,
         )  # fmt: skip
 
     def agrees(self, before: Look) -> Flags:

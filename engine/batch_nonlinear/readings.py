@@ -29,6 +29,8 @@ NEAR: Final = 1e-3
 """One whose last tenth stays within this part of its size of the state of rest has settled on the exact path;"""
 _BETWEEN: Final = 0.1
 """this much nearer or further there is no doubt about it."""
+_STEADY: Final = 1e-4
+"""A rate that changes by less than this part of itself in the last tenth is constant."""
 _RESOLVED: Final = 1e-4
 """What a kink between two samples may change at most in a metric, relatively."""
 _NEARLY: Final = 1e-4
@@ -113,6 +115,12 @@ class Curves:
     def slow(self) -> Flags:
         """Who moves so little in the end that rest may be near, (B,)."""
         return np.asarray(np.ptp(self.values[self.late], axis=0) <= 3 * NEAR * self._spread)
+
+    @cached_property
+    def steady(self) -> Flags:
+        """Who goes on moving at a constant rate in the end, (B,)."""
+        rates = self.slopes[self.late]
+        return np.asarray(~self.settled & (np.ptp(rates, axis=0) <= _STEADY * np.abs(rates).max(axis=0)))
 
     @cached_property
     def settled(self) -> Flags:
@@ -339,9 +347,7 @@ def _largest(curves: Curves) -> tuple[Real, Real, Flags]:
     # what has not settled may still come to rest at more than it has been, or run on for ever
     end = curves.times[-1]
     open_end = ~curves.settled & (at >= end - 0.2 * (end - curves.last))
-    late = curves.slopes[curves.late]
-    steady = ~curves.settled & (np.ptp(late, axis=0) <= 1e-4 * np.abs(late).max(axis=0))
-    return value, at, open_end | steady | (curves.bend > _RESOLVED * value)
+    return value, at, open_end | curves.steady | (curves.bend > _RESOLVED * value)
 
 
 def _peak(curves: Curves) -> Reading:

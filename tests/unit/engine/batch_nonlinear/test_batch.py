@@ -163,3 +163,9 @@ def test_a_limit_that_is_reached_in_an_instant_is_seen():
     exact = measure(diagram, asked)
     np.testing.assert_allclose(found.values[0], [m.value for m, _ in exact], rtol=1e-5)
     assert found.values[1, 3] == 20.0
+
+
+def test_a_drive_that_runs_at_its_limit_for_long_is_left_to_the_exact_path():
+    """After a lifetime of the loop at small amplitude it still moves steadily, as an integrator would."""
+    batch = NonlinearBatch(loop(lower=-0.01, upper=0.01), ["kp"], requests("rise_time", "peak"))
+    assert batch(np.array([[2.0]])).doubtful.all()
