@@ -347,6 +347,8 @@ def _largest(curves: Curves) -> tuple[Real, Real, Flags]:
     # what has not settled may still come to rest at more than it has been, or run on for ever
     end = curves.times[-1]
     open_end = ~curves.settled & (at >= end - 0.2 * (end - curves.last))
+    if curves.duration is None:  # how far a swing without end is followed, the exact path knows
+        open_end = open_end | ~curves.settled
     return value, at, open_end | curves.steady | (curves.bend > _RESOLVED * value)
 
 
@@ -358,7 +360,9 @@ def _peak(curves: Curves) -> Reading:
 def _peak_time(curves: Curves) -> Reading:
     value, at, doubt = _largest(curves)
     barely = curves.settled & (value - np.abs(curves.final) <= _NEARLY * value)
-    return at - curves.start, doubt | barely
+    _, b, turned, _ = curves.turning
+    rivals = np.bincount(b[np.abs(turned) >= (1 - _NEARLY) * value[b]], minlength=len(value)) > 1
+    return at - curves.start, doubt | barely | rivals
 
 
 def _steady_state_error(curves: Curves) -> Reading:
