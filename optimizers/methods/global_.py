@@ -17,6 +17,7 @@ from scipy.stats import qmc
 
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
+from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.methods._base import Method
@@ -81,7 +82,8 @@ class Global(Method):
                 status, advice = Status.BUDGET, _SPENT
             tracker.budget = budget
             assert tracker.best is not None
-            Descent(tracker, margins).run(tracker.best, evaluations=_POLISH // 2)
+            Descent(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
+            Polish(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
             descend_to_proof(tracker, margins)
         except Stopped as stop:
             status = Status.CANCELLED if stop.cancelled else Status.BUDGET
