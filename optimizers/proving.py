@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimizers.certificate import certificate_of
+from optimizers.bundle import Polish
+from optimizers.certificate import certificate_of, number_of
+from optimizers.evaluate import Evaluator, Local
 from optimizers.problem import Vector
 from optimizers.search import SAFETY, Descent, Tracker
 
 _ROUNDS = 3
 _EVALUATIONS = 60
+_TRUSTED = 1e-4
+"""Relative difference of fast and exact objective from which on the fast one is not believed."""
 
 
 def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
     """Tighten ``margins`` (G,) until the best point holds for the exact engine, in a bounded number of rounds.
 
-    Fast metrics are right to about 1e-7, which a bound that is active does not forgive.
+    Fast metrics are right to about 1e-7, which a bound that is active does not forgive. Where the objective itself turns out to
+    be another one, fast evaluations led the search astray, and the rest of the way is made by exact ones.
 
     Raises
     ------
@@ -23,6 +28,7 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
         When cancelled or out of budget.
     """
     problem = tracker.evaluator.problem
+    _mistrust(tracker, margins)
     for _ in range(_ROUNDS):
         if tracker.best is None or tracker.rank[0] > 0:
             return
@@ -37,3 +43,47 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
         start, tracker.rank = tracker.best, (np.inf, np.inf)
         tracker.margins = np.maximum(margins - SAFETY, 0.0)
         Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
+
+
+class _Exactly(Evaluator):
+    """An evaluator whose slopes and values come from the exact path."""
+
+    def local(self, position: Vector) -> Local | None:
+        """Return values and slopes at one point, or None where a metric has no value in some scenario."""
+        self.evaluations += 1
+        point = self.problem.values(position)
+        rows = self.exact(point)
+        values = np.array([[number_of(measured) for measured, _ in row] for row in rows])
+        if np.isnan(values).any():
+            return None
+        reach = np.array([axis.slope(point[axis.parameter]) for axis in self.problem.axes])
+        slopes = np.array(
+            [
+                [np.zeros(len(reach)) if gradient is None else gradient.values * reach for _, gradient in row]
+                for row in rows
+            ]
+        )
+        slopes[~np.isfinite(slopes)] = 0.0
+        return Local(values=values, slopes=slopes)
+
+
+def _mistrust(tracker: Tracker, margins: Vector) -> None:
+    """Go on with exact evaluations where the objective of the best point is not what fast ones say."""
+    if tracker.best is None or tracker.rank[0] > 0:
+        return
+    exactly = _Exactly(tracker.evaluator.problem)
+    found = exactly.local(tracker.best)
+    if found is None:
+        return
+    objective = float(exactly.objectives(found.values).max())
+    if abs(objective - tracker.rank[1]) <= _TRUSTED * abs(objective):
+        return
+    start, tracker.rank = tracker.best, (np.inf, np.inf)
+    exactly.evaluations = tracker.evaluator.evaluations
+    tracker.evaluator, fast = exactly, tracker.evaluator
+    try:
+        Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
+        Polish(tracker, margins).run(start if tracker.best is None else tracker.best, evaluations=_EVALUATIONS)
+    finally:
+        fast.evaluations = exactly.evaluations
+        tracker.evaluator = fast
