@@ -17,6 +17,10 @@ Flags = npt.NDArray[np.bool_]
 
 NEGLIGIBLE = 1e-9
 """A difference below this part of the signal is not a difference."""
+BARELY = 1e-8
+"""A peak that exceeds the final value by less than this part has no instant that the curve defines."""
+_UNDECIDED = 0.1
+"""Nearer to that than this part of it, the exact path decides."""
 
 TIME_READINGS: Mapping[str, int] = MappingProxyType(
     {
@@ -63,23 +67,38 @@ def time_value(metric: str, reading: Real, reference: float) -> tuple[Real, Flag
             value = np.where(value <= NEGLIGIBLE, 0.0, value)
         case "steady_state_error":
             return reference - final, doubt
+        case "peak_time":
+            value, undecided = _peak_time(reading)
+            return value, doubt | undecided
         case _:
-            return _magnitude(metric, reading), doubt
+            return _magnitude(reading), doubt
     return np.where(relative & np.isfinite(final), value, np.nan), doubt
 
 
-def _magnitude(metric: str, reading: Real) -> Real:
-    """Return the largest absolute value or its time; a final value that is only approached has none."""
+def _largest(reading: Real) -> tuple[Real, Real, Real]:
+    """Return how far the response gets upwards, downwards and in the end, as absolute values; -1 where it does not."""
     top, bottom = np.abs(reading[:, r.TOP_VALUE]), np.abs(reading[:, r.BOTTOM_VALUE])
-    limit = np.abs(reading[:, r.FINAL])
     top = np.where(top > 1e299, -1.0, top)
     bottom = np.where(bottom > 1e299, -1.0, bottom)
+    return top, bottom, np.abs(reading[:, r.FINAL])
+
+
+def _magnitude(reading: Real) -> Real:
+    """Return the largest absolute value; the final value where that is only approached."""
+    top, bottom, limit = _largest(reading)
     largest = np.maximum(top, bottom)
-    approached = limit >= largest * (1 - 1e-13)
-    if metric == "peak_time":
-        time = np.where(top >= bottom, reading[:, r.TOP_TIME], reading[:, r.BOTTOM_TIME])
-        return np.where(approached, np.nan, time)
-    return np.where(approached, limit, largest)
+    return np.where(limit >= largest * (1 - 1e-13), limit, largest)
+
+
+def _peak_time(reading: Real) -> tuple[Real, Flags]:
+    """Return the instant of the largest absolute value, NaN where there is none, and who cannot be decided here."""
+    top, bottom, limit = _largest(reading)
+    largest = np.maximum(top, bottom)
+    excess = largest - limit
+    time = np.where(top >= bottom, reading[:, r.TOP_TIME], reading[:, r.BOTTOM_TIME])
+    return np.where(excess <= BARELY * largest, np.nan, time), np.abs(
+        excess - BARELY * largest
+    ) < _UNDECIDED * BARELY * largest
 
 
 def frequency_value(metric: str, reading: Real) -> tuple[Real, Flags]:
