@@ -56,9 +56,9 @@ def test_a_cursor_is_what_a_row_gave():
         id = "sys_1"
         created_at = datetime(2026, 11, 21, 12, 0, 0, 123456, tzinfo=UTC)
 
-    assert _decode(_encode(Row)) == (Row.created_at, Row.id)
+    assert _decode(_encode(Row, "id")) == (Row.created_at, Row.id)
     with pytest.raises(InvalidCursorError, match="next_cursor of this list"):
-        _decode(_encode(Row)[:-3])
+        _decode(_encode(Row, "id")[:-3])
 
 
 @pytest.mark.parametrize(
