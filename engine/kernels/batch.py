@@ -195,7 +195,7 @@ class Batch:
         )
         available = threads or len(os.sched_getaffinity(0))
         # whole vectors, so that the same candidates are neighbours on any number of threads
-        block = min(_BLOCK, max(_SMALL_BLOCK, -(-total // (2 * available * LANES)) * LANES))
+        block = min(_BLOCK, max(_SMALL_BLOCK, -(-total // (available * LANES)) * LANES))
         spans = [slice(first, min(first + block, total)) for first in range(0, total, block)]
         workers = min(available, len(spans))
         if workers <= 1:
