@@ -51,6 +51,15 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
     return Fault(place=place, detail=sentence)
 
 
+_KINDS = {
+    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
+    "tuple_type": "a list", "dict_type": "an object", "model_type": "an object", "model_attributes_type": "an object",
+    "float_type": "a number", "float_parsing": "a number", "int_type": "a whole number", "int_parsing": "a whole number",
+    "int_from_float": "a whole number", "finite_number": "a finite number",
+}  # fmt: skip
+"""What pydantic expected where the JSON value was of another kind."""
+
+
 def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
     """Return ``<name> must be <rule>, got <value>`` for what pydantic found."""
     given, limits = error.get("input"), error.get("ctx", {})
@@ -68,6 +77,8 @@ def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
         "less_than": f"{name} must be < {limits.get('lt')}, got {given}",
         "less_than_equal": f"{name} must be <= {limits.get('le')}, got {given}",
     }
+    if kind in _KINDS:
+        return f"{name} must be {_KINDS[kind]}, got {_shown(given)}"
     return sentences.get(kind, f"{name}: {message}, got {_shown(given)}")
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from engine.errors import Path
 from optimizers.problem import ProblemError, Variable
+from optimizers.problem.errors import amount
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
@@ -202,14 +203,18 @@ def _unknown(diagram: Diagram, variable: Variable, at: Path) -> Unknown:
     lower = max(_first(variable.lower, info.lower, -math.inf), _first(info.lower, None, -math.inf))
     upper = min(_first(variable.upper, info.upper, math.inf), _first(info.upper, None, math.inf))
     if not lower < upper:
-        raise ProblemError(f"upper must be > lower {lower:g} {info.unit}, got {upper:g}", at=(*at, "upper"))
+        raise ProblemError(f"upper must be > lower {amount(lower, info.unit)}, got {upper:g}", at=(*at, "upper"))
     if variable.scale not in {None, "linear", "log"}:
         raise ProblemError(f"scale must be linear or log, got {variable.scale!r}", at=(*at, "scale"))
     if variable.scale == "log" and lower <= 0:
-        raise ProblemError(f"lower must be > 0 {info.unit} on a logarithmic scale, got {lower:g}", at=(*at, "lower"))
+        raise ProblemError(
+            f"lower must be > {amount(0.0, info.unit)} on a logarithmic scale, got {lower:g}", at=(*at, "lower")
+        )
     start = info.value if variable.start is None else variable.start
     if variable.start is not None and not lower <= start <= upper:
-        raise ProblemError(f"start must be within {lower:g} … {upper:g} {info.unit}, got {start:g}", at=(*at, "start"))
+        raise ProblemError(
+            f"start must be within {lower:g} … {amount(upper, info.unit)}, got {start:g}", at=(*at, "start")
+        )
     # linear unless asked: responses are nearly linear in small lags, and an interval that meets 0 should show it
     return Unknown(
         parameter=name,

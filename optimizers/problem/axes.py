@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from engine.errors import Path
 from optimizers.commands import PREFIX
-from optimizers.problem.errors import ProblemError
+from optimizers.problem.errors import ProblemError, amount
 
 if TYPE_CHECKING:
     from engine.parameters import ParameterInfo
@@ -111,7 +111,9 @@ def axis_of(variable: Variable, info: ParameterInfo, at: Path) -> Axis:
     if levels:
         start = info.value if variable.start is None else variable.start
         if variable.start is not None and start not in levels:
-            raise ProblemError(f"start must be one of the values allowed, got {start:g} {info.unit}", at=(*at, "start"))
+            raise ProblemError(
+                f"start must be one of the values allowed, got {amount(start, info.unit)}", at=(*at, "start")
+            )
         return Axis(
             parameter=name, lower=levels[0], upper=levels[-1], start=min(levels, key=lambda level: abs(level - start)),
             log=False, unit=info.unit, levels=levels,
@@ -119,7 +121,9 @@ def axis_of(variable: Variable, info: ParameterInfo, at: Path) -> Axis:
     lower, upper = range_of(info, variable.lower, variable.upper, at)
     start = info.value if variable.start is None else variable.start
     if variable.start is not None and not lower <= start <= upper:
-        raise ProblemError(f"start must be within {lower:g} … {upper:g} {info.unit}, got {start:g}", at=(*at, "start"))
+        raise ProblemError(
+            f"start must be within {lower:g} … {amount(upper, info.unit)}, got {start:g}", at=(*at, "start")
+        )
     return Axis(
         parameter=name, lower=lower, upper=upper, start=min(max(start, lower), upper),
         log=logarithmic(variable.scale, info, lower, at), unit=info.unit,
@@ -137,7 +141,7 @@ def range_of(info: ParameterInfo, lower: float | None, upper: float | None, at: 
             )
     if low >= high:
         got = "a range of zero width" if low == high else f"{high:g}"
-        raise ProblemError(f"upper must be > lower {low:g} {info.unit}, got {got}", at=(*at, "upper"))
+        raise ProblemError(f"upper must be > lower {amount(low, info.unit)}, got {got}", at=(*at, "upper"))
     _check_within(info, {"lower": low, "upper": high}, at)
     return low, high
 
@@ -147,7 +151,9 @@ def logarithmic(scale: str | None, info: ParameterInfo, lower: float, at: Path) 
     if scale not in {None, "linear", "log"}:
         raise ProblemError(f"scale must be linear or log, got {scale!r}", at=(*at, "scale"))
     if scale == "log" and lower <= 0:
-        raise ProblemError(f"lower must be > 0 {info.unit} on a logarithmic scale, got {lower:g}", at=(*at, "lower"))
+        raise ProblemError(
+            f"lower must be > {amount(0.0, info.unit)} on a logarithmic scale, got {lower:g}", at=(*at, "lower")
+        )
     # A parameter's own log scale is a preference: bounds that include 0 or negative values override it.
     return (scale or info.scale) == "log" and lower > 0
 
@@ -191,7 +197,9 @@ def _check_within(info: ParameterInfo, bounds: dict[str, float], at: Path, *, pl
         if info.lower is not None and (bound < info.lower or excluded):
             sign = ">" if excluded else ">="
             raise ProblemError(
-                f"{key} of {info.path} must be {sign} {info.lower:g} {info.unit}, got {bound:g}", at=where
+                f"{key} of {info.path} must be {sign} {amount(info.lower, info.unit)}, got {bound:g}", at=where
             )
         if info.upper is not None and bound > info.upper:
-            raise ProblemError(f"{key} of {info.path} must be <= {info.upper:g} {info.unit}, got {bound:g}", at=where)
+            raise ProblemError(
+                f"{key} of {info.path} must be <= {amount(info.upper, info.unit)}, got {bound:g}", at=where
+            )

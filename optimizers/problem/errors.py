@@ -25,3 +25,8 @@ def refuse_repeats(names: Iterable[str], *at: str) -> None:
                 f"{at[-1]} must be different for each of {at[0]}, got {name!r} twice", at=(at[0], index, at[-1])
             )
         seen.add(name)
+
+
+def amount(number: float, unit: str) -> str:
+    """Return a number with its unit, for a sentence; what has none stands alone."""
+    return f"{number:g} {unit}".rstrip()
