@@ -5,6 +5,7 @@ The tapes are interpreted until code has been generated for them; the results ar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -156,7 +157,7 @@ class Marcher:
             self._code = generated(program)
         batch = start.shape[1]
         groups = -(-batch // LANES)
-        registers = np.zeros((program.registers, groups, LANES))
+        registers = _zeros((program.registers, groups, LANES))
         _fill(registers[: program.states], start)
         _fill(registers[program.first_once : program.first_once + len(once)], once)
         read = len(program.read)
@@ -166,7 +167,7 @@ class Marcher:
             for length, count, inputs in zip(
                 np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
             ):
-                record = np.empty((groups, count + 1, read, LANES))
+                record = _zeros((groups, count + 1, read, LANES))
                 width = float(length) / max(1, count * pieces.stride)
                 if code is None:
                     march(
@@ -196,6 +197,14 @@ def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArr
             cut.append(float(last))
             steps.append(count - 1)
     return np.array(cut), np.array(steps)
+
+
+def _zeros(shape: tuple[int, ...]) -> Real:
+    """Return zeros whose vectors each lie in one line of the cache; numpy's own begin 16 bytes beyond one."""
+    count = math.prod(shape)
+    raw = np.zeros(count + LANES - 1)
+    skip = -(raw.ctypes.data // raw.itemsize) % LANES
+    return raw[skip : skip + count].reshape(shape)
 
 
 def _fill(registers: Real, values: Real) -> None:
