@@ -171,7 +171,9 @@ class Provider:
                 metadata = self._ask("GET", self._issuer.rstrip("/") + "/.well-known/openid-configuration")
                 if metadata.get("issuer") != self._issuer:
                     raise _unavailable(f"the OpenID provider must call itself {self._issuer}, got another name")
-                keys = KeySet.import_key_set(self._ask("GET", str(metadata["jwks_uri"])))  # type: ignore[arg-type]
+                found = self._ask("GET", str(metadata["jwks_uri"]))
+                # a document from outside, which the library checks
+                keys = KeySet.import_key_set(found)  # type: ignore[arg-type]
                 self._found = (time.monotonic(), metadata, keys)
             return self._found[1], self._found[2]
 
