@@ -1,0 +1,53 @@
+"""Recordings and their samples."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+
+from api.schemas.replies.base import Curve, Number, Reply
+from api.schemas.replies.jobs import JobReply
+
+
+class DatasetHead(Reply):
+    """A recording as it is listed."""
+
+    id: str
+    name: str
+    format: str
+    status: Literal["open", "parsing", "ready", "failed"]
+    created_at: datetime
+    start_time: datetime | None
+
+
+class DatasetReply(DatasetHead):
+    """A recording without its samples."""
+
+    revision: int
+    document: dict[str, Any] | None
+    sample_rate: Number
+    sample_count: int | None
+    duration: Number
+    channels: list[dict[str, Any]]
+    size: int | None
+    sha256: str | None
+    error: dict[str, Any] | None
+    job: JobReply | None = None
+
+
+class SegmentReply(Reply):
+    """A segment that is there."""
+
+    sha256: str
+    size: int
+
+
+class ChannelReply(Reply):
+    """A stretch of a channel: `values`, or `min` and `max` of consecutive stretches."""
+
+    unit: str
+    sample_rate: float
+    time: Curve
+    values: Curve | None = None
+    min: Curve | None = None
+    max: Curve | None = None

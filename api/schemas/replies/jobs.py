@@ -1,0 +1,45 @@
+"""Long work, and results that are kept."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import Field
+
+from api.schemas.replies.base import Reply, SystemReference, WarningReply
+
+
+class JobReply(Reply):
+    """Long work and how far it is."""
+
+    id: str
+    kind: str
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    progress: float
+    message: str
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+    result: str | None
+    error: dict[str, Any] | None
+    schedule: str | None = Field(default=None, description="id of the schedule that asked for it")
+    system: SystemReference | None
+    warnings: list[WarningReply]
+
+
+class ResultHead(Reply):
+    """A kept result as it is listed."""
+
+    id: str
+    kind: str
+    created_at: datetime
+    system: SystemReference | None
+    versions: dict[str, str]
+
+
+class KeptResult(ResultHead):
+    """A kept result: the reply as it was given, and the request."""
+
+    request: dict[str, Any] | None
+    result: dict[str, Any]

@@ -1,0 +1,99 @@
+"""The service's replies, typed: what `client` returns are plain dictionaries with these keys, SI units throughout."""
+
+from __future__ import annotations
+
+from servotune.replies.cycles import LimitCycle, OperatingPoint, PredictedCycle
+from servotune.replies.datasets import ChannelData, Dataset
+from servotune.replies.fits import (
+    Estimate,
+    Fit,
+    FitReport,
+    Identification,
+    MeasuredCurves,
+    OutputValidation,
+    Validation,
+)
+from servotune.replies.influence import (
+    Change,
+    Coefficient,
+    Elasticity,
+    Influence,
+    PredictedMetric,
+    Prediction,
+    Strongest,
+)
+from servotune.replies.jobs import JobState
+from servotune.replies.optimizations import (
+    Alternative,
+    Certificate,
+    CertifiedGoal,
+    CrossCheck,
+    Evaluated,
+    FrontPoint,
+    GoalResult,
+    Map,
+    Optimization,
+    Share,
+)
+from servotune.replies.spectra import BandEnergy, Harmonics, Spectrum, SpectrumVariant
+from servotune.replies.studies import (
+    Crossing,
+    FrequencyResponse,
+    FrequencyVariant,
+    Margins,
+    Nyquist,
+    Simulation,
+    SimulationVariant,
+)
+from servotune.replies.systems import CatalogItem, StateSpace, Stored
+from servotune.replies.values import Metric, Root, Warned
+
+__all__ = [
+    "Alternative",
+    "BandEnergy",
+    "CatalogItem",
+    "Certificate",
+    "CertifiedGoal",
+    "Change",
+    "ChannelData",
+    "Coefficient",
+    "CrossCheck",
+    "Crossing",
+    "Dataset",
+    "Elasticity",
+    "Estimate",
+    "Evaluated",
+    "Fit",
+    "FitReport",
+    "FrequencyResponse",
+    "FrequencyVariant",
+    "FrontPoint",
+    "GoalResult",
+    "Harmonics",
+    "Identification",
+    "Influence",
+    "JobState",
+    "LimitCycle",
+    "Map",
+    "Margins",
+    "MeasuredCurves",
+    "Metric",
+    "Nyquist",
+    "OperatingPoint",
+    "Optimization",
+    "OutputValidation",
+    "PredictedCycle",
+    "PredictedMetric",
+    "Prediction",
+    "Root",
+    "Share",
+    "Simulation",
+    "SimulationVariant",
+    "Spectrum",
+    "SpectrumVariant",
+    "StateSpace",
+    "Stored",
+    "Strongest",
+    "Validation",
+    "Warned",
+]

@@ -1,0 +1,31 @@
+"""Where nonlinear systems rest and swing."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+
+class PredictedCycle(TypedDict):
+    """A limit cycle (rad/s) by the describing function of one block; ``amplitude`` is that at the block's input."""
+
+    block: str
+    frequency: float
+    amplitude: float
+    outputs: dict[str, float]
+    stable: bool
+
+
+class LimitCycle(TypedDict):
+    """What a response swings in for ever (rad/s, amplitudes of the fundamental), beside what is predicted."""
+
+    frequency: float
+    outputs: dict[str, float]
+    predictions: list[PredictedCycle]
+
+
+class OperatingPoint(TypedDict):
+    """Where a nonlinear system is linearised (SI)."""
+
+    inputs: dict[str, float]
+    outputs: dict[str, float]
+    rests: bool

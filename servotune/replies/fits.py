@@ -1,0 +1,68 @@
+"""Systems beside recordings: identification and validation."""
+
+from __future__ import annotations
+
+from typing import Any, TypedDict
+
+
+class Fit(TypedDict):
+    """How well simulated values follow measured ones (%)."""
+
+    fit_percent: float
+    relative_error_percent: float
+    vaf_percent: float
+    nrmse_percent: float
+
+
+class Estimate(TypedDict):
+    """An estimated parameter with its 95 % confidence interval."""
+
+    value: float
+    unit: str
+    lower95: float | None
+    upper95: float | None
+    start: float | None
+
+
+class FitReport(TypedDict):
+    """Fits on the part that estimated and on the part that did not, beside trivial models."""
+
+    estimation: dict[str, Fit]
+    validation: dict[str, Fit]
+    baselines: dict[str, Any]
+
+
+class Identification(TypedDict):
+    """The result of an identification."""
+
+    parameters: dict[str, Estimate]
+    offsets: dict[str, Any]
+    correlations: list[list[float]]
+    indistinguishable: list[str]
+    fit: FitReport
+    residuals: dict[str, Any]
+    status: str
+    advice: str
+
+
+class MeasuredCurves(TypedDict):
+    """Measured and simulated values over time (s)."""
+
+    time: list[float]
+    measured: list[float]
+    simulated: list[float]
+
+
+class OutputValidation(Fit):
+    """How one output compares with its recording."""
+
+    worst_interval: list[float]
+    baselines: dict[str, Any]
+    curves: MeasuredCurves
+
+
+class Validation(TypedDict):
+    """Measured against simulated, and the verdict."""
+
+    outputs: dict[str, OutputValidation]
+    verdict: str

@@ -1,0 +1,20 @@
+"""Long work."""
+
+from __future__ import annotations
+
+from typing import Any, NotRequired, TypedDict
+
+
+class JobState(TypedDict):
+    """What the service knows about a job."""
+
+    id: str
+    kind: str
+    status: str
+    progress: float
+    message: NotRequired[str | None]
+    created_at: NotRequired[str | None]
+    started_at: NotRequired[str | None]
+    finished_at: NotRequired[str | None]
+    result: NotRequired[str | None]
+    error: NotRequired[dict[str, Any] | None]
