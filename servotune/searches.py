@@ -1,0 +1,122 @@
+"""What takes the service longer: estimating parameters and choosing them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from servotune.documents import Document, SystemLike, given
+from servotune.jobs import Job
+from servotune.transport import Transport
+
+if TYPE_CHECKING:
+    from servotune.replies import Identification, Optimization
+
+
+class Searches:
+    """The part of `Client` whose methods return a job."""
+
+    _transport: Transport
+
+    def identify(
+        self,
+        system: SystemLike,
+        *,
+        dataset: str,
+        inputs: Mapping[str, str],
+        outputs: Mapping[str, str],
+        parameters: Sequence[str | Document],
+        offsets: str | None = None,
+        estimation: Sequence[float] | None = None,
+        validation: Sequence[float] | None = None,
+        split: float | None = None,
+    ) -> Job[Identification]:
+        """Start the estimation of parameters from a recording.
+
+        Parameters
+        ----------
+        inputs, outputs : mapping
+            Which channel of the dataset drives which port, and which one measures which output.
+        parameters : sequence
+            Names, or `{"parameter": "lag.time_constant", "lower": 0, "upper": 0.1, "start": 0.01}`.
+        offsets : str, optional
+            `"estimate"` adds an unknown constant to each output (a sensor's zero).
+        estimation, validation : (start, end), optional
+            Parts of the recording (s).
+        split : float, optional
+            The first part of the recording that estimates, when no parts are given.
+        """
+        body = given(
+            system=system,
+            dataset=dataset,
+            inputs=inputs,
+            outputs=outputs,
+            parameters=parameters,
+            offsets=offsets,
+            estimation=estimation,
+            validation=validation,
+            split=split,
+        )
+        return self._start("/v1/identifications", body)
+
+    def optimize(
+        self,
+        system: SystemLike,
+        *,
+        variables: Sequence[Document],
+        goals: Sequence[Document],
+        method: Document,
+        experiments: Sequence[Document] | None = None,
+        scenarios: Sequence[Document] | None = None,
+        across_scenarios: str | None = None,
+        uncertain: Sequence[Document] | None = None,
+        yield_samples: int | None = None,
+        cross_check: Sequence[str] | None = None,
+        alternatives: Sequence[Document] | None = None,
+    ) -> Job[Optimization]:
+        """Start a search for the variables that serve the goals best in the worst of the scenarios.
+
+        Parameters
+        ----------
+        system : str or mapping
+            Id or document.
+        variables : sequence of mappings
+            `{"parameter": "kp", "lower": 1, "upper": 10}`, with `choices` or `integer` for discrete ones, with
+            `"expression": "=kp/20"` for those that are tied to others.
+        goals : sequence of mappings
+            A metric with a `sense`, with `lower`, `upper` or `target`, `"hard": False` for what need not hold; whole
+            curves with `bounds` (`envelope`, `path_bound` ...) or a `reference` (`tracking_error`).
+        method : mapping
+            `{"kind": "gradient", "seed": 1}`.
+        experiments : sequence of mappings, optional
+            Commands under which time metrics are taken.
+        scenarios : sequence of mappings, optional
+            Parameter values that the same variables must serve.
+        across_scenarios : {"worst", "mean"}, optional
+            Which objective of the scenarios counts.
+        uncertain : sequence of mappings, optional
+            `{"parameter": "mass", "lower": 0.8, "upper": 1.2}`: the variables must serve the worst of the ranges.
+        yield_samples : int, optional
+            Draws of the uncertain parameters, for the share that meets the goals.
+        cross_check : sequence of str, optional
+            Other methods that solve it, too.
+        alternatives : sequence of mappings, optional
+            Structures to be compared, each a `system` or what it has to `add` and `remove`.
+        """
+        body = given(
+            system=system,
+            variables=variables,
+            experiments=experiments,
+            goals=goals,
+            scenarios=scenarios,
+            across_scenarios=across_scenarios,
+            uncertain=uncertain,
+            yield_samples=yield_samples,
+            cross_check=cross_check,
+            alternatives=alternatives,
+            method=method,
+        )
+        return self._start("/v1/optimizations", body)
+
+    def _start(self, path: str, body: Document) -> Job[Any]:
+        return Job(self._transport, self._transport.post(path, body, creates=True))

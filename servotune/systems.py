@@ -1,0 +1,82 @@
+"""System documents that the service keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, cast
+
+from servotune.documents import Document, given
+from servotune.transport import Transport
+
+if TYPE_CHECKING:
+    from servotune.replies import StateSpace, Stored
+
+
+class Systems:
+    """System documents that the service keeps; every change is a new revision."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+
+    def create(self, document: Document) -> Stored:
+        """Store a document and return it with its id."""
+        return cast("Stored", self._transport.post("/v1/systems", document, creates=True))
+
+    def get(self, system: str) -> Stored:
+        """Return the present revision."""
+        return cast("Stored", self._transport.get(f"/v1/systems/{system}"))
+
+    def list(self) -> Iterator[Stored]:
+        """Yield the stored systems."""
+        return self._transport.items("/v1/systems")
+
+    def revision(self, system: str, number: int) -> Stored:
+        """Return one revision, counted from 1."""
+        return cast("Stored", self._transport.get(f"/v1/systems/{system}/revisions/{number}"))
+
+    def revisions(self, system: str) -> Iterator[Stored]:
+        """Yield the revisions of one system."""
+        return self._transport.items(f"/v1/systems/{system}/revisions")
+
+    def update(self, system: str, document: Document, *, etag: str | None = None) -> Stored:
+        """Store a new revision.
+
+        Parameters
+        ----------
+        etag : str, optional
+            The version that the change starts from; by default the one stored now, whoever wrote it.
+
+        Raises
+        ------
+        PreconditionFailedError
+            Somebody else stored another revision since.
+        """
+        headers = {"If-Match": etag or self.etag(system)}
+        response = self._transport.send("PUT", f"/v1/systems/{system}", json=document, headers=headers)
+        return cast("Stored", self._transport.body(response))
+
+    def delete(self, system: str, *, etag: str | None = None) -> None:
+        """Delete a system; results keep the revision that they used."""
+        self._transport.send("DELETE", f"/v1/systems/{system}", headers={"If-Match": etag or self.etag(system)})
+
+    def state_space(self, system: str, *, open_at: str | None = None) -> StateSpace:
+        """Return the realised matrices in SI, with the names of states, inputs and outputs.
+
+        Parameters
+        ----------
+        system : str
+            Id of a stored system.
+        open_at : str, optional
+            Block where the loop is cut; `loop` is then the last input and the last output.
+        """
+        path = f"/v1/systems/{system}/state-space"
+        return cast("StateSpace", self._transport.get(path, params=given(open_at=open_at)))
+
+    def matlab(self, system: str, *, open_at: str | None = None) -> bytes:
+        """Return the same as the content of a .mat file."""
+        query = {"format": "mat"} | given(open_at=open_at)
+        return self._transport.send("GET", f"/v1/systems/{system}/state-space", params=query).content
+
+    def etag(self, system: str) -> str:
+        """Return the tag of the version stored now, for `update` and `delete`."""
+        return self._transport.send("GET", f"/v1/systems/{system}").headers["ETag"]
