@@ -21,10 +21,10 @@ ROOMS = {
     "engine": ["server", "interop"],
     "optimizers": ["server", "convex", "pareto"],
     "storage": ["server"],
-    "api": ["server"],
+    "api": ["server", "formats"],
     "examples": ["demo"],
-    "bench": ["server", "interop", "bench"],
-    "tests": ["server", "convex", "pareto", "interop", "bench", "demo", "dev"],
+    "bench": ["server", "formats", "interop", "bench"],
+    "tests": ["server", "formats", "convex", "pareto", "interop", "bench", "demo", "dev"],
 }
 # Never imported by name: the acquisition library, whose code comes later; programs, Postgres among them; and what
 # an editable install needs.
