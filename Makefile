@@ -32,7 +32,7 @@ serve: setup  ## start the service on http://127.0.0.1:8000 with one worker besi
 	@$(BIN)/servotune serve
 
 test: check  ## every check and every test
-	@$(BIN)/pytest -q
+	@$(BIN)/pytest -q -n auto --dist loadfile
 
 check: setup  ## format, lint, types and import contracts
 	@$(BIN)/ruff format --check --quiet .

@@ -35,6 +35,7 @@ UNSEEN = {
     "ruff",
     "uv",
     "pre-commit",
+    "pytest-xdist",
     "import-linter",
     "scipy-stubs",
     "hatchling",
