@@ -39,6 +39,7 @@ UNSEEN = {
     "import-linter",
     "scipy-stubs",
     "hatchling",
+    "openapi-python-client",
     "editables",
     "tzdata",
 }
