@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 from storage.models.access import AuditEntry, SignIn, Ticket
+from storage.models.acquisition import (
+    Acquisition,
+    AcquisitionAttempt,
+    AcquisitionStatus,
+    AcquisitionTemplate,
+    Agent,
+    FollowUp,
+    Rig,
+)
 from storage.models.base import Base
 from storage.models.blob import Blob, BlobChunk
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
@@ -15,6 +24,11 @@ from storage.models.workspace import DEFAULT_WORKSPACE, ApiKey, Workspace
 
 __all__ = [
     "DEFAULT_WORKSPACE",
+    "Acquisition",
+    "AcquisitionAttempt",
+    "AcquisitionStatus",
+    "AcquisitionTemplate",
+    "Agent",
     "ApiKey",
     "AuditEntry",
     "Base",
@@ -24,12 +38,14 @@ __all__ = [
     "Dataset",
     "DatasetSegment",
     "DatasetStatus",
+    "FollowUp",
     "Idempotency",
     "Job",
     "JobEvent",
     "JobStatus",
     "Result",
     "ResultArray",
+    "Rig",
     "RunOutcome",
     "Schedule",
     "ScheduleRun",
