@@ -23,6 +23,7 @@ from storage.errors import (
     IdempotencyMismatchError,
     IdempotencyRunningError,
     InvalidCursorError,
+    LeaseLostError,
     MissingSegmentsError,
     NotFoundError,
     QuotaExceededError,
@@ -116,6 +117,7 @@ def invalid_document(faults: Sequence[Fault]) -> Problem:
 _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     NotFoundError: (404, "not-found"),
     RevisionConflictError: (412, "revision-conflict"),
+    LeaseLostError: (409, "lease-lost"),
     StateError: (409, "conflict"),
     MissingSegmentsError: (409, "missing-segments"),
     ChecksumError: (422, "checksum-mismatch"),

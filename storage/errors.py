@@ -6,6 +6,7 @@
     ├── NotFoundError             no such thing in this workspace
     ├── RevisionConflictError     somebody else changed it first
     ├── StateError                the thing is not in a state that allows this
+    │   └── LeaseLostError        a rig's job is not this agent's any more
     ├── ChecksumError             bytes that are not what they claim to be
     ├── MissingSegmentsError      a manifest that names segments never received
     ├── DocumentError             a document that is no JSON
@@ -58,6 +59,10 @@ class RevisionConflictError(StorageError):
 
 class StateError(StorageError):
     """The thing is in a state that does not allow this."""
+
+
+class LeaseLostError(StateError):
+    """The agent has had its time: what it does on the rig must end."""
 
 
 class ChecksumError(StorageError):

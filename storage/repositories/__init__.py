@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from storage.repositories.acquisition_templates import AcquisitionTemplateRepository
+from storage.repositories.acquisitions import AcquisitionRepository
+from storage.repositories.agents import AgentRepository
 from storage.repositories.api_keys import ApiKeyRepository, authenticate
 from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
@@ -14,6 +17,9 @@ from storage.repositories.workers import WorkerRepository
 from storage.repositories.workspaces import WorkspaceRepository
 
 __all__ = [
+    "AcquisitionRepository",
+    "AcquisitionTemplateRepository",
+    "AgentRepository",
     "Answer",
     "ApiKeyRepository",
     "Claim",
