@@ -1,0 +1,66 @@
+"""Do both directions have the same dynamics?   One step of a parameter for v > 0 and another for v < 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engine.validation.comparison import Comparison, directions
+from engine.validation.remedy import WORTHWHILE, Remedy, worthwhile
+from engine.validation.steps import Movable
+
+
+def direction(comparison: Comparison, movable: Sequence[Movable]) -> Remedy | None:
+    """Return the parameter that two values, one for each direction of the output, explain best; None where none does.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        With the derivatives of every parameter in ``movable``.
+    movable : sequence of Movable
+    """
+    sign = directions(comparison.velocity)
+    rising = _held(sign) > 0.0
+    if rising.all() or not rising.any():
+        return None
+    best: Remedy | None = None
+    for parameter in movable:
+        tangent = comparison.tangents[parameter.parameter]
+        one = _left(comparison, np.column_stack([tangent]))[0]
+        left, found = _left(
+            comparison, np.column_stack([np.where(rising, tangent, 0.0), np.where(rising, 0.0, tangent)])
+        )
+        # two values always fit better than one: they must do so clearly
+        if left is None or one is None or left > WORTHWHILE * one or not worthwhile(left, comparison.present_error):
+            continue
+        if best is None or left < best.relative_error_percent:
+            up, down = (min(max(parameter.value + step, parameter.lower), parameter.upper) for step in found)
+            name = parameter.parameter
+            best = Remedy(
+                kind="direction",
+                relative_error_percent=left,
+                values={f"{name} rising": up, f"{name} falling": down},
+                sentence=(
+                    f"{comparison.name} moves otherwise up than down: {name} about {up:.4g} while it rises and "
+                    f"{down:.4g} {parameter.unit} while it falls; one value for both cannot fit."
+                ),
+            )
+    return best
+
+
+def _left(
+    comparison: Comparison, columns: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+) -> tuple[float | None, tuple[float, ...]]:
+    """Return the error that one step in these columns leaves, and the step."""
+    columns = np.column_stack([comparison.free(column) for column in columns.T])
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
+    found = np.linalg.lstsq(columns / scale, comparison.residual, rcond=None)[0] / scale
+    return comparison.relative_error(comparison.residual - columns @ found), tuple(float(step) for step in found)
+
+
+def _held(sign: np.ndarray[tuple[int], np.dtype[np.float64]]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the direction with rests filled by the motion before them."""
+    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), 0))
+    return np.asarray(sign[last])
