@@ -13,7 +13,7 @@ from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
-from api import handlers
+from api import handlers, live, pages
 from api.auth import Authentication, bearer
 from api.edge import Edge
 from api.errors import MEDIA_TYPE
@@ -146,6 +146,8 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
         app.include_router(router, dependencies=[Depends(bearer)], responses=problems)
     app.include_router(HEALTH)
     app.include_router(SIGN_IN)
+    app.include_router(live.router)
+    app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
     app.add_middleware(Authentication, rates=Rates(chosen.requests_per_minute))
     app.encrypted = chosen.encrypted
     return app

@@ -72,10 +72,12 @@ def frequency_response(system: LinearSystem, source: int, target: int, frequency
     frequency : ndarray (k,)
         rad/s, > 0.
     """
-    s = 1j * frequency
+    s: Complex = np.asarray(1j * frequency, dtype=np.complex128)
     given = np.concatenate([system.b1[:, [source]], system.b2], axis=1)
     read = np.concatenate([system.c1[[target]], system.c2])
-    direct = np.block([[system.d11[[target]][:, [source]], system.d12[[target]]], [system.d21[:, [source]], system.d22]])
+    direct = np.block(
+        [[system.d11[[target]][:, [source]], system.d12[[target]]], [system.d21[:, [source]], system.d22]]
+    )
     with np.errstate(all="ignore"):
         response = direct + _resolvent(system.a, given, read, s)
         if not system.delays.size:

@@ -1,0 +1,176 @@
+"""`WS /v1/live`: a system is opened once, then every vector of values is answered with its curves; the newest wins.
+
+Texts are JSON (`api.schemas.live`); curves come as one binary frame (`api.services.live.curves`). While curves are computed the
+socket goes on reading, and of several vectors that came meanwhile only the last is answered. When none has come for a
+moment, metrics and elasticities follow.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from pydantic import TypeAdapter, ValidationError
+from starlette.concurrency import run_in_threadpool
+
+from api.errors import KNOWN, Problem, invalid, problem_of
+from api.handlers import validation_problem
+from api.schemas.live import LiveMessage, LiveOpen, LiveSet
+from api.services.installation import Caller, Installation
+from api.services.live import Panel, curves, measured, open_panel
+
+#: How long values must rest before they are measured, s: longer than a frame of the screen, shorter than a thought.
+REST = 0.06
+_MESSAGES: TypeAdapter[LiveOpen | LiveSet] = TypeAdapter(LiveMessage)
+T = TypeVar("T")
+_POLICY_VIOLATION = 1008
+_TOO_BIG = 1009
+
+router = APIRouter()
+
+
+@dataclass
+class _Letterbox:
+    """What the page said last: a system to open, values to compute; the newest of each."""
+
+    opening: LiveOpen | Problem | None = None
+    values: LiveSet | None = None
+    closed: bool = False
+    arrived: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def empty(self) -> bool:
+        return self.opening is None and self.values is None and not self.closed
+
+    async def wait(self) -> None:
+        """Wait for anything new."""
+        while self.empty:
+            self.arrived.clear()
+            await self.arrived.wait()
+
+    async def rests(self, seconds: float) -> bool:
+        """Say whether nothing new comes for some time."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.wait(), seconds)
+        return self.empty
+
+
+@router.websocket("/v1/live")
+async def live(socket: WebSocket) -> None:
+    """Serve one front panel until it goes away."""
+    caller: Caller = socket.state.caller
+    service: Installation = socket.app.state.installation
+    if not caller.may("run"):
+        await socket.close(_POLICY_VIOLATION, "the key must have the scope run")
+        return
+    await socket.accept()
+    box = _Letterbox()
+    reading = asyncio.create_task(_read(socket, box, service.settings.body_limit))
+    try:
+        with suppress(WebSocketDisconnect):
+            await _answer(socket, box, service, caller)
+    finally:
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+
+
+async def _read(socket: WebSocket, box: _Letterbox, limit: int) -> None:
+    """Put what the page says into the box, whatever is being computed."""
+    try:
+        while True:
+            text = await socket.receive_text()
+            if len(text) > limit:
+                await socket.close(_TOO_BIG, f"a message must be at most {limit} bytes")
+                return
+            message = _parsed(text)
+            if isinstance(message, LiveSet):
+                box.values = message
+            else:
+                # Values that were meant for the system before are not for this one.
+                box.opening, box.values = message, None
+            box.arrived.set()
+    except (WebSocketDisconnect, KeyError):  # KeyError: a binary frame, where only texts make sense
+        return
+    finally:
+        box.closed = True
+        box.arrived.set()
+
+
+def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
+    """Return what a message says, or what is wrong with it."""
+    try:
+        body = json.loads(text)
+    except ValueError as error:
+        return invalid(f"a message must be JSON: {error}")
+    try:
+        return _MESSAGES.validate_json(text)
+    except ValidationError as error:
+        return validation_problem([{**found, "loc": ("body", *found["loc"])} for found in error.errors()], body)
+
+
+async def _answer(socket: WebSocket, box: _Letterbox, service: Installation, caller: Caller) -> None:
+    panel: Panel | None = None
+    while True:
+        await box.wait()
+        if box.closed:
+            return
+        if box.opening is not None:
+            opening, box.opening = box.opening, None
+            panel = await _opened(socket, service, caller, opening, panel)
+        elif box.values is not None:
+            asked, box.values = box.values, None
+            if panel is None:
+                await _refuse(
+                    socket, Problem(409, "conflict", "a system must be opened before values are set"), asked.seq
+                )
+            else:
+                await _computed(socket, box, service, panel, asked)
+
+
+async def _opened(
+    socket: WebSocket, service: Installation, caller: Caller, opening: LiveOpen | Problem, before: Panel | None
+) -> Panel | None:
+    """Open a system; where that is not possible, what was open stays."""
+    if isinstance(opening, Problem):
+        await _refuse(socket, opening, None)
+        return before
+    found = await _try(socket, None, partial(open_panel, service, caller, opening))
+    if found is None:
+        return before
+    panel, told = found
+    await socket.send_json(told)
+    return panel
+
+
+async def _computed(socket: WebSocket, box: _Letterbox, service: Installation, panel: Panel, asked: LiveSet) -> None:
+    frame = await _try(socket, asked.seq, partial(curves, service, panel, asked.seq, asked.vectors))
+    if frame is None:
+        return
+    await socket.send_bytes(frame)
+    for variant, vector in enumerate(asked.vectors[: asked.measure] if panel.metrics else ()):
+        if not await box.rests(REST if variant == 0 else 0.0):
+            return
+        told = await _try(socket, asked.seq, partial(measured, service, panel, asked.seq, variant, vector))
+        if told is not None:
+            await socket.send_json(told)
+
+
+async def _try(socket: WebSocket, seq: int | None, work: Callable[[], T]) -> T | None:
+    """Return what ``work`` returns, or tell the page why there is nothing and return None."""
+    try:
+        return await run_in_threadpool(work)
+    except KNOWN as error:
+        problem = problem_of(error)
+        assert problem is not None
+        await _refuse(socket, problem, seq)
+        return None
+
+
+async def _refuse(socket: WebSocket, problem: Problem, seq: int | None) -> None:
+    await socket.send_json({"type": "problem", "seq": seq, "problem": problem.document()})

@@ -1,0 +1,162 @@
+"""The live channel: curves and metrics over a WebSocket, newest values first."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+LAG = {
+    "name": "lag",
+    "parameters": {"k": {"value": 2, "lower": 1, "upper": 4}, "tau": {"value": 0.2, "unit": "s", "lower": 0.01}},
+    "blocks": {
+        "u": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "plant": {"kind": "transfer_function", "numerator": ["=k"], "denominator": ["=tau", 1, 0]},
+    },
+    "connections": [
+        {"from": "u", "to": "error.in1"},
+        {"from": "plant", "to": "error.in2"},
+        {"from": "error", "to": "plant"},
+    ],
+    "outputs": {"y": "plant"},
+}
+OPEN: dict[str, Any] = {
+    "type": "open",
+    "system": LAG,
+    "parameters": ["k", "tau"],
+    "frequency": {"open_at": "error"},
+    "metrics": ["overshoot", "phase_margin", "bandwidth"],
+    "duration": 4,
+    "samples": 400,
+}
+
+
+def opened(service: Any, key: str = "run") -> ClientConnection:
+    with service.client(key) as client:
+        ticket = client.post("/v1/tickets").json()["ticket"]
+    return connect(service.url.replace("http", "ws") + f"/v1/live?ticket={ticket}", proxy=None)
+
+
+def heard(socket: ClientConnection) -> dict[str, Any]:
+    return json.loads(socket.recv(timeout=20))
+
+
+def frame(data: bytes | str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    assert isinstance(data, bytes)
+    (length,) = struct.unpack_from("<I", data)
+    header = json.loads(data[4 : 4 + length])
+    arrays, place = {}, 4 + length
+    for entry in header["arrays"]:
+        size = int(np.prod(entry["shape"]))
+        arrays[entry["name"]] = np.frombuffer(data, "<f4", size, place).reshape(entry["shape"])
+        place += 4 * size
+    assert place == len(data)
+    return header, arrays
+
+
+def say(socket: ClientConnection, **message: Any) -> None:
+    socket.send(json.dumps(message))
+
+
+def test_curves_and_metrics_are_those_of_the_formulas(sqlite_service) -> None:
+    with opened(sqlite_service) as socket:
+        say(socket, **OPEN)
+        told = heard(socket)
+        assert told["type"] == "opened"
+        assert [p["path"] for p in told["parameters"] if not p["bound"]] == ["k", "tau"]
+        say(socket, type="set", seq=7, vectors=[[2.0, 0.2], [4.0, 0.2]])
+        header, arrays = frame(socket.recv(timeout=20))
+        assert header["seq"] == 7
+        assert [v["verdict"] for v in header["variants"]] == ["ok", "ok"]
+        for variant, k in enumerate((2.0, 4.0)):
+            # y'' tau + y' + k y = k: a swing of natural frequency sqrt(k/tau) and damping 1/(2 sqrt(k tau)).
+            w0, d = np.sqrt(k / 0.2), 1 / (2 * np.sqrt(k * 0.2))
+            wd = w0 * np.sqrt(1 - d**2)
+            t = np.linspace(0, 4, 400)
+            y = 1 - np.exp(-d * w0 * t) * (np.cos(wd * t) + d * w0 / wd * np.sin(wd * t))
+            assert arrays["outputs"][variant, 0] == pytest.approx(y, abs=2e-7)
+            s = 1j * arrays["frequency"].astype(float)
+            loop = k / (s * (0.2 * s + 1))
+            assert arrays["response"][variant, 0] == pytest.approx(loop.real, rel=1e-5)
+            assert arrays["response"][variant, 1] == pytest.approx(loop.imag, rel=1e-5)
+            poles = arrays["poles"][variant]
+            assert sorted(poles[1]) == pytest.approx([-wd, wd], rel=1e-6)
+        told = heard(socket)
+        assert (told["type"], told["seq"], told["variant"]) == ("metrics", 7, 0)
+        d = 1 / (2 * np.sqrt(2 * 0.2))
+        overshoot = np.exp(-np.pi * d / np.sqrt(1 - d**2))
+        assert told["metrics"]["overshoot"]["value"] == pytest.approx(overshoot, rel=1e-9)
+        # d ln(overshoot)/d ln k: overshoot = exp(-pi d/sqrt(1-d^2)), d ~ k^(-1/2), so pi d/(2 (1-d^2)^(3/2)).
+        assert told["elasticities"]["overshoot"]["k"] == pytest.approx(np.pi * d / (2 * (1 - d**2) ** 1.5), rel=1e-9)
+
+
+def test_the_newest_values_win(sqlite_service) -> None:
+    with opened(sqlite_service) as socket:
+        say(socket, **OPEN)
+        heard(socket)
+        for seq in range(200):
+            say(socket, type="set", seq=seq, vectors=[[1.0 + seq / 100, 0.2]])
+        answered, deadline = [], time.monotonic() + 20
+        while time.monotonic() < deadline and (not answered or answered[-1] != 199):
+            data = socket.recv(timeout=20)
+            if isinstance(data, bytes):
+                answered.append(frame(data)[0]["seq"])
+        assert answered[-1] == 199
+        assert answered == sorted(answered)
+        assert len(answered) < 200
+
+
+def test_a_system_with_a_delay_takes_the_exact_path(sqlite_service) -> None:
+    delayed = {
+        "blocks": {"u": {"kind": "input"}, "late": {"kind": "delay", "time": 0.5}},
+        "connections": [{"from": "u", "to": "late"}],
+        "outputs": {"y": "late"},
+    }
+    with opened(sqlite_service) as socket:
+        say(socket, type="open", system=delayed, parameters=["late.time"], duration=1, samples=101)
+        assert heard(socket)["type"] == "opened"
+        say(socket, type="set", seq=1, vectors=[[0.25], [0.75]])
+        _, arrays = frame(socket.recv(timeout=20))
+        t = np.linspace(0, 1, 101)
+        for variant, late in enumerate((0.25, 0.75)):
+            away = np.abs(t - late) > 1e-9
+            assert (arrays["outputs"][variant, 0][away] == (t > late)[away]).all()
+
+
+def test_what_is_wrong_is_told_at_its_place_and_the_channel_stays_open(sqlite_service) -> None:
+    with opened(sqlite_service) as socket:
+        say(socket, type="set", seq=3, vectors=[[1.0]])
+        told = heard(socket)
+        assert (told["type"], told["seq"], told["problem"]["status"]) == ("problem", 3, 409)
+        socket.send("{not json")
+        assert heard(socket)["problem"]["status"] == 422
+        say(socket, **{**OPEN, "parameters": ["nothing"]})
+        assert heard(socket)["problem"]["errors"][0]["pointer"] == "/parameters/0"
+        say(socket, **{**OPEN, "system": "sys_nowhere"})
+        assert heard(socket)["problem"]["errors"][0]["pointer"] == "/system"
+        say(socket, **OPEN)
+        assert heard(socket)["type"] == "opened"
+        say(socket, type="set", seq=4, vectors=[[1.0]])
+        assert heard(socket)["problem"]["detail"] == "a vector must be 2 numbers, got 1"
+        say(socket, type="set", seq=5, vectors=[[1.0, -1.0]])
+        header, arrays = frame(socket.recv(timeout=20))
+        assert header["variants"][0]["verdict"] == "unstable"
+        assert np.isfinite(arrays["outputs"][0, 0, :10]).all()
+
+
+@pytest.mark.parametrize(("query", "code"), [("", 1008), ("?ticket=guessed", 1008)])
+def test_nobody_comes_in_without_a_ticket(sqlite_service, query, code) -> None:
+    with pytest.raises(Exception, match="403"):
+        connect(sqlite_service.url.replace("http", "ws") + "/v1/live" + query, proxy=None)
+
+
+def test_who_may_only_read_may_not_compute(sqlite_service) -> None:
+    with pytest.raises((ConnectionClosed, Exception), match=r"403|scope"), opened(sqlite_service, "read") as socket:
+        socket.recv(timeout=20)
