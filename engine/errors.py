@@ -8,6 +8,7 @@
     ├── SignalError       a command signal
     ├── MaskError         bounds on a curve
     ├── SpectrumError     a spectrum that cannot be had of this signal
+    ├── ProcessingError   a step that a recording cannot take
     ├── IllPosedError     an algebraic loop without a solution
     └── UnresolvedError   a response beyond the limits of resolution
 """
@@ -72,6 +73,10 @@ class SpectrumError(EngineError):
     def __init__(self, message: str, *, at: Path = (), verdict: str = "") -> None:
         super().__init__(message, at=at)
         self.verdict = verdict
+
+
+class ProcessingError(EngineError):
+    """A processing step has wrong numbers, or a recording cannot take it; ``at`` names the setting."""
 
 
 class IllPosedError(EngineError):
