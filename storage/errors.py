@@ -95,6 +95,7 @@ class QuotaExceededError(StorageError):
     _THINGS: ClassVar = {
         "systems": "systems",
         "schedules": "schedules",
+        "webhooks": "webhooks",
         "stored_bytes": "stored bytes",
         "jobs": "unfinished jobs",
     }

@@ -1,4 +1,4 @@
-"""How much a workspace may have: systems, schedules, stored bytes, unfinished jobs.
+"""How much a workspace may have: systems, schedules, webhooks, stored bytes, unfinished jobs.
 
 What is counted is counted under a lock on the workspace's row, so that two requests at once cannot both take the last place.
 """
@@ -13,11 +13,11 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from storage.errors import NotFoundError, QuotaExceededError
-from storage.models import Job, JobStatus, Schedule, System, Workspace
+from storage.models import Job, JobStatus, Schedule, System, Webhook, Workspace
 
 #: The limits of a workspace that has none of its own.
 DEFAULTS: Mapping[str, int] = MappingProxyType(
-    {"systems": 10_000, "schedules": 10_000, "stored_bytes": 100 * 2**30, "jobs": 1000}
+    {"systems": 10_000, "schedules": 10_000, "webhooks": 20, "stored_bytes": 100 * 2**30, "jobs": 1000}
 )
 
 
@@ -36,6 +36,12 @@ def admit_schedule(session: Session, workspace_id: str) -> None:
     """Make sure that there is room for one more schedule; raise `QuotaExceededError` otherwise."""
     limits = limits_of(_lock(session, workspace_id))
     _check("schedules", limits, used=_schedules(session, workspace_id), more=1)
+
+
+def admit_webhook(session: Session, workspace_id: str) -> None:
+    """Make sure that there is room for one more webhook; raise `QuotaExceededError` otherwise."""
+    limits = limits_of(_lock(session, workspace_id))
+    _check("webhooks", limits, used=_webhooks(session, workspace_id), more=1)
 
 
 def admit_job(session: Session, workspace_id: str) -> None:
@@ -64,6 +70,7 @@ def usage(session: Session, workspace: Workspace) -> dict[str, int]:
     return {
         "systems": _systems(session, workspace.id),
         "schedules": _schedules(session, workspace.id),
+        "webhooks": _webhooks(session, workspace.id),
         "stored_bytes": workspace.stored_bytes,
         "jobs": _jobs(session, workspace.id),
     }
@@ -94,6 +101,10 @@ def _systems(session: Session, workspace_id: str) -> int:
 
 def _schedules(session: Session, workspace_id: str) -> int:
     return _count(session, select(func.count()).select_from(Schedule).where(Schedule.workspace_id == workspace_id))
+
+
+def _webhooks(session: Session, workspace_id: str) -> int:
+    return _count(session, select(func.count()).select_from(Webhook).where(Webhook.workspace_id == workspace_id))
 
 
 def _jobs(session: Session, workspace_id: str) -> int:

@@ -57,6 +57,7 @@ class LimitsDocument(Document):
 
     systems: _Count | None = None
     schedules: _Count | None = None
+    webhooks: _Count | None = None
     stored_bytes: _Count | None = Field(default=None, description="documents, recordings and results, uncompressed")
     jobs: _Count | None = Field(default=None, description="queued or running")
 
@@ -69,10 +70,11 @@ class WorkspaceRequest(Document):
 
 
 class Amounts(Reply):
-    """Systems, schedules, stored bytes and unfinished jobs."""
+    """Systems, schedules, webhooks, stored bytes and unfinished jobs."""
 
     systems: int
     schedules: int
+    webhooks: int
     stored_bytes: int
     jobs: int
 

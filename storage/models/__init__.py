@@ -20,6 +20,7 @@ from storage.models.job import Job, JobEvent, JobStatus, Worker
 from storage.models.result import Result, ResultArray
 from storage.models.schedule import RunOutcome, Schedule, ScheduleRun
 from storage.models.system import System, SystemRevision
+from storage.models.webhook import Alert, DeliveryStatus, Webhook, WebhookDelivery
 from storage.models.workspace import DEFAULT_WORKSPACE, ApiKey, Workspace
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "AcquisitionStatus",
     "AcquisitionTemplate",
     "Agent",
+    "Alert",
     "ApiKey",
     "AuditEntry",
     "Base",
@@ -38,6 +40,7 @@ __all__ = [
     "Dataset",
     "DatasetSegment",
     "DatasetStatus",
+    "DeliveryStatus",
     "FollowUp",
     "Idempotency",
     "Job",
@@ -53,6 +56,8 @@ __all__ = [
     "System",
     "SystemRevision",
     "Ticket",
+    "Webhook",
+    "WebhookDelivery",
     "Worker",
     "Workspace",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from storage.repositories.acquisition_templates import AcquisitionTemplateRepository
 from storage.repositories.acquisitions import AcquisitionRepository
 from storage.repositories.agents import AgentRepository
+from storage.repositories.alerts import AlertRepository
 from storage.repositories.api_keys import ApiKeyRepository, authenticate
 from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
@@ -13,6 +14,7 @@ from storage.repositories.results import ResultRepository
 from storage.repositories.schedules import ScheduleRepository
 from storage.repositories.sign_ins import SignInRepository, Visitor
 from storage.repositories.systems import SystemRepository
+from storage.repositories.webhooks import WebhookRepository
 from storage.repositories.workers import WorkerRepository
 from storage.repositories.workspaces import WorkspaceRepository
 
@@ -20,6 +22,7 @@ __all__ = [
     "AcquisitionRepository",
     "AcquisitionTemplateRepository",
     "AgentRepository",
+    "AlertRepository",
     "Answer",
     "ApiKeyRepository",
     "Claim",
@@ -31,6 +34,7 @@ __all__ = [
     "SignInRepository",
     "SystemRepository",
     "Visitor",
+    "WebhookRepository",
     "WorkerRepository",
     "WorkspaceRepository",
     "authenticate",

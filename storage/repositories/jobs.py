@@ -21,6 +21,7 @@ from storage.ids import new_id
 from storage.models import Job, JobEvent, JobStatus
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
+from storage.repositories.webhooks import tell_end
 
 _ALIVE = (JobStatus.QUEUED, JobStatus.RUNNING)
 
@@ -155,6 +156,7 @@ def finish(
         values["progress"] = 1.0
     payload: Document = {"status": status} if error is None else {"status": status, "error": error}
     append_event(session, job_id, "status", payload, **values)
+    tell_end(session, job_id)
     return True
 
 
