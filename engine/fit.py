@@ -12,11 +12,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 Signal = npt.NDArray[np.float64]
+
+DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "fit_percent": "100 (1 - ||y - ŷ|| / ||y - mean y||): 100 is perfect, 0 the mean of the measurement",
+        "relative_error_percent": "100 ||y - ŷ|| / ||y||: 0 is perfect; the verdict is about this one",
+        "vaf_percent": "100 (1 - var(y - ŷ) / var y): 100 is perfect; blind to a constant error",
+        "nrmse_percent": "100 rms(y - ŷ) / max y: 0 is perfect",
+    }
+)
+"""Each measure of :class:`Fit` by name, y measured and ŷ simulated (never a one-step prediction)."""
 
 _ROUNDING = 1e-14
 """Below this share of its own size a spread is the rounding of a constant."""

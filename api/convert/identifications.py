@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from api.convert.fits import fit_to_wire
 from api.convert.recordings import window
 from api.convert.values import number, numbers, optional_si
 from api.schemas.jobs import IdentificationRequest, IdentifiedParameter
 from engine.diagram import Diagram
-from engine.fit import Fit
 from optimizers.identification import Identified
 from optimizers.problem import Variable
 from optimizers.recording import Identification, Recording
@@ -48,16 +48,6 @@ def _variable(choice: str | IdentifiedParameter, diagram: Diagram, index: int) -
         for key in ("lower", "upper", "start")
     )
     return Variable(parameter=choice.parameter, lower=lower, upper=upper, start=start)
-
-
-def fit_to_wire(fit: Fit) -> dict[str, float | None]:
-    """Return the fit measures by name."""
-    return {
-        "fit_percent": number(fit.fit_percent),
-        "relative_error_percent": number(fit.relative_error_percent),
-        "vaf_percent": number(fit.vaf_percent),
-        "nrmse_percent": number(fit.nrmse_percent),
-    }
 
 
 def identified_to_wire(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from api.routers import (
+    acquisition_templates,
+    acquisitions,
+    agents,
     audit,
     catalog,
     datasets,
@@ -16,6 +19,7 @@ from api.routers import (
     spectra,
     studies,
     systems,
+    validations,
     workspaces,
 )
 
@@ -23,11 +27,15 @@ ROUTERS = (
     systems.router,
     studies.router,
     spectra.router,
+    validations.router,
     jobs.router,
     datasets.router,
     results.router,
     catalog.router,
     schedules.router,
+    agents.router,
+    acquisitions.router,
+    acquisition_templates.router,
     keys.router,
     workspaces.router,
     sign_ins.router,

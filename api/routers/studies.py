@@ -1,4 +1,4 @@
-"""What is computed at once: simulations, frequency responses, influence studies, validations."""
+"""What is computed at once: simulations, frequency responses, influence studies."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from fastapi import APIRouter, Response
 from api.auth import Runner
 from api.bodies import DocumentRoute
 from api.calls import CreationDep, InstallationDep
-from api.schemas.jobs import ValidationRequest
-from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply, ValidationReply
+from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
-from api.services import identifications, studies
+from api.services import studies
 
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)
 
@@ -41,12 +40,4 @@ def influence(request: InfluenceRequest, caller: Runner, service: InstallationDe
     """Exact elasticities, and the influence coefficients at a finite change."""
     return creation.study(
         caller, "influence", lambda: studies.run_influence(service, caller, request), kept=request.keep
-    )
-
-
-@router.post("/validations", response_model=ValidationReply, summary="Measured against simulated")
-def validate(request: ValidationRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
-    """Fit measures by name, the worst interval, trivial baselines, and the verdict against a limit."""
-    return creation.study(
-        caller, "validation", lambda: identifications.run_validation(service, caller, request), kept=request.keep
     )

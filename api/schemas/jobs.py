@@ -1,4 +1,4 @@
-"""The bodies of identifications and validations: what a measurement asks for."""
+"""The body of an identification: what a measurement asks for."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from api.schemas.systems import SystemRef
-from api.schemas.values import Document, Identifier, Name, Overrides, Path, Quantity
+from api.schemas.values import Document, Identifier, Name, Path, Quantity
 
 Window = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[t0, t1] in s")]
 
@@ -43,19 +43,3 @@ class IdentificationRequest(Document):
     offsets: Literal["none", "estimate"] = "none"
     estimation: Window | None = None
     validation: Window | None = None
-
-
-class ValidationRequest(Document):
-    """A model with given parameters against a recording."""
-
-    system: SystemRef
-    dataset: Identifier
-    inputs: Channels = Field(description="input port -> channel")
-    outputs: dict[Name, str] = Field(min_length=1, max_length=50, description="output -> channel")
-    parameters: Overrides = Field(default_factory=dict)
-    offsets: dict[Name, Quantity] | Literal["none", "estimate"] = Field(
-        default="none", description="a constant for each output: given, estimated, or none"
-    )
-    window: Window | None = None
-    limit_percent: float = Field(default=10.0, gt=0.0)
-    keep: bool = False

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from api.schemas.replies.base import Curve, Number, Reply, StudyReply
+from api.schemas.replies.base import Curve, MetricReply, Number, Reply, StudyReply
 
 
 class FitReply(Reply):
@@ -26,14 +26,103 @@ class ValidationCurves(Reply):
     simulated: Curve
 
 
-class ValidatedOutput(FitReply):
-    """One output."""
+class ResidualReply(Reply):
+    """What the residuals still hold; `lags` of the cross-correlation in s, positive where the input came before."""
 
+    white: bool
+    independent: bool
+    confidence: float
+    lags: Curve
+    autocorrelation: Curve
+    autocorrelation_bound: Number
+    cross_correlation: list[Curve]
+    cross_correlation_bound: Curve
+
+
+class OneStepReply(Reply):
+    """How well the next sample is foretold from those before: never a measure of the model."""
+
+    model: FitReply
+    last_sample: FitReply = Field(description="the sample before, repeated")
+    order: int
+
+
+class ValidatedOutput(FitReply):
+    """One output; its measures are those of a simulation."""
+
+    measures: dict[str, MetricReply]
     worst_interval: Annotated[Curve, Field(min_length=2, max_length=2)]
     baselines: dict[str, FitReply]
+    residuals: ResidualReply
+    one_step_prediction: OneStepReply | None
     offset: Number
     unit: str
     curves: ValidationCurves
+
+
+class AdjustedParameter(Reply):
+    """A parameter as the document has it and as it was given here."""
+
+    parameter: str
+    unit: str
+    theoretical: Number
+    adjusted: Number
+    change_percent: Number
+    lower95: Number
+    upper95: Number
+    theory_within: bool | None = Field(description="whether the theoretical value lies in the 95 % interval")
+
+
+class AdjustedFit(Reply):
+    """An output with the document's parameters and with the adjusted ones; null where the former has no finite answer."""
+
+    theoretical: FitReply | None
+    adjusted: FitReply
+
+
+class AdjustmentReply(Reply):
+    """Adjusted against theoretical parameters."""
+
+    parameters: list[AdjustedParameter]
+    outputs: dict[str, AdjustedFit]
+
+
+class RemedyReply(Reply):
+    """A cause of the error, and what would be left without it."""
+
+    kind: Literal["offset", "gain", "delay", "saturation", "friction", "direction"]
+    relative_error_percent: Number
+    values: dict[str, Number]
+    sentence: str
+
+
+class StepReply(Reply):
+    """Where one parameter would have to move: predicted by a straight line, and (`checked_percent`) simulated."""
+
+    parameter: str
+    unit: str
+    value: Number
+    suggested: Number
+    change_percent: Number
+    relative_error_percent: Number
+    checked_percent: Number
+
+
+class TogetherReply(Reply):
+    """Where all parameters would move together."""
+
+    suggested: dict[str, Number]
+    relative_error_percent: Number
+    checked_percent: Number
+
+
+class DiagnosisReply(Reply):
+    """What would make the error smaller, the most helpful first; nothing is fitted again."""
+
+    remedies: dict[str, list[RemedyReply]]
+    parameters: list[StepReply]
+    together: TogetherReply | None
+    note: str
 
 
 class ValidationReply(StudyReply):
@@ -41,5 +130,13 @@ class ValidationReply(StudyReply):
 
     outputs: dict[str, ValidatedOutput]
     verdict: Literal["pass", "fail"]
+    grade: Literal["best", "pass", "fail"] = Field(description="best: every relative error is at most 1 %")
+    basis: Literal["simulation"]
+    definitions: dict[str, str]
     limit_percent: float
     dataset: str
+    identification: str | None
+    adjustment: AdjustmentReply | None
+    diagnosis: DiagnosisReply | None
+    remarks: list[str]
+    advice: str

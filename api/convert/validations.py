@@ -1,0 +1,167 @@
+"""Validations as bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from api.convert.fits import fit_to_wire, measures_to_wire, one_step_to_wire, residuals_to_wire
+from api.convert.values import number, numbers
+from engine.diagram import Diagram
+from engine.fit import DEFINITIONS
+from engine.validation.remedy import Remedy
+from engine.validation.validate import Output, Validated
+from engine.validation.verdict import Grade
+
+Samples = npt.NDArray[np.float64]
+Intervals = Mapping[str, tuple[float | None, float | None]]
+
+_SENTENCES = 3
+
+
+def validation_to_wire(
+    found: Validated,
+    diagram: Diagram,
+    *,
+    time: Samples,
+    overrides: Mapping[str, float],
+    intervals: Intervals,
+    points: int | None,
+) -> dict[str, Any]:
+    """Return what was found, curves thinned out to ``points``."""
+    stride = 1 if points is None else max(-(-time.size // points), 1)
+    remarks = [sentence for output in found.outputs.values() for sentence in output.remarks]
+    return {
+        "outputs": {
+            name: _output(output, unit=diagram.output_units.get(name, ""), time=time, stride=stride)
+            for name, output in found.outputs.items()
+        },
+        "verdict": "fail" if found.grade is Grade.FAIL else "pass",
+        "grade": str(found.grade),
+        "basis": "simulation",
+        "definitions": dict(DEFINITIONS),
+        "adjustment": _adjustment(found, diagram, overrides, intervals) if overrides else None,
+        "diagnosis": _diagnosis(found),
+        "remarks": remarks,
+        "advice": _advice(found),
+    }
+
+
+def _output(output: Output, *, unit: str, time: Samples, stride: int) -> dict[str, Any]:
+    comparison = output.comparison
+    begin, end = output.worst_interval
+    return {
+        **fit_to_wire(output.fit),
+        "measures": measures_to_wire(output.fit),
+        "worst_interval": [number(time[0] + begin), number(time[0] + end)],
+        "baselines": {kind: fit_to_wire(fit) for kind, fit in output.baselines.items()},
+        "residuals": residuals_to_wire(output.residuals, comparison.sample_time),
+        "one_step_prediction": one_step_to_wire(output.one_step),
+        "offset": number(output.offset),
+        "unit": unit,
+        "curves": {
+            "time": numbers(time[::stride]),
+            "measured": numbers(comparison.measured[::stride]),
+            "simulated": numbers(comparison.simulated[::stride]),
+        },
+    }
+
+
+def _adjustment(
+    found: Validated, diagram: Diagram, overrides: Mapping[str, float], intervals: Intervals
+) -> dict[str, Any]:
+    """Return adjusted beside theoretical values and the fits of both, one row for each parameter."""
+    rows = []
+    for path, value in overrides.items():
+        info = diagram.parameters[path]
+        lower, upper = intervals.get(path, (None, None))
+        rows.append(
+            {
+                "parameter": path,
+                "unit": info.unit,
+                "theoretical": number(info.value),
+                "adjusted": number(value),
+                "change_percent": number(100 * (value / info.value - 1)) if info.value != 0 else None,
+                "lower95": number(lower),
+                "upper95": number(upper),
+                "theory_within": None if lower is None or upper is None else bool(lower <= info.value <= upper),
+            }
+        )
+    return {
+        "parameters": rows,
+        "outputs": {
+            name: {
+                "theoretical": None if output.theoretical is None else fit_to_wire(output.theoretical),
+                "adjusted": fit_to_wire(output.fit),
+            }
+            for name, output in found.outputs.items()
+        },
+    }
+
+
+def _diagnosis(found: Validated) -> dict[str, Any] | None:
+    if found.diagnosis is None:
+        return None
+    steps = found.diagnosis.steps
+    return {
+        "remedies": {
+            name: [_remedy(remedy) for remedy in remedies] for name, remedies in found.diagnosis.remedies.items()
+        },
+        "parameters": []
+        if steps is None
+        else [
+            {
+                "parameter": step.parameter,
+                "unit": step.unit,
+                "value": number(step.value),
+                "suggested": number(step.suggested),
+                "change_percent": number(step.change_percent),
+                "relative_error_percent": number(step.relative_error_percent),
+                "checked_percent": number(found.checks.get(step.parameter)),
+            }
+            for step in steps.alone
+        ],
+        "together": None
+        if steps is None
+        else {
+            "suggested": {name: number(value) for name, value in steps.together.items()},
+            "relative_error_percent": number(steps.together_error_percent),
+            "checked_percent": number(found.checks.get("together")),
+        },
+        "note": found.note,
+    }
+
+
+def _remedy(remedy: Remedy) -> dict[str, Any]:
+    return {
+        "kind": remedy.kind,
+        "relative_error_percent": number(remedy.relative_error_percent),
+        "values": {name: number(value) for name, value in remedy.values.items()},
+        "sentence": remedy.sentence,
+    }
+
+
+def _advice(found: Validated) -> str:
+    """Say in a few sentences what to try, the most helpful first."""
+    if found.diagnosis is None:
+        return ""
+    said: list[tuple[float, str]] = [
+        (remedy.relative_error_percent, f"{remedy.sentence} It would leave {remedy.relative_error_percent:.3g} %.")
+        for remedies in found.diagnosis.remedies.values()
+        for remedy in remedies
+    ]
+    steps = found.diagnosis.steps
+    if steps is not None and steps.alone and steps.alone[0].relative_error_percent < 0.9 * steps.present_error_percent:
+        best = steps.alone[0]
+        checked = found.checks.get(best.parameter, best.relative_error_percent)
+        to = f"{best.suggested:.4g} {best.unit}".rstrip()
+        said.append((checked, f"{best.parameter} would have to move to {to}, which leaves {checked:.3g} %."))
+    if not said and found.grade is Grade.FAIL:
+        return (
+            "Nothing simple explains the error: look at the worst interval, and at whether the model's structure "
+            "(a nonlinearity, a mode, another input) is that of the machine."
+        )
+    return " ".join(sentence for _, sentence in sorted(said)[:_SENTENCES])

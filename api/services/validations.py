@@ -1,0 +1,279 @@
+"""Validations, at once or by a worker: how well a model with given parameters reproduces a recording, and what to try if not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from api.convert.recordings import Values, window
+from api.convert.signals import check_name
+from api.convert.studies import warnings_to_wire
+from api.convert.validations import validation_to_wire
+from api.convert.values import overrides_from_wire, si
+from api.errors import at, invalid
+from api.pointers import Place
+from api.schemas.validations import ValidationRequest
+from api.services.identified import Adjusted, adjusted_by
+from api.services.installation import Caller, Installation
+from api.services.jobs import job_to_wire
+from api.services.recordings import recording_of
+from api.services.results import Study
+from api.services.systems import Subject, compiled, subject_of
+from engine.diagram import Diagram
+from engine.errors import UnresolvedError
+from engine.parameters import ParameterInfo
+from engine.validation.diagnosis import diagnose
+from engine.validation.response import respond, tangents
+from engine.validation.steps import Movable
+from engine.validation.validate import Compared, Validated, validate
+from engine.validation.verdict import Grade
+from optimizers.recording import Recording
+from storage.session import Database
+
+KIND = "validation"
+_MOST_MOVABLE = 20
+"""Parameters that a diagnosis tries by itself."""
+_JOB_SECONDS = 600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """A validation that has been proven to make sense."""
+
+    diagram: Diagram
+    recording: Recording
+    part: slice
+    window: tuple[float, float]
+    overrides: Mapping[str, float]
+    adjusted: Adjusted | None
+    offsets: Mapping[str, float] | None
+    movable: tuple[Movable, ...]
+    request: ValidationRequest
+
+
+def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database, workspace: str) -> Prepared:
+    """Prove that a validation makes sense.
+
+    Raises
+    ------
+    api.errors.Problem, EngineError
+        422 with the place of what is wrong.
+    """
+    adjusted = None
+    if request.identification is not None:
+        adjusted = adjusted_by(request.identification, diagram, database=database, workspace=workspace)
+    given = overrides_from_wire(request.parameters, diagram, place=("parameters",))
+    recording = recording_of(
+        request.dataset, request.inputs, request.outputs, diagram, database=database, workspace=workspace
+    )
+    chosen = window(request.window, length=recording.end, name="window") or (0.0, recording.end)
+    part = recording.within(chosen)
+    if part.stop - part.start < 2:
+        raise invalid(f"window must hold at least 2 samples, got {max(part.stop - part.start, 0)}", "window")
+    return Prepared(
+        diagram=diagram,
+        recording=recording,
+        part=part,
+        window=chosen,
+        overrides={**(adjusted.values if adjusted else {}), **given},
+        adjusted=adjusted,
+        offsets=_offsets(request, diagram, adjusted),
+        movable=_movable(request, diagram, given=given, adjusted=adjusted),
+        request=request,
+    )
+
+
+def _offsets(request: ValidationRequest, diagram: Diagram, adjusted: Adjusted | None) -> dict[str, float] | None:
+    """Return the offset of each output, None where they are to be estimated."""
+    if request.offsets == "estimate":
+        return None
+    values = dict.fromkeys(request.outputs, 0.0)
+    if isinstance(request.offsets, str):
+        if adjusted is not None and "offsets" not in request.model_fields_set:
+            values |= {name: value for name, value in adjusted.offsets.items() if name in values}
+        return values
+    for name, value in request.offsets.items():
+        place = ("offsets", name)
+        check_name(name, tuple(request.outputs), name="output", what="the outputs compared", place=place)
+        values[name] = si(value, diagram.output_units.get(name, ""), name=f"offset of {name}", place=place)
+    return values
+
+
+def _movable(
+    request: ValidationRequest, diagram: Diagram, *, given: Mapping[str, float], adjusted: Adjusted | None
+) -> tuple[Movable, ...]:
+    """Return the parameters that a diagnosis may move: those named, else the system's own, else those of its blocks."""
+    values = {**(adjusted.values if adjusted else {}), **given}
+    if request.diagnose == "never":
+        return ()
+    if request.movable is None:
+        free = [info for info in diagram.parameters.values() if not info.bound]
+        own = [info for info in free if "." not in info.path]
+        # the document's author named what matters; without such names, every number of a block may be the one
+        chosen = (own or free)[:_MOST_MOVABLE]
+        return tuple(_moving(info, values.get(info.path, info.value)) for info in chosen)
+    found = []
+    for i, path in enumerate(dict.fromkeys(request.movable)):
+        info = diagram.parameters.get(path)
+        if info is None:
+            raise invalid(f"parameter must be one of the system's, got {path!r}", "movable", i)
+        if info.bound:
+            raise invalid(f"{path} must be a number to be moved, but an expression gives it", "movable", i)
+        found.append(_moving(info, values.get(path, info.value)))
+    return tuple(found)
+
+
+def _moving(info: ParameterInfo, value: float) -> Movable:
+    # a mass may become small, never 0
+    lower = info.lower + 0.01 * (value - info.lower) if info.lower_open and np.isfinite(info.lower) else info.lower
+    return Movable(parameter=info.path, value=value, lower=min(lower, value), upper=info.upper, unit=info.unit)
+
+
+def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], None] = lambda *_: None) -> Validated:
+    """Simulate, compare, and look for what would make the error smaller.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    seconds : float
+        What a diagnosis of a nonlinear system may take.
+    tell : callable
+        Takes the finished share and a line.
+
+    Raises
+    ------
+    api.errors.Problem
+        422 where the model has no finite answer.
+    """
+    diagram, recording, part = prepared.diagram, prepared.recording, prepared.part
+    # what comes after the window does not matter to a causal system
+    inputs = {name: values[: part.stop] for name, values in recording.inputs.items()}
+    names = tuple(recording.outputs)
+    place: Place = ("parameters",) if prepared.overrides else ("system",)
+
+    def answer(overrides: Mapping[str, float]) -> dict[str, Values]:
+        found = respond(diagram, inputs, recording.sample_time, outputs=names, overrides=overrides)
+        return {name: values[part] for name, values in found.items()}
+
+    tell(0.1, "simulating")
+    with at(*place):
+        simulated = answer(prepared.overrides)
+    for name, values in simulated.items():
+        if not np.isfinite(values).all():
+            raise invalid(
+                f"the model must have a finite response to the recording, output {name} grows beyond any number "
+                "(it is unstable at these parameters)",
+                *place,
+            )
+    theoretical = None
+    if prepared.overrides:
+        tell(0.4, "simulating with the document's own parameters")
+        theoretical = answer({})
+    found = validate(
+        Compared(
+            measured={name: values[part] for name, values in recording.outputs.items()},
+            simulated=simulated,
+            theoretical=theoretical,
+            inputs={name: values[part] for name, values in recording.inputs.items()},
+            sample_time=recording.sample_time,
+            offsets=prepared.offsets,
+        ),
+        limit_percent=prepared.request.limit_percent,
+    )
+    wanted = prepared.request.diagnose
+    if wanted == "never" or (wanted == "failed" and found.grade is not Grade.FAIL):
+        return found
+    tell(0.6, "looking for what would make the error smaller")
+    try:
+        by = tangents(
+            diagram, inputs, recording.sample_time, outputs=names, overrides=prepared.overrides,
+            parameters=[movable.parameter for movable in prepared.movable], wall_limit=seconds,
+        )  # fmt: skip
+    except UnresolvedError as error:
+        note = f"no parameter was moved: {error.message}"
+        return found.diagnosed(diagnose(found.comparisons({})), note=note)
+    parts = {output: {name: values[part] for name, values in own.items()} for output, own in by.items()}
+    diagnosis = diagnose(found.comparisons(parts), prepared.movable)
+    if diagram.nonlinear or diagnosis.steps is None:
+        return found.diagnosed(diagnosis)
+    tell(0.8, "trying the steps")
+    return found.diagnosed(diagnosis).checked(lambda values: answer({**prepared.overrides, **values}))
+
+
+def run_validation(service: Installation, caller: Caller, request: ValidationRequest) -> Study:
+    """Return how well the model with given parameters reproduces a recording, and the verdict against a limit."""
+    subject = subject_of(service, caller, request.system)
+    prepared = prepare(request, subject.diagram, database=service.database, workspace=caller.workspace)
+    _check_size(service, prepared)
+    with service.computing.slot():
+        found = compute(prepared, seconds=service.settings.request_seconds / 3)
+    body = _wire(found, prepared, reference=subject.reference, warnings=subject.warnings())
+    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=subject.reference)
+
+
+def _check_size(service: Installation, prepared: Prepared) -> None:
+    samples = prepared.part.stop - prepared.part.start
+    shown = min(samples, prepared.request.points or samples)
+    curves = 3 * len(prepared.recording.outputs)
+    limit = service.settings.max_numbers
+    if shown * curves > limit:
+        raise invalid(
+            f"points must be given where samples x curves are more than {limit}, got {shown} x {curves} (or ask for a "
+            "shorter window)",
+            "points",
+        )
+
+
+def submit(
+    service: Installation, session: Session, caller: Caller, request: ValidationRequest, subject: Subject
+) -> dict[str, Any]:
+    """Write the job down, in the caller's transaction, with the document revision it is about."""
+    body = {
+        "request": {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document},
+        "system_reference": dict(subject.reference) if subject.reference else None,
+        "warnings": subject.warnings(),
+    }
+    return job_to_wire(service.queue.enqueue(session, kind=KIND, body=body, workspace_id=caller.workspace))
+
+
+def prove(service: Installation, caller: Caller, request: ValidationRequest) -> Subject:
+    """Prove that a validation can be run by a worker; raises as :func:`prepare` does."""
+    subject = subject_of(service, caller, request.system)
+    prepare(request, subject.diagram, database=service.database, workspace=caller.workspace)
+    return subject
+
+
+def run(
+    body: Mapping[str, Any], *, database: Database, workspace: str, tell: Callable[[float, str], None]
+) -> dict[str, Any]:
+    """Compute a validation (in a worker) and return what is remembered of it."""
+    request = ValidationRequest.model_validate(body["request"])
+    diagram = compiled(body["request"]["system"], place=("system",))
+    prepared = prepare(request, diagram, database=database, workspace=workspace)
+    found = compute(prepared, seconds=_JOB_SECONDS, tell=tell)
+    reference = body["system_reference"]
+    place = ("system",) if reference is None else None
+    return _wire(found, prepared, reference=reference, warnings=warnings_to_wire(diagram.warnings, place=place))
+
+
+def _wire(
+    found: Validated, prepared: Prepared, *, reference: Mapping[str, Any] | None, warnings: list[dict[str, str]]
+) -> dict[str, Any]:
+    adjusted = prepared.adjusted
+    time = np.arange(prepared.part.start, prepared.part.stop) * prepared.recording.sample_time
+    return {
+        **validation_to_wire(
+            found, prepared.diagram, time=time, overrides=prepared.overrides,
+            intervals=adjusted.intervals if adjusted else {}, points=prepared.request.points,
+        ),
+        "limit_percent": prepared.request.limit_percent,
+        "window": list(prepared.window),
+        "dataset": prepared.request.dataset,
+        "identification": prepared.request.identification,
+        "system": dict(reference) if reference else None,
+        "warnings": warnings,
+    }  # fmt: skip

@@ -1,0 +1,163 @@
+"""One validation: every output measured against simulated, the verdict, and what a diagnosis adds to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import EngineError
+from engine.fit import Fit, ResidualTests, baselines, compare, examine_residuals, worst_interval
+from engine.validation.comparison import Comparison
+from engine.validation.diagnosis import Diagnosis
+from engine.validation.prediction import OneStep, one_step
+from engine.validation.verdict import Grade, grade, remarks
+
+Samples = npt.NDArray[np.float64]
+Answer = Callable[[Mapping[str, float]], Mapping[str, Samples]]
+"""Simulates the outputs in the window with other values of some parameters."""
+
+_TRIED = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """What a validation looks at, over its window, SI.
+
+    Attributes
+    ----------
+    measured, simulated, inputs : mapping of str to ndarray, shape (samples,)
+    theoretical : mapping of str to ndarray, optional
+        Simulated with the document's own parameters, where others were given.
+    sample_time : float
+    offsets : mapping of str to float, optional
+        A constant for each output; None estimates them.
+    """
+
+    measured: Mapping[str, Samples]
+    simulated: Mapping[str, Samples]
+    theoretical: Mapping[str, Samples] | None
+    inputs: Mapping[str, Samples]
+    sample_time: float
+    offsets: Mapping[str, float] | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Output:
+    """One output; ``comparison.simulated`` has its offset, ``theoretical`` is the fit with the document's parameters."""
+
+    comparison: Comparison
+    offset: float
+    fit: Fit
+    theoretical: Fit | None
+    baselines: Mapping[str, Fit]
+    worst_interval: tuple[float, float]
+    residuals: ResidualTests
+    one_step: OneStep | None
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Validated:
+    """The outcome.
+
+    Attributes
+    ----------
+    checks : mapping of str to float
+        Relative error (%) that a simulation with the suggested value(s) really has: by parameter, and ``together``.
+    note : str
+        Why a diagnosis is incomplete.
+    """
+
+    outputs: Mapping[str, Output]
+    grade: Grade
+    diagnosis: Diagnosis | None = None
+    checks: Mapping[str, float] = field(default_factory=dict)
+    note: str = ""
+
+    def comparisons(self, tangents: Mapping[str, Mapping[str, Samples]]) -> list[Comparison]:
+        """Return the comparisons with derivatives, output -> parameter -> samples."""
+        return [replace(o.comparison, tangents=tangents.get(name, {})) for name, o in self.outputs.items()]
+
+    def diagnosed(self, diagnosis: Diagnosis, *, note: str = "") -> Validated:
+        """Return this outcome with a diagnosis."""
+        return replace(self, diagnosis=diagnosis, note=note)
+
+    def checked(self, answer: Answer) -> Validated:
+        """Return this outcome with the most helpful steps of its diagnosis simulated."""
+        steps = None if self.diagnosis is None else self.diagnosis.steps
+        if steps is None:
+            return self
+        moves: dict[str, Mapping[str, float]] = {
+            step.parameter: {step.parameter: step.suggested} for step in steps.alone[:_TRIED]
+        }
+        checks = {}
+        for name, values in {**moves, "together": steps.together}.items():
+            error = self._error(answer, values)
+            if error is not None:
+                checks[name] = error
+        return replace(self, checks=checks)
+
+    def _error(self, answer: Answer, values: Mapping[str, float]) -> float | None:
+        """Return the relative error with other values, %; None where the model then has no finite answer."""
+        try:
+            simulated = answer(values)
+        except EngineError:
+            return None
+        squares = []
+        for name, output in self.outputs.items():
+            error = output.comparison.relative_error(output.comparison.measured - simulated[name] - output.offset)
+            if error is None or not np.isfinite(error):
+                return None
+            squares.append(error**2)
+        return float(np.sqrt(np.mean(squares)))
+
+
+def validate(compared: Compared, *, limit_percent: float) -> Validated:
+    """Compare every output of a model with its measurement.
+
+    Parameters
+    ----------
+    compared : Compared
+        Finite.
+    limit_percent : float
+        Relative error up to which an output passes.
+    """
+    inputs = np.array(list(compared.inputs.values()))
+    estimated = compared.offsets is None
+    outputs: dict[str, Output] = {}
+    for name, measured in compared.measured.items():
+        offset = (
+            float(np.mean(measured - compared.simulated[name])) if compared.offsets is None else compared.offsets[name]
+        )
+        model = compared.simulated[name] + offset
+        comparison = Comparison(
+            name=name, measured=measured, simulated=model, sample_time=compared.sample_time,
+            inputs=compared.inputs, constant=estimated,
+        )  # fmt: skip
+        fit = compare(measured, model)
+        trivial = baselines(measured, inputs, constant=estimated or offset != 0.0)
+        outputs[name] = Output(
+            comparison=comparison,
+            offset=offset,
+            fit=fit,
+            theoretical=_theoretical(compared, name, measured),
+            baselines=trivial,
+            worst_interval=worst_interval(measured, model, sample_time=compared.sample_time),
+            residuals=examine_residuals(measured - model, inputs),
+            one_step=one_step(comparison),
+            remarks=remarks(name, fit, trivial),
+        )
+    return Validated(outputs=outputs, grade=grade({name: o.fit for name, o in outputs.items()}, limit_percent))
+
+
+def _theoretical(compared: Compared, name: str, measured: Samples) -> Fit | None:
+    if compared.theoretical is None:
+        return None
+    model = compared.theoretical[name]
+    if not np.isfinite(model).all():
+        return None
+    offset = float(np.mean(measured - model)) if compared.offsets is None else compared.offsets[name]
+    return compare(measured, model + offset)
