@@ -162,6 +162,7 @@ Reader = Annotated[Caller, Depends(scoped("read", "write", "run", "acquire"))]
 Writer = Annotated[Caller, Depends(scoped("write"))]
 Runner = Annotated[Caller, Depends(scoped("run"))]
 Uploader = Annotated[Caller, Depends(scoped("write", "acquire"))]
+Acquirer = Annotated[Caller, Depends(scoped("acquire"))]
 Admin = Annotated[Caller, Depends(scoped("admin"))]
 
 

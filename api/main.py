@@ -22,6 +22,7 @@ from api.rates import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
+from api.services.following import look_after
 from api.services.housekeeping import INTERVAL, tidy
 from api.services.installation import Installation
 from api.services.openid import Provider
@@ -67,10 +68,11 @@ async def _keep_time(service: Installation) -> None:
     while True:
         try:
             await run_in_threadpool(tick, service, now=utc_now())
+            await run_in_threadpool(look_after, service)
             away = False
         except UNAVAILABLE as error:
             if not away:  # say it once, not every second
-                _log.warning("the schedules have to wait for the database: %s", error)
+                _log.warning("schedules and leases have to wait for the database: %s", error)
             away = True
         await asyncio.sleep(TICK)
 

@@ -137,13 +137,17 @@ def _after(last_event_id: LastEventId = None) -> int:
     return int(last_event_id)
 
 
+After = Annotated[int, Depends(_after)]
+"""The event after which a stream goes on."""
+
+
 @router.get("/jobs/{identifier}/events", response_class=EventSourceResponse, summary="Follow a job")
 async def events(
     request: Request,
     caller: Reader,
     service: InstallationDep,
     identifier: Annotated[str, Depends(_existing)],
-    after: Annotated[int, Depends(_after)],
+    after: After,
 ) -> AsyncIterator[ServerSentEvent]:
     """Stream the job's events until it has ended; `Last-Event-ID` resumes without a gap."""
 

@@ -1,0 +1,156 @@
+"""Measurements for the agent: every number in SI, every signal one of the few that an agent computes itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from api.convert.signals import ReadChannel, signal_from_wire
+from api.convert.values import si
+from api.errors import invalid
+from api.pointers import Place
+from api.schemas.acquisitions import AcquisitionBody, SteppedSineSignal
+from engine.signals import Signal
+
+AGENT_SIGNALS = frozenset({"step", "sine", "chirp", "multisine", "trapezoid", "sampled"})
+"""Signals of the engine that an agent computes from their numbers, at the rate that the hardware really has."""
+
+MOST_SAMPLES = 10**10
+"""Of one measurement, all channels together: 80 GB."""
+_MOST_POINTS = 100_000
+
+
+def agent_request(body: AcquisitionBody, *, read_channel: ReadChannel) -> dict[str, Any]:
+    """Return what the agent is told to do.
+
+    Raises
+    ------
+    Problem
+        422 with the place of what is wrong.
+    """
+    duration = _positive(body.duration, "duration")
+    pre_trigger = si(body.pre_trigger, "s", name="pre_trigger", place=("pre_trigger",))
+    if pre_trigger < 0.0:
+        raise invalid(f"pre_trigger must be >= 0 s, got {pre_trigger:g}", "pre_trigger")
+    samples = (pre_trigger + duration * body.averages) * body.sample_rate
+    if samples < 2.0:
+        raise invalid(f"duration must hold at least 2 samples, got {samples:g}", "duration")
+    if samples * len(body.channels) > MOST_SAMPLES:
+        raise invalid(f"samples of all channels must be at most {MOST_SAMPLES:g}, got {samples:g} each", "duration")
+    drive = None
+    if body.drive is not None:
+        drive = {"output": body.drive.output, "signal": _signal(body, duration, read_channel)}
+    return {
+        "channels": list(body.channels),
+        "sample_rate": body.sample_rate,
+        "duration": duration,
+        "pre_trigger": pre_trigger,
+        "averages": body.averages,
+        "drive": drive,
+        "confirm": body.confirm,
+    }
+
+
+def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -> dict[str, Any]:
+    assert body.drive is not None
+    given, place = body.drive.signal, ("drive", "signal")
+    if isinstance(given, SteppedSineSignal):
+        return _stepped(given, place)
+    signal = signal_from_wire(given, place=place, read_channel=read_channel)
+    if signal.kind in AGENT_SIGNALS:
+        return {"kind": signal.kind, **{param.name: _plain(getattr(signal, param.name)) for param in signal.parameters}}
+    return _sampled(signal, duration, body.sample_rate)
+
+
+def _stepped(given: SteppedSineSignal, place: Place) -> dict[str, Any]:
+    frequencies = [
+        si(value, "rad/s", name="frequency", place=(*place, "frequencies", i))
+        for i, value in enumerate(given.frequencies)
+    ]
+    for i, value in enumerate(frequencies):
+        if value <= 0.0:
+            raise invalid(f"frequency must be > 0 rad/s, got {value:g}", *place, "frequencies", i)
+    dwell = si(given.dwell, "s", name="dwell", place=(*place, "dwell"))
+    if dwell <= 0.0:
+        raise invalid(f"dwell must be > 0 s, got {dwell:g}", *place, "dwell")
+    return {
+        "kind": "stepped_sine",
+        "amplitude": si(given.amplitude, "", name="amplitude", place=(*place, "amplitude")),
+        "frequencies": frequencies,
+        "dwell": dwell,
+        "phase": si(given.phase, "rad", name="phase", place=(*place, "phase")),
+    }
+
+
+def _sampled(signal: Signal, duration: float, rate: float) -> dict[str, Any]:
+    """Return a signal that the agent does not know as straight lines between its samples, breakpoints among them."""
+    count = int(min(np.ceil(duration * rate), _MOST_POINTS - 1)) + 1
+    breaks = [t for t in signal.breakpoints() if 0.0 <= t <= duration]
+    time = np.unique(np.concatenate([np.linspace(0.0, duration, count), breaks]))[:_MOST_POINTS]
+    return {"kind": "sampled", "time": time.tolist(), "values": signal.value(time).tolist()}
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _positive(given: Any, name: str) -> float:
+    value = si(given, "s", name=name, place=(name,))
+    if value <= 0.0:
+        raise invalid(f"{name} must be > 0 s, got {value:g}", name)
+    return value
+
+
+def check_against_rig(body: AcquisitionBody, request: dict[str, Any], rig: dict[str, Any]) -> None:
+    """Refuse channels that a rig does not have, and a drive that its limits forbid.
+
+    The agent judges every sample again; this tells at once what it would refuse anyhow.
+
+    Raises
+    ------
+    Problem
+        422 with the place of what is wrong.
+    """
+    inputs = {entry["name"] for entry in rig.get("inputs", ())}
+    outputs = {entry["name"]: entry for entry in rig.get("outputs", ())}
+    seen: set[str] = set()
+    for i, name in enumerate(body.channels):
+        if name not in inputs:
+            known = ", ".join(sorted(inputs)) or "none"
+            raise invalid(f"channel must be one of the rig's inputs ({known}), got {name!r}", "channels", i)
+        if name in seen:
+            raise invalid(f"channel must be named once, got {name!r} twice", "channels", i)
+        seen.add(name)
+    if body.drive is None:
+        return
+    output = outputs.get(body.drive.output)
+    if output is None:
+        known = ", ".join(sorted(outputs)) or "none"
+        raise invalid(
+            f"output must be one of the rig's outputs ({known}), got {body.drive.output!r}", "drive", "output"
+        )
+    longest = output.get("duration")
+    driven = request["duration"] * request["averages"]
+    if longest is not None and driven > longest:
+        raise invalid(
+            f"duration of the drive must be <= {longest:g} s, the limit of {output['name']}, got {driven:g}", "duration"
+        )
+    peak = _peak(request["drive"]["signal"])
+    if peak is not None and peak > output["amplitude"] * (1 + 1e-9):
+        raise invalid(
+            f"drive must stay within {output['amplitude']:g} V, the limit of {output['name']}, got {peak:g}",
+            "drive",
+            "signal",
+        )
+
+
+def _peak(signal: dict[str, Any]) -> float | None:
+    """Return the largest magnitude where it can be told from the numbers alone."""
+    match signal["kind"]:
+        case "sampled":
+            return float(np.abs(signal["values"]).max())
+        case "step" | "sine" | "chirp" | "stepped_sine":
+            return abs(float(signal["amplitude"]))
+        case _:
+            return None

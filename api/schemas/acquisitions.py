@@ -1,0 +1,313 @@
+"""Measurements on rigs: what a user asks for, what an agent says, and what both are told."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import AwareDatetime, Discriminator, Field, Tag
+
+from api.schemas.datasets import ChannelDocument
+from api.schemas.replies import Reply
+from api.schemas.signals import SignalDocument
+from api.schemas.values import Document, Identifier, Name, Quantity
+
+Status = Literal["queued", "claimed", "running", "uploading", "done", "failed", "lost", "cancelled"]
+Text = Annotated[str, Field(max_length=2000)]
+Label = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+# What a rig is, as its agent registers it
+
+
+class CalibrationDocument(Document):
+    """What the certificate of a sensor says."""
+
+    certificate: str = Field(default="", max_length=200)
+    laboratory: str = Field(default="", max_length=200)
+    calibrated_on: str = Field(default="", max_length=40, examples=["2026-03-01"])
+    due: str = Field(default="", max_length=40, examples=["2027-03-01"])
+    uncertainty_percent: float | None = Field(default=None, ge=0.0)
+    reference_frequency: float | None = Field(default=None, ge=0.0, description="Hz")
+
+
+class RigInputDocument(Document):
+    """An input channel with its sensor: physical value = V / sensitivity + offset, in `unit`."""
+
+    name: Name
+    channel: Label = Field(description="name of the channel in the hardware", examples=["cDAQ1Mod1/ai0"])
+    kind: Literal["voltage", "acceleration", "force", "velocity", "bridge"] = "voltage"
+    quantity: str = Field(default="", max_length=100)
+    unit: str = Field(default="V", max_length=64)
+    sensitivity: float = Field(default=1.0, description="V (of a bridge V/V) for one `unit`")
+    offset: float = 0.0
+    range: float = Field(default=10.0, gt=0.0, description="largest magnitude at the hardware, V (of a bridge V/V)")
+    model: str = Field(default="", max_length=200)
+    serial: str = Field(default="", max_length=200)
+    calibration: CalibrationDocument = Field(default_factory=CalibrationDocument)
+
+
+class RigOutputDocument(Document):
+    """An output channel and the limits that no job can exceed."""
+
+    name: Name
+    channel: Label
+    amplitude: float = Field(gt=0.0, description="largest magnitude, V")
+    slew: float | None = Field(default=None, gt=0.0, description="largest rate of change, V/s")
+    duration: float | None = Field(default=None, gt=0.0, description="longest drive, s")
+    soft_start: float = Field(default=0.0, ge=0.0, description="s")
+    soft_stop: float = Field(default=0.0, ge=0.0, description="s")
+    safe: float = Field(default=0.0, description="V, when nothing is driven")
+
+
+class RigDeviceDocument(Document):
+    """A module of the hardware."""
+
+    name: Label
+    model: str = Field(default="", max_length=200)
+    serial: str = Field(default="", max_length=200)
+    simulated: bool = False
+
+
+class RigDocument(Document):
+    """A rig."""
+
+    devices: list[RigDeviceDocument] = Field(default_factory=list, max_length=100)
+    inputs: list[RigInputDocument] = Field(default_factory=list, max_length=500)
+    outputs: list[RigOutputDocument] = Field(default_factory=list, max_length=100)
+    daq: str = Field(default="", max_length=200, description="how the hardware is reached")
+
+
+class AgentRequest(Document):
+    """An agent takes its rig."""
+
+    rig: Label
+    instance: str = Field(pattern="^[A-Za-z0-9_-]{8,64}$", description="what this agent calls itself for ever")
+    name: Label
+    version: str = Field(default="", max_length=40)
+    document: RigDocument
+
+
+class AgentReply(Reply):
+    """An agent, and what it must know of the service."""
+
+    id: str
+    name: str
+    version: str
+    rig: str
+    rig_id: str
+    has_rig: bool = Field(description="whether this agent is the one that may drive the rig now")
+    seen_at: datetime
+    created_at: datetime
+    lease_seconds: float = Field(description="how long a rig may move without a word from its agent")
+    time: datetime = Field(description="the service's clock")
+
+
+class RigReply(Reply):
+    """A rig as its agent registered it last."""
+
+    id: str
+    name: str
+    agent: str | None
+    seen_at: datetime | None
+    created_at: datetime
+    document: dict[str, Any]
+
+
+# What a user asks for
+
+
+class SteppedSineSignal(Document):
+    """One frequency after the other, each for the same time, the phase continuous."""
+
+    kind: Literal["stepped_sine"]
+    amplitude: Quantity
+    frequencies: list[Quantity] = Field(min_length=1, max_length=1000, description="rad/s")
+    dwell: Quantity = Field(description="time at each frequency, s")
+    phase: Quantity = Field(default=0.0, description="rad")
+
+
+def _stepped_or_not(value: Any) -> str:
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return "stepped" if kind == "stepped_sine" else "signal"
+
+
+DriveSignal = Annotated[
+    Annotated[SteppedSineSignal, Tag("stepped")] | Annotated[SignalDocument, Tag("signal")],
+    Discriminator(_stepped_or_not),
+]
+
+
+class DriveDocument(Document):
+    """What an output of the rig plays, in V."""
+
+    output: Name
+    signal: DriveSignal
+
+
+class FollowUpDocument(Document):
+    """A step that begins when the recording is there, and the steps before it have succeeded.
+
+    `average`: the mean of the repetitions, a dataset of its own that the later steps use. `identification`,
+    `validation`: their bodies without `dataset`; a validation without `parameters` takes those that the identification
+    before it found. A validation whose verdict is `fail` ends the chain: an `alert` is what it is then told by.
+    """
+
+    kind: Literal["average", "identification", "validation"]
+    body: dict[str, Any] = Field(default_factory=dict)
+
+
+class AcquisitionBody(Document):
+    """A measurement on a rig."""
+
+    name: Label
+    rig: Label
+    channels: list[Name] = Field(min_length=1, max_length=100, description="inputs of the rig")
+    sample_rate: float = Field(gt=0.0, le=10e6, description="samples/s; the hardware takes the next one that it has")
+    duration: Quantity = Field(description="s, of one repetition")
+    drive: DriveDocument | None = None
+    pre_trigger: Quantity = Field(default=0.0, description="s that are recorded before the drive begins")
+    averages: int = Field(default=1, ge=1, le=1000, description="repetitions, back to back on one clock")
+    confirm: bool = Field(default=False, description="a person at the rig has to agree first")
+    then: list[FollowUpDocument] = Field(default_factory=list, max_length=20)
+
+
+class AcquisitionRequest(Document):
+    """A measurement, or a template with what is different this time."""
+
+    template: Identifier | None = None
+    name: Label | None = None
+    rig: Label | None = None
+    channels: list[Name] | None = Field(default=None, min_length=1, max_length=100)
+    sample_rate: float | None = Field(default=None, gt=0.0, le=10e6)
+    duration: Quantity | None = None
+    drive: DriveDocument | None = None
+    pre_trigger: Quantity | None = None
+    averages: int | None = Field(default=None, ge=1, le=1000)
+    confirm: bool | None = None
+    then: list[FollowUpDocument] | None = Field(default=None, max_length=20)
+
+
+class TemplateReply(Reply):
+    """A template."""
+
+    id: str
+    name: str
+    revision: int
+    created_at: datetime
+    document: dict[str, Any]
+
+
+class FollowUpReply(Reply):
+    """How a step of the chain goes."""
+
+    kind: str
+    status: Literal["waiting", "running", "done", "failed", "skipped"]
+    job: str | None
+    result: dict[str, Any] | None
+    detail: str | None
+
+
+class AttemptReply(Reply):
+    """One go at a measurement."""
+
+    number: int
+    status: Status
+    job: str
+    agent: str | None
+    dataset: str | None
+    late: bool = Field(description="samples came after the attempt had been given up")
+    claimed_at: datetime | None
+    ended_at: datetime | None
+    lease_until: datetime | None
+    facts: dict[str, Any] | None
+    error: dict[str, Any] | None
+    then: list[FollowUpReply]
+
+
+class AcquisitionHead(Reply):
+    """A measurement as it is listed."""
+
+    id: str
+    name: str
+    rig: str
+    status: Status
+    attempt: int
+    created_at: datetime
+
+
+class AcquisitionReply(AcquisitionHead):
+    """A measurement with its attempts, the latest one last."""
+
+    document: dict[str, Any]
+    job: str
+    dataset: str | None
+    attempts: list[AttemptReply]
+    warnings: list[dict[str, Any]]
+
+
+# What an agent says
+
+
+class ClaimReply(Reply):
+    """An attempt that an agent has from now on; all numbers in SI, every signal one that the agent can compute."""
+
+    acquisition: str
+    attempt: int
+    job: str
+    name: str
+    lease_seconds: float
+    time: datetime
+    request: dict[str, Any]
+
+
+class PreviewDocument(Document):
+    """Smallest and largest values of stretches of the channels, in their units."""
+
+    start: float = Field(description="s from the start of the recording")
+    step: float = Field(gt=0.0, description="s of one stretch")
+    channels: dict[
+        Name, Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(max_length=200)]
+    ] = Field(max_length=100, description="[smallest, largest] of each stretch")
+
+
+class HeartbeatRequest(Document):
+    """The agent lives, and has the attempt."""
+
+    agent: Identifier
+    status: Literal["claimed", "running", "uploading"]
+    progress: float | None = Field(default=None, ge=0.0, le=1.0)
+    message: Text | None = None
+    preview: PreviewDocument | None = None
+
+
+class HeartbeatReply(Reply):
+    """The lease goes on."""
+
+    lease_seconds: float
+    time: datetime
+
+
+class AttemptDatasetRequest(Document):
+    """Opens the recording of an attempt; asked again, it is the same one."""
+
+    agent: Identifier
+    start_time: AwareDatetime = Field(strict=False)
+    sample_rate: float = Field(gt=0.0, description="that the hardware really has, samples/s")
+    channels: list[ChannelDocument] = Field(min_length=1, max_length=100)
+    facts: dict[str, Any] = Field(default_factory=dict)
+
+
+class AttemptFault(Document):
+    """Why an attempt failed."""
+
+    code: Label = Field(examples=["overrun"])
+    detail: Text
+
+
+class FinishRequest(Document):
+    """The end of an attempt: everything that was recorded is there."""
+
+    agent: Identifier
+    facts: dict[str, Any] = Field(default_factory=dict)
+    error: AttemptFault | None = None
