@@ -1,28 +1,35 @@
 """Bytes and arrays kept once, under the SHA-256 of their content, in the database itself.
 
-Content is cut into chunks of at most 8 MiB, each compressed by zlib; the eight bytes of float64 samples are first put
-beside their equals (byte shuffle), because neighbouring samples share signs, exponents and leading digits.
+Content is cut into chunks of at most 8 MiB, each compressed by zlib. The eight bytes of float64 samples are first put
+beside their equals (byte shuffle), because neighbouring samples share signs, exponents and leading digits; each of the
+eight planes is then compressed by itself, and left as it is where a trial says that it is noise.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import select
+from sqlalchemy import CursorResult, Table, delete, exists, select, update
 from sqlalchemy.orm import Session
 
 from storage.errors import ChecksumError, NotFoundError
 from storage.insertion import insert_if_absent
 from storage.models import Blob, BlobChunk
+from storage.models.base import Base, utc_now
 
 #: The most bytes of content in one chunk.
 CHUNK_SIZE = 8 * 1024 * 1024
+#: The bytes of a plane that are tried, and the ratio above which the plane is left as it is.
+_TRIAL, _WORTH = 2048, 0.9
 
 Array = NDArray[Any]
 
@@ -50,12 +57,73 @@ def put_bytes(session: Session, data: bytes, *, expected_sha256: str | None = No
     sha256 = sha256_of(data)
     if expected_sha256 is not None and sha256 != expected_sha256:
         raise ChecksumError("the content", expected=expected_sha256, actual=sha256)
-    if insert_if_absent(session, Blob, sha256=sha256, size=len(data)):
-        for number, start in enumerate(range(0, len(data), CHUNK_SIZE)):
-            encoding, encoded = _encode(data[start : start + CHUNK_SIZE], itemsize)
-            session.add(BlobChunk(sha256=sha256, number=number, encoding=encoding, data=encoded))
-        session.flush()
+    if _is_new(session, sha256, len(data)):
+        put_chunks(session, [packed(data, itemsize=itemsize, sha256=sha256)])
     return sha256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Packed:
+    """Content ready to be kept: compressed, under its SHA-256. Made without a database, in any thread."""
+
+    sha256: str
+    size: int
+    chunks: Sequence[tuple[str, bytes]]
+
+
+def packed(data: bytes, *, itemsize: int = 1, sha256: str | None = None) -> Packed:
+    """Compress ``data``, whose SHA-256 may be known."""
+    pieces = (data[start : start + CHUNK_SIZE] for start in range(0, len(data), CHUNK_SIZE))
+    chunks = [_encode(piece, itemsize) for piece in pieces]
+    return Packed(sha256=sha256 or sha256_of(data), size=len(data), chunks=chunks)
+
+
+def put_packed(session: Session, contents: Sequence[Packed]) -> None:
+    """Keep several contents, each unless it is there already; in one order, so that two writers never wait in a ring."""
+    ordered = sorted({content.sha256: content for content in contents}.values(), key=lambda content: content.sha256)
+    put_chunks(session, [content for content in ordered if _is_new(session, content.sha256, content.size)])
+
+
+def put_chunks(session: Session, contents: Sequence[Packed]) -> None:
+    """Write the chunks of blobs whose heads have just been written."""
+    rows = [
+        {"sha256": content.sha256, "number": number, "encoding": encoding, "data": data}
+        for content in contents
+        for number, (encoding, data) in enumerate(content.chunks)
+    ]
+    if rows:
+        session.execute(cast("Table", BlobChunk.__table__).insert(), rows)
+
+
+def _is_new(session: Session, sha256: str, size: int) -> bool:
+    """Write the head of a blob; False when it is there, which is then marked as used now and so not swept."""
+    while True:
+        if insert_if_absent(session, Blob, sha256=sha256, size=size):
+            return True
+        touched = session.execute(
+            update(Blob)
+            .where(Blob.sha256 == sha256)
+            .values(created_at=utc_now())
+            .execution_options(synchronize_session=False)
+        )
+        if cast("CursorResult[Any]", touched).rowcount:
+            return False
+
+
+def forget_unused(session: Session, *, before: datetime) -> int:
+    """Delete the blobs that nothing refers to and that nobody has put since ``before``; return how many."""
+    head = cast("Table", Blob.__table__)
+    references = (
+        key.parent
+        for table in Base.metadata.tables.values()
+        for key in table.foreign_keys
+        if key.references(head) and table is not BlobChunk.__table__
+    )
+    unused = [~exists().where(column == Blob.sha256) for column in references]
+    gone = session.execute(
+        delete(Blob).where(Blob.created_at < before, *unused).execution_options(synchronize_session=False)
+    )
+    return int(cast("CursorResult[Any]", gone).rowcount)
 
 
 def iterate_bytes(session: Session, sha256: str) -> Iterator[bytes]:
@@ -73,7 +141,7 @@ def iterate_bytes(session: Session, sha256: str) -> Iterator[bytes]:
         row = session.execute(
             select(BlobChunk.encoding, BlobChunk.data).where(BlobChunk.sha256 == sha256, BlobChunk.number == number)
         ).one()
-        yield _decode(row.encoding, row.data)
+        yield _decode(row.encoding, row.data, min(CHUNK_SIZE, size - number * CHUNK_SIZE))
 
 
 def get_bytes(session: Session, sha256: str) -> bytes:
@@ -114,19 +182,45 @@ def get_array(session: Session, ref: str) -> Array:
 
 
 def _encode(data: bytes, itemsize: int) -> tuple[str, bytes]:
-    shuffled = itemsize > 1 and len(data) % itemsize == 0
-    packed = zlib.compress(_transpose(data, itemsize) if shuffled else data, level=1)
-    if len(packed) >= len(data):
-        return "raw", data
-    return (f"zlib/{itemsize}" if shuffled else "zlib/1"), packed
+    if itemsize > 1 and len(data) % itemsize == 0:
+        encoded = _planes(_transpose(data, itemsize), itemsize)
+        return (f"planes/{itemsize}", encoded) if len(encoded) < len(data) else ("raw", data)
+    encoded = zlib.compress(data, level=1)
+    return ("zlib/1", encoded) if len(encoded) < len(data) else ("raw", data)
 
 
-def _decode(encoding: str, data: bytes) -> bytes:
-    method, _, itemsize = encoding.partition("/")
+def _planes(shuffled: bytes, count: int) -> bytes:
+    """Return the lengths (bytes) of all planes as uint32, then the planes; one as long as its content is not compressed."""
+    size = len(shuffled) // count
+    planes = [_plane(shuffled[start : start + size]) for start in range(0, len(shuffled), size)]
+    return struct.pack(f"<{count}I", *map(len, planes)) + b"".join(planes)
+
+
+def _plane(content: bytes) -> bytes:
+    middle = len(content) // 2
+    trial = content[middle : middle + _TRIAL]
+    if len(content) > 2 * _TRIAL and len(zlib.compress(trial, level=1)) > _WORTH * len(trial):
+        return content
+    encoded = zlib.compress(content, level=1)
+    return encoded if len(encoded) < len(content) else content
+
+
+def _decode(encoding: str, data: bytes, size: int) -> bytes:
+    """Return the ``size`` bytes of a chunk; ``zlib/8`` is how samples were written before planes were told apart."""
+    method, _, items = encoding.partition("/")
     if method == "raw":
         return data
+    if method == "planes":
+        count = int(items)
+        lengths = struct.unpack_from(f"<{count}I", data)
+        planes, start = [], 4 * count
+        for length in lengths:
+            plane = data[start : start + length]
+            planes.append(plane if length == size // count else zlib.decompress(plane))
+            start += length
+        return _transpose(b"".join(planes), size // count)
     content = zlib.decompress(data)
-    return content if itemsize == "1" else _transpose(content, len(content) // int(itemsize))
+    return content if items == "1" else _transpose(content, len(content) // int(items))
 
 
 def _transpose(data: bytes, columns: int) -> bytes:

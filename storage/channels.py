@@ -9,7 +9,7 @@ A level exists when the one below has at least 16 cells. Missing samples (NaN) a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,70 +51,88 @@ def write_channels(session: Session, dataset_id: str, blocks: Iterable[Float], *
         When a piece has another number of columns.
     """
     session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == dataset_id))
-    writers = [_Writer(session, dataset_id, channel) for channel in range(channel_count)]
+
+    def put(channel: int, level: int, number: int, cells: Float) -> None:
+        sha256 = put_bytes(session, cells.tobytes(), itemsize=8)
+        session.add(ChannelBlock(dataset_id=dataset_id, channel=channel, level=level, number=number, sha256=sha256))
+
+    cutters = [ChannelCutter(channel, put) for channel in range(channel_count)]
     count = 0
     for block in blocks:
         if block.ndim != 2 or block.shape[1] != channel_count:
             raise ValueError(f"a block of samples must be (n, {channel_count}), got {block.shape}")
-        for writer, column in zip(writers, np.asarray(block, dtype=np.float64).T, strict=True):
-            writer.add(0, np.ascontiguousarray(column)[np.newaxis])
+        for cutter, column in zip(cutters, np.asarray(block, dtype=np.float64).T, strict=True):
+            cutter.add(column)
         count += len(block)
-    for writer in writers:
-        writer.close()
+    for cutter in cutters:
+        cutter.close()
     session.flush()
     return count
 
 
-class _Writer:
+Put = Callable[[int, int, int, Float], None]
+"""Keeps block ``number`` of one level of one channel: cells (1, n) of samples or (2, n) of extremes."""
+
+
+class ChannelCutter:
     """Cuts one channel into blocks, level by level, while it streams in."""
 
-    def __init__(self, session: Session, dataset_id: str, channel: int) -> None:
-        self._session = session
-        self._dataset_id = dataset_id
+    def __init__(self, channel: int, put: Put) -> None:
+        self.count = 0
         self._channel = channel
-        self._blocks: list[Float] = []  # of each level, the cells that do not fill a block yet
-        self._cells: list[Float] = []  # of each level, the cells that do not fill one of the next level yet
+        self._put = put
+        # of each level: the cells that do not fill a block yet, their number, and the blocks that are put
+        self._blocks: list[Float] = []
+        self._filled: list[int] = []
         self._numbers: list[int] = []
 
-    def add(self, level: int, cells: Float) -> None:
-        """Append cells (1, n) of samples or (2, n) of extremes to a level."""
-        if level == len(self._blocks):
-            self._blocks.append(cells[:, :0])
-            self._cells.append(cells[:, :0])
-            self._numbers.append(0)
-        pending = np.concatenate([self._blocks[level], cells], axis=1)
-        while pending.shape[1] >= BLOCK:
-            self._put(level, pending[:, :BLOCK])
-            pending = pending[:, BLOCK:]
-        self._blocks[level] = pending
-        cells = np.concatenate([self._cells[level], cells], axis=1)
-        whole = cells.shape[1] // FACTOR * FACTOR
-        self._cells[level] = cells[:, whole:]
-        if whole:
-            self.add(level + 1, _extremes(cells[:, :whole].reshape(len(cells), -1, FACTOR)))
+    def add(self, samples: Float) -> None:
+        """Append samples (n,)."""
+        self.count += samples.size
+        self._append(0, samples[np.newaxis])
 
     def close(self) -> None:
-        """Write the blocks and cells that are not full."""
+        """Put the blocks that are not full."""
         level = 0
         while level < len(self._blocks):
-            if level + 1 < len(self._blocks) and self._cells[level].shape[1]:
-                self.add(level + 1, _extremes(self._cells[level][:, np.newaxis]))
-            if self._blocks[level].shape[1]:
-                self._put(level, self._blocks[level])
+            filled = self._filled[level]
+            if filled:
+                self._put_block(level, self._blocks[level][:, :filled])
             level += 1
 
-    def _put(self, level: int, cells: Float) -> None:
-        sha256 = put_bytes(self._session, cells.tobytes(), itemsize=8)
-        self._session.add(
-            ChannelBlock(
-                dataset_id=self._dataset_id,
-                channel=self._channel,
-                level=level,
-                number=self._numbers[level],
-                sha256=sha256,
-            )
-        )
+    def _append(self, level: int, cells: Float) -> None:
+        if level == len(self._blocks):
+            self._blocks.append(np.empty((len(cells), BLOCK)))
+            self._filled.append(0)
+            self._numbers.append(0)
+        block = self._blocks[level]
+        start = 0
+        while start < cells.shape[1]:
+            filled = self._filled[level]
+            taken = min(BLOCK - filled, cells.shape[1] - start)
+            block[:, filled : filled + taken] = cells[:, start : start + taken]
+            self._filled[level] = filled + taken
+            start += taken
+            if self._filled[level] == BLOCK:
+                self._put_block(level, block)
+
+    def _put_block(self, level: int, cells: Float) -> None:
+        """Put a block, and hand its extremes on; a block is a whole number of the next level's cells, but for the last."""
+        number = self._numbers[level]
         self._numbers[level] += 1
+        self._filled[level] = 0
+        self._put(self._channel, level, number, cells.copy())
+        if number or cells.shape[1] >= FACTOR:
+            self._append(level + 1, _coarser(cells))
+
+
+def _coarser(cells: Float) -> Float:
+    """Return the extremes (2, m) of each `FACTOR` cells; the last stretch may be shorter."""
+    whole = cells.shape[1] // FACTOR * FACTOR
+    parts = [_extremes(cells[:, :whole].reshape(len(cells), -1, FACTOR))] if whole else []
+    if whole < cells.shape[1]:
+        parts.append(_extremes(cells[:, np.newaxis, whole:]))
+    return np.concatenate(parts, axis=1)
 
 
 class ChannelReader:

@@ -26,7 +26,8 @@ class Dataset(Base):
 
     ``channels`` describes the columns as the contract has them (name, unit, scale, offset, sensor); values are kept
     as recorded. ``description`` says how a file is read (the ``import`` of the contract). ``manifest`` is the ordered
-    list of segments, ``sha256`` that of the whole. ``sample_rate`` in samples per second.
+    list of segments, ``sha256`` that of the whole. ``sample_rate`` in samples per second. ``report`` tells what was
+    noticed while the samples were read; ``job_id`` is the job that reads the file, ``writer`` the import that may write.
     """
 
     __tablename__ = "dataset"
@@ -50,6 +51,9 @@ class Dataset(Base):
     sha256: Mapped[str | None] = mapped_column(Sha256)
     size: Mapped[int | None] = mapped_column(BigInteger)
     error: Mapped[dict[str, Any] | None]
+    report: Mapped[dict[str, Any] | None]
+    job_id: Mapped[str | None] = mapped_column(Id, index=True)
+    writer: Mapped[str | None] = mapped_column(Id)
     created_at: Mapped[datetime] = mapped_column(default=utc_now)
 
 

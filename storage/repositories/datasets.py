@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -120,10 +120,13 @@ class DatasetRepository:
             oldest_first=True,
         )
 
-    def commit(self, identifier: str, *, segments: Sequence[str], sha256: str) -> Dataset:
+    def commit(
+        self, identifier: str, *, segments: Sequence[str], sha256: str, description: Document | None = None
+    ) -> Dataset:
         """Close a recording: its bytes are these segments in this order; its status becomes ``parsing``.
 
-        A repeated commit with the same manifest changes nothing.
+        A repeated commit with the same manifest changes nothing, but for a file that could not be read as it was
+        described: with another ``description`` it is ``parsing`` again.
 
         Raises
         ------
@@ -136,13 +139,14 @@ class DatasetRepository:
         """
         dataset = self.get(identifier)
         if dataset.status != DatasetStatus.OPEN and (dataset.manifest, dataset.sha256) == (list(segments), sha256):
+            if dataset.status == DatasetStatus.FAILED and description is not None:
+                dataset = self._lock(identifier, DatasetStatus.FAILED)
+                dataset.status, dataset.error, dataset.description = DatasetStatus.PARSING, None, description
+                self._session.flush()
+                record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
             return dataset
         dataset = self._lock(identifier, DatasetStatus.OPEN)
-        there = select(DatasetSegment.sha256, DatasetSegment.size).where(DatasetSegment.dataset_id == identifier)
-        sizes = {row.sha256: row.size for row in self._session.execute(there)}
-        missing = [segment for segment in dict.fromkeys(segments) if segment not in sizes]
-        if missing:
-            raise MissingSegmentsError(identifier, missing)
+        sizes = self._sizes(identifier, segments)
         whole = hashlib.sha256()
         for segment in segments:
             for chunk in iterate_bytes(self._session, segment):
@@ -153,6 +157,7 @@ class DatasetRepository:
         dataset.sha256 = sha256
         dataset.size = sum(sizes[segment] for segment in segments)
         dataset.status = DatasetStatus.PARSING
+        dataset.description = dataset.description if description is None else description
         self._session.flush()
         record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
         return dataset
@@ -165,8 +170,38 @@ class DatasetRepository:
         for segment in dataset.manifest:
             yield from iterate_bytes(self._session, segment)
 
-    def ingest_raw(self, identifier: str) -> Dataset:
+    def received(self, identifier: str, segments: Sequence[str]) -> tuple[int, Iterator[bytes]]:
+        """Return the size (bytes) and the bytes that segments give in this order, committed or not.
+
+        Raises
+        ------
+        MissingSegmentsError
+            When one of them has not been received.
+        """
+        self.get(identifier)
+        sizes = self._sizes(identifier, segments)
+        pieces = (piece for segment in segments for piece in iterate_bytes(self._session, segment))
+        return sum(sizes[segment] for segment in segments), pieces
+
+    def _sizes(self, identifier: str, segments: Sequence[str]) -> dict[str, int]:
+        """Return the size of every segment that is there; refuse when one of ``segments`` is not."""
+        there = select(DatasetSegment.sha256, DatasetSegment.size).where(DatasetSegment.dataset_id == identifier)
+        sizes = {row.sha256: row.size for row in self._session.execute(there)}
+        missing = [segment for segment in dict.fromkeys(segments) if segment not in sizes]
+        if missing:
+            raise MissingSegmentsError(identifier, missing)
+        return sizes
+
+    def ingest_raw(
+        self,
+        identifier: str,
+        *,
+        watch: Callable[[NDArray[np.float64]], None] | None = None,
+        report: Callable[[], Document] | None = None,
+    ) -> Dataset:
         """Read the channels of a committed ``raw`` recording: little-endian float64, the samples of all channels in turn.
+
+        ``watch`` sees every piece (n, channels) before ``report`` is asked.
 
         Raises
         ------
@@ -180,7 +215,8 @@ class DatasetRepository:
                 f"a raw recording of {len(dataset.channels)} channels must be whole samples of {width} bytes, "
                 f"got {dataset.size} bytes"
             )
-        return self.write_channels(identifier, _samples(self.original(identifier), len(dataset.channels)))
+        pieces = _samples(self.original(identifier), len(dataset.channels))
+        return self.write_channels(identifier, _watched(pieces, watch) if watch else pieces, report=report)
 
     def write_channels(
         self,
@@ -190,11 +226,13 @@ class DatasetRepository:
         channels: Sequence[Document] | None = None,
         sample_rate: float | None = None,
         start_time: datetime | None = None,
+        report: Callable[[], Document] | None = None,
     ) -> Dataset:
         """Keep the samples (pieces of shape (n, channels)) of a committed recording and make it ``ready``.
 
         Values are those recorded; the scales and offsets in ``channels`` are applied by whoever reads them.
-        What a file says of its channels, sample rate or start replaces what was known before.
+        What a file says of its channels, sample rate or start replaces what was known before; ``report`` is asked
+        for what was noticed when all pieces have passed.
         """
         dataset = self._lock(identifier, DatasetStatus.PARSING)
         if channels is not None:
@@ -205,6 +243,7 @@ class DatasetRepository:
         dataset.sample_count = count
         dataset.status = DatasetStatus.READY
         dataset.error = None
+        dataset.report = report() if report is not None else None
         self._session.flush()
         return dataset
 
@@ -250,6 +289,14 @@ class DatasetRepository:
         if dataset.status != status:
             raise StateError(f"dataset {identifier!r} must be {status}, it is {dataset.status}")
         return dataset
+
+
+def _watched(
+    pieces: Iterable[NDArray[np.float64]], watch: Callable[[NDArray[np.float64]], None]
+) -> Iterator[NDArray[np.float64]]:
+    for piece in pieces:
+        watch(piece)
+        yield piece
 
 
 def _samples(pieces: Iterable[bytes], channel_count: int) -> Iterator[NDArray[np.float64]]:

@@ -18,6 +18,7 @@ from storage import quotas
 from storage.audit import record
 from storage.errors import NotFoundError
 from storage.ids import new_id
+from storage.imports import abandon
 from storage.models import Job, JobEvent, JobStatus
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
@@ -156,6 +157,8 @@ def finish(
         values["progress"] = 1.0
     payload: Document = {"status": status} if error is None else {"status": status, "error": error}
     append_event(session, job_id, "status", payload, **values)
+    if status is not JobStatus.SUCCEEDED:
+        abandon(session, job_id, error or {"title": "Cancelled", "detail": "the job that read the file was cancelled"})
     tell_end(session, job_id)
     return True
 

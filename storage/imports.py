@@ -1,0 +1,160 @@
+"""Brings the samples of a file into its dataset, in transactions so short that nobody else has to wait for them.
+
+The dataset shows nothing of it until the last of them. An import that is overtaken (its job was cancelled, or another
+worker began the job again) finds that out at its next transaction and stops; what it has written is replaced or swept.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from datetime import datetime
+from types import TracebackType
+from typing import Any, Self
+
+from sqlalchemy import CursorResult, delete, insert, update
+from sqlalchemy.orm import Session
+
+from storage.blobs import Packed, packed, put_packed
+from storage.channels import ChannelCutter, Float
+from storage.errors import StateError
+from storage.ids import new_id
+from storage.models import ChannelBlock, Dataset, DatasetStatus
+from storage.models.base import Document
+from storage.session import Database
+
+#: Blocks that are written in one transaction, each of 256 or 512 KiB before compression.
+_BATCH = 64
+#: Threads that compress; both compression and checksum leave the interpreter to others.
+_THREADS = 2
+
+
+class Import:
+    """The samples of a committed file on their way into the database.
+
+    Use it as a context manager: `add` the samples of each channel in order, then `finish` with what is known of them.
+
+    Parameters
+    ----------
+    database : Database
+    workspace_id, identifier : str
+        The dataset, whose status must be ``parsing``.
+
+    Raises
+    ------
+    StateError
+        When it is not; also from `add` and `finish`, once the import is overtaken.
+    """
+
+    def __init__(self, database: Database, workspace_id: str, identifier: str) -> None:
+        self._database = database
+        self._workspace_id = workspace_id
+        self._identifier = identifier
+        self._token = new_id("imp")
+        self._cutters: dict[int, ChannelCutter] = {}
+        self._waiting: deque[tuple[dict[str, Any], Future[Packed]]] = deque()
+        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="compress")
+        with database.session() as session:
+            self._claim(session, DatasetStatus.PARSING, writer=self._token)
+            session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == identifier))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def add(self, channel: int, samples: Float) -> None:
+        """Append samples (n,) to a channel."""
+        if channel not in self._cutters:
+            self._cutters[channel] = ChannelCutter(channel, self._put)
+        self._cutters[channel].add(samples)
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """How many samples each channel has by now."""
+        return {channel: cutter.count for channel, cutter in self._cutters.items()}
+
+    def finish(
+        self,
+        *,
+        channels: Sequence[Document],
+        sample_rate: float | None,
+        start_time: datetime | None,
+        report: Document,
+    ) -> int:
+        """Make the dataset ``ready`` and return how many samples each channel has.
+
+        Raises
+        ------
+        ValueError
+            When the channels are not as many as were written, or not of one length.
+        """
+        for cutter in self._cutters.values():
+            cutter.close()
+        while self._waiting:
+            self._write()
+        counts = set(self.counts.values())
+        if len(counts) != 1 or len(self._cutters) != len(channels):
+            raise ValueError(f"channels must be {len(channels)} of one length, got {self.counts}")
+        (count,) = counts
+        values: dict[str, Any] = {
+            "channels": list(channels),
+            "sample_rate": sample_rate,
+            "sample_count": count,
+            "report": report,
+            "error": None,
+            "writer": None,
+        }
+        if start_time is not None:
+            values["start_time"] = start_time
+        with self._database.session() as session:
+            self._claim(session, DatasetStatus.READY, held_by=self._token, **values)
+        return count
+
+    def _put(self, channel: int, level: int, number: int, cells: Float) -> None:
+        place = {"dataset_id": self._identifier, "channel": channel, "level": level, "number": number}
+        self._waiting.append((place, self._pool.submit(packed, cells.tobytes(), itemsize=8)))
+        if len(self._waiting) >= 2 * _BATCH:
+            self._write()
+
+    def _write(self) -> None:
+        """Write the oldest blocks that wait."""
+        batch = [self._waiting.popleft() for _ in range(min(_BATCH, len(self._waiting)))]
+        contents = [content.result() for _, content in batch]
+        with self._database.session() as session:
+            self._claim(session, DatasetStatus.PARSING, held_by=self._token)
+            put_packed(session, contents)
+            session.execute(
+                insert(ChannelBlock),
+                [{**place, "sha256": content.sha256} for (place, _), content in zip(batch, contents, strict=True)],
+            )
+
+    def _claim(self, session: Session, status: DatasetStatus, *, held_by: str | None = None, **values: Any) -> None:
+        """Write to the dataset's row, which locks it; refuse when it is not (or no longer) this import's."""
+        mine = update(Dataset).where(
+            Dataset.id == self._identifier,
+            Dataset.workspace_id == self._workspace_id,
+            Dataset.status == DatasetStatus.PARSING,
+        )
+        if held_by is not None:
+            mine = mine.where(Dataset.writer == held_by)
+        done = session.execute(mine.values(status=status, **values).execution_options(synchronize_session=False))
+        assert isinstance(done, CursorResult)
+        if not done.rowcount:
+            raise StateError(f"dataset {self._identifier!r} must be parsing and in the hands of this import")
+
+
+def abandon(session: Session, job_id: str, error: Document) -> None:
+    """Say that the dataset whose file a job was to read cannot be read; nothing happens for a job of another kind."""
+    failed = (
+        update(Dataset)
+        .where(Dataset.job_id == job_id, Dataset.status == DatasetStatus.PARSING)
+        .values(status=DatasetStatus.FAILED, error=error, writer=None)
+        .returning(Dataset.id)
+    )
+    for identifier in session.scalars(failed.execution_options(synchronize_session=False)).all():
+        session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == identifier))
