@@ -22,6 +22,7 @@ from api.rates import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
 from api.services.computing import Computing
+from api.services.courier import Courier
 from api.services.following import look_after
 from api.services.housekeeping import INTERVAL, tidy
 from api.services.installation import Installation
@@ -122,13 +123,16 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             expects_worker=expects_worker,
         )
         app.state.installation = service
-        tasks = [asyncio.create_task(_keep_house(service)), asyncio.create_task(_keep_time(service))]
+        courier = Courier(service)
+        loops = (_keep_house(service), _keep_time(service), courier.run())
+        tasks = [asyncio.create_task(loop) for loop in loops]
         try:
             yield
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+            await courier.close()
             queue.close()
             database.dispose()
 

@@ -24,6 +24,7 @@
 | ``SERVOTUNE_JOB_MEMORY`` | 8589934592 | memory that one job may use, bytes; 0: no limit |
 | ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
+| ``SERVOTUNE_WEBHOOK_NETWORKS`` | ``[]`` | private networks that webhooks may call, as JSON: ``["10.1.0.0/16"]`` |
 | ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
 | ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
 """
@@ -31,6 +32,7 @@
 from __future__ import annotations
 
 import os
+from ipaddress import IPv4Network, IPv6Network
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationInfo, field_validator
@@ -73,6 +75,7 @@ class Settings(BaseSettings):
     request_seconds: float = Field(default=60.0, gt=0)
     worker_stale_seconds: float = Field(default=30.0, gt=0)
     idempotency_hours: float = Field(default=24.0, gt=0)
+    webhook_networks: list[IPv4Network | IPv6Network] = Field(default_factory=list)
     audit_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 

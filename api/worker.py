@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from api.errors import KNOWN, Problem, problem_of
-from api.services import datasets, identifications, optimizations, parsing
+from api.services import alerts, datasets, identifications, optimizations, parsing, validations
 from api.settings import Settings
 from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
@@ -79,6 +79,13 @@ def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> 
     return identifications.run(job.body, database=database, workspace=job.workspace_id, monitor=_Watch(reporter))
 
 
+def _validation(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    result = validations.run(job.body, database=database, workspace=job.workspace_id, tell=reporter.progress)
+    with database.session() as session:
+        alerts.on_validation(session, job.workspace_id, job=job.id, result=result)
+    return result
+
+
 def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     return parsing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
 
@@ -86,6 +93,7 @@ def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping
 _RUN = {
     optimizations.KIND: _optimization,
     identifications.KIND: _identification,
+    validations.KIND: _validation,
     datasets.PARSING: _dataset,
 }
 

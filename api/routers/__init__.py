@@ -20,6 +20,7 @@ from api.routers import (
     studies,
     systems,
     validations,
+    webhooks,
     workspaces,
 )
 
@@ -33,6 +34,7 @@ ROUTERS = (
     results.router,
     catalog.router,
     schedules.router,
+    webhooks.router,
     agents.router,
     acquisitions.router,
     acquisition_templates.router,

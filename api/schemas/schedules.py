@@ -10,6 +10,7 @@ from pydantic import Field
 from api.schemas.jobs import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import Reply
+from api.schemas.validations import ValidationRequest
 from api.schemas.values import Document
 
 
@@ -27,6 +28,13 @@ class ScheduledIdentification(Document):
     body: IdentificationRequest
 
 
+class ScheduledValidation(Document):
+    """The body of `POST /v1/validations`; an error beyond the limit raises an alert."""
+
+    kind: Literal["validation"]
+    body: ValidationRequest
+
+
 class ScheduleRequest(Document):
     """A job, and when it is run."""
 
@@ -35,7 +43,7 @@ class ScheduleRequest(Document):
         max_length=200, description="minute, hour, day of month, month, day of week", examples=["30 2 * * mon-fri"]
     )
     time_zone: str = Field(default="UTC", max_length=64, description="IANA name", examples=["Europe/Bucharest"])
-    job: Annotated[ScheduledOptimization | ScheduledIdentification, Field(discriminator="kind")]
+    job: Annotated[ScheduledOptimization | ScheduledIdentification | ScheduledValidation, Field(discriminator="kind")]
     overlap: Literal["skip", "queue", "cancel_previous"] = Field(
         default="skip", description="when the job before has not ended"
     )

@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 from api.errors import invalid
 from api.schemas.jobs import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
-from api.services import identifications, optimizations
+from api.schemas.validations import ValidationRequest
+from api.services import identifications, optimizations, validations
 from api.services.installation import Caller, Installation
 
 Submit = Callable[[Session], str]
@@ -45,7 +46,14 @@ def _identification(service: Installation, caller: Caller, body: Mapping[str, An
     return lambda session: str(identifications.submit(service, session, caller, request, prepared)["id"])
 
 
+def _validation(service: Installation, caller: Caller, body: Mapping[str, Any]) -> Submit:
+    request = ValidationRequest.model_validate(body)
+    subject = validations.prove(service, caller, request)
+    return lambda session: str(validations.submit(service, session, caller, request, subject)["id"])
+
+
 _KINDS: Mapping[str, Callable[[Installation, Caller, Mapping[str, Any]], Submit]] = {
     optimizations.KIND: _optimization,
     identifications.KIND: _identification,
+    validations.KIND: _validation,
 }

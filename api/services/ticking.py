@@ -10,7 +10,7 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from api.errors import KNOWN, problem_of
-from api.services import scheduled
+from api.services import alerts, scheduled
 from api.services.calendars import Plan, calendar, plan
 from api.services.installation import Caller, Installation
 from storage.audit import ACTOR, Actor
@@ -70,7 +70,10 @@ def _deal_with(service: Installation, row: Schedule, instant: datetime, steps: P
 
     def refuse(session: Session, detail: str) -> None:
         if take(session):
-            schedules.add_run(session, row.id, due_at=run_at, outcome=RunOutcome.REFUSED, detail=detail)
+            known = schedules.last_outcome(session, row.id) == RunOutcome.REFUSED
+            run = schedules.add_run(session, row.id, due_at=run_at, outcome=RunOutcome.REFUSED, detail=detail)
+            if not known:  # one alert tells of all that follow for the same reason
+                alerts.on_refusal(session, row, run)
 
     _attempt(service, row, start, refuse)
 
@@ -91,7 +94,9 @@ def _start_waiting(service: Installation, run: ScheduleRun, row: Schedule) -> No
             schedules.attach(session, run.id, schedule_id=row.id, job_id=submit(session))
 
     def refuse(session: Session, detail: str) -> None:
-        schedules.claim_run(session, run.id, outcome=RunOutcome.REFUSED, detail=detail)
+        if schedules.claim_run(session, run.id, outcome=RunOutcome.REFUSED, detail=detail):
+            session.refresh(run)
+            alerts.on_refusal(session, row, run)
 
     _attempt(service, row, start, refuse)
 

@@ -24,7 +24,7 @@ class Webhook(Base):
     """An address that is told of events.
 
     ``secret`` signs what is sent, so it is kept as it is. ``failures`` counts the attempts that failed in a row;
-    ``disabled_reason`` says why the service itself made it inactive.
+    before ``retry_at`` nothing is sent; ``disabled_reason`` says why the service itself made it inactive.
     """
 
     __tablename__ = "webhook"
@@ -38,6 +38,7 @@ class Webhook(Base):
     secret: Mapped[str]
     active: Mapped[bool]
     failures: Mapped[int] = mapped_column(default=0)
+    retry_at: Mapped[datetime | None]
     disabled_reason: Mapped[str | None]
     revision: Mapped[int] = mapped_column(default=1)
     created_at: Mapped[datetime] = mapped_column(default=utc_now)

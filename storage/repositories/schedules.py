@@ -188,6 +188,12 @@ def waiting(session: Session, schedule_id: str) -> int:
     return int(session.scalar(rows) or 0)
 
 
+def last_outcome(session: Session, schedule_id: str) -> str | None:
+    """Return what became of the last instant that somebody dealt with."""
+    rows = select(ScheduleRun.outcome).where(ScheduleRun.schedule_id == schedule_id)
+    return session.scalar(rows.order_by(ScheduleRun.created_at.desc(), ScheduleRun.id.desc()).limit(1))
+
+
 def forget(session: Session, *, before: datetime) -> int:
     """Delete runs written before a time; return how many."""
     result = session.execute(

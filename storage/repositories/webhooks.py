@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import CursorResult, delete, func, or_, select, update
+from sqlalchemy import CursorResult, and_, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
@@ -31,7 +31,7 @@ TEST = "webhook.test"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parcel:
-    """What is to be sent now; ``attempt`` counts from 1."""
+    """What is to be sent now; ``attempt`` counts from 1, ``failures`` those of the webhook in a row before this one."""
 
     id: str
     webhook_id: str
@@ -40,6 +40,7 @@ class Parcel:
     secret: str
     payload: Document
     attempt: int
+    failures: int
 
 
 class WebhookRepository:
@@ -92,7 +93,7 @@ class WebhookRepository:
         changed = self._session.execute(
             update(Webhook)
             .where(Webhook.id == identifier, Webhook.revision == expected_revision)
-            .values(revision=expected_revision + 1, failures=0, disabled_reason=None, **values)
+            .values(revision=expected_revision + 1, failures=0, retry_at=None, disabled_reason=None, **values)
             .returning(Webhook.id)
             .execution_options(synchronize_session=False)
         ).one_or_none()
@@ -188,7 +189,10 @@ def claim_due(
         .where(
             WebhookDelivery.next_at <= now,
             WebhookDelivery.webhook_id.not_in(busy),
-            or_(Webhook.active.is_(True), WebhookDelivery.event == TEST),
+            or_(
+                WebhookDelivery.event == TEST,
+                and_(Webhook.active.is_(True), or_(Webhook.retry_at.is_(None), Webhook.retry_at <= now)),
+            ),
         )
         .subquery()
     )
@@ -209,6 +213,7 @@ def claim_due(
             secret=webhook.secret,
             payload=row.payload,
             attempt=row.attempts + 1,
+            failures=webhook.failures,
         )
         for row, webhook in rows
         if _claim(session, row, until=now + lease)
@@ -232,33 +237,32 @@ def delivered(session: Session, parcel: Parcel, *, response_status: int) -> None
         session.execute(
             update(Webhook)
             .where(Webhook.id == parcel.webhook_id, Webhook.failures > 0)
-            .values(failures=0)
+            .values(failures=0, retry_at=None)
             .execution_options(synchronize_session=False)
         )
 
 
 def failed(
-    session: Session, parcel: Parcel, *, error: str, response_status: int | None, retry_at: datetime | None
-) -> int:
-    """Write down that an attempt has failed; return how many in a row have, of whatever delivery to this webhook.
+    session: Session, parcel: Parcel, *, error: str, response_status: int | None, until: datetime, last: bool
+) -> None:
+    """Write down that an attempt has failed, and send the webhook nothing for a while.
 
     Parameters
     ----------
-    retry_at : datetime or None
-        When it is tried again; None gives it up.
+    until : datetime
+        The end of that while.
+    last : bool
+        Whether this delivery is given up.
     """
-    status = DeliveryStatus.FAILED if retry_at is None else DeliveryStatus.PENDING
-    values = {"response_status": response_status, "error": error}
-    if not _settle(session, parcel, status=status, next_at=retry_at, **values):
-        return 0
-    counted = session.scalars(
-        update(Webhook)
-        .where(Webhook.id == parcel.webhook_id)
-        .values(failures=Webhook.failures + 1)
-        .returning(Webhook.failures)
-        .execution_options(synchronize_session=False)
-    ).one_or_none()
-    return counted or 0
+    status = DeliveryStatus.FAILED if last else DeliveryStatus.PENDING
+    next_at = None if last else until
+    if _settle(session, parcel, status=status, next_at=next_at, response_status=response_status, error=error):
+        session.execute(
+            update(Webhook)
+            .where(Webhook.id == parcel.webhook_id)
+            .values(failures=Webhook.failures + 1, retry_at=until)
+            .execution_options(synchronize_session=False)
+        )
 
 
 def disable(session: Session, parcel: Parcel, *, reason: str) -> None:
