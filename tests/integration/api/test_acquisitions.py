@@ -1,0 +1,275 @@
+"""Measurements over HTTP: the service's side of every agreement with an agent."""
+
+from __future__ import annotations
+
+import threading
+from datetime import timedelta
+from typing import Any
+
+import httpx
+import pytest
+
+from storage import open_database
+from storage.models import AcquisitionAttempt, Agent
+from storage.models.base import utc_now
+from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT, RIG, deliver, samples
+
+
+@pytest.fixture
+def agent(client, request) -> str:
+    """An agent with a rig of this test's own."""
+    return _register(client, rig=request.node.name)
+
+
+def _register(client: httpx.Client, **change: Any) -> str:
+    reply = client.post("/v1/agents", json=AGENT | change)
+    assert reply.status_code == 200, reply.text
+    return str(reply.json()["id"])
+
+
+def _ask(client: httpx.Client, rig: str, **change: Any) -> dict[str, Any]:
+    reply = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": rig} | change)
+    assert reply.status_code == 202, reply.text
+    return dict(reply.json())
+
+
+def _claim(client: httpx.Client, agent: str, **query: Any) -> dict[str, Any]:
+    reply = client.post(f"/v1/agents/{agent}/claim", params=query)
+    assert reply.status_code == 200, reply.text
+    return dict(reply.json())
+
+
+def _where(claim: dict[str, Any]) -> str:
+    return f"/v1/acquisitions/{claim['acquisition']}/attempts/{claim['attempt']}"
+
+
+def _age(service, acquisition: str, *, seconds: float) -> None:
+    """Let an attempt's lease, and its agent's last word, lie further back."""
+    database = open_database(service.database_url)
+    with database.session() as session:
+        attempt = session.query(AcquisitionAttempt).filter_by(acquisition_id=acquisition).one()
+        attempt.lease_until = utc_now() - timedelta(seconds=seconds)
+        session.get_one(Agent, attempt.agent_id).seen_at = utc_now() - timedelta(seconds=seconds + 30)
+    database.dispose()
+
+
+def _heartbeat(client: httpx.Client, claim: dict[str, Any], agent: str, **values: Any) -> httpx.Response:
+    return client.post(f"{_where(claim)}/heartbeat", json={"agent": agent, "status": "running", **values})
+
+
+def test_a_measurement_goes_from_the_request_to_a_dataset_with_its_provenance(client, agent, request) -> None:
+    rig = request.node.name
+    asked = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": rig})
+    assert asked.headers["Location"] == f"/v1/jobs/{asked.json()['job']}"
+    assert asked.json()["status"] == "queued"
+    assert asked.json()["warnings"] == [
+        {"pointer": "/channels/1", "detail": "calibration of position was due on 2021-01-01"}
+    ]
+    claim = _claim(client, agent)
+    # 5 Hz are 10 pi rad/s; an agent is told SI and nothing else.
+    assert claim["request"]["drive"]["signal"]["frequency"] == pytest.approx(31.41592653589793, rel=1e-15)
+    assert claim["request"]["pre_trigger"] == 0.1
+    here = f"/v1/acquisitions/{claim['acquisition']}"
+    assert client.get(here).json()["status"] == "claimed"
+
+    preview = {"start": 0.0, "step": 0.01, "channels": {"position": [[0.0, 1.0], [0.5, 2.0]]}}
+    assert _heartbeat(client, claim, agent, progress=0.5, message="recording", preview=preview).status_code == 200
+    job = client.get(f"/v1/jobs/{claim['job']}").json()
+    assert (job["kind"], job["status"], job["progress"], job["message"]) == ("acquisition", "running", 0.5, "recording")
+
+    assert _heartbeat(client, claim, agent, status="uploading").status_code == 200
+    early = client.post(f"{_where(claim)}/finish", json={"agent": agent})
+    assert early.status_code == 409
+    data = samples()
+    facts = {"actual_rate": 1024.0, "samples": 600}
+    assert deliver(client, claim, agent, data, facts=facts).json()["status"] == "done"
+    done = client.get(here).json()
+    assert (done["status"], done["attempts"][0]["facts"]) == ("done", facts)
+    dataset = client.get(f"/v1/datasets/{done['dataset']}").json()
+    assert (dataset["sample_rate"], dataset["sample_count"], dataset["status"]) == (1024, 600, "ready")
+    assert client.get(f"/v1/datasets/{done['dataset']}/original").content == data
+    origin = dataset["document"]["origin"] if "origin" not in dataset else dataset["origin"]
+    assert origin["rig"]["inputs"][1]["calibration"]["certificate"] == "C-17"
+    assert origin["requested"]["sample_rate"] == 1000
+    result = client.get(f"/v1/jobs/{claim['job']}/result").json()
+    assert (result["dataset"], result["facts"]) == (done["dataset"], facts)
+
+    with client.stream("GET", f"{here}/events") as stream:
+        told = [line.removeprefix("event: ") for line in stream.iter_lines() if line.startswith("event: ")]
+    assert told == ["status", "status", "progress", "preview", "status"]
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"rig": "nowhere"}, "/rig"),
+        ({"channels": ["position", "speed"]}, "/channels/1"),
+        ({"channels": ["position", "position"]}, "/channels/1"),
+        ({"duration": 0}, "/duration"),
+        ({"duration": 0.001, "pre_trigger": 0}, "/duration"),
+        ({"duration": 30, "averages": 3}, "/duration"),
+        ({"pre_trigger": -1}, "/pre_trigger"),
+        ({"drive": {"output": "pump", "signal": {"kind": "step"}}}, "/drive/output"),
+        ({"drive": {"output": "valve", "signal": {"kind": "step", "amplitude": 5.1}}}, "/drive/signal"),
+        (
+            {"drive": {"output": "valve", "signal": {"kind": "stepped_sine", "amplitude": 1, "frequencies": [0], "dwell": 1}}},
+            "/drive/signal/frequencies/0",
+        ),
+        ({"then": [{"kind": "average"}]}, "/then/0/kind"),
+        ({"then": [{"kind": "validation", "body": {"dataset": "ds_1"}}]}, "/then/0/body"),
+        ({"channels": None}, "/channels"),
+        ({"template": "tpl_none"}, "/template"),
+    ],
+)  # fmt: skip
+def test_what_a_rig_cannot_do_is_refused_at_its_place(client, change, pointer) -> None:
+    _register(client, rig="refusing")
+    reply = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": "refusing"} | change)
+    assert (reply.status_code, reply.json()["errors"][0]["pointer"][: len(pointer)]) == (422, pointer), reply.text
+
+
+def test_a_signal_that_no_agent_knows_is_told_as_its_points(client, agent, request) -> None:
+    profile = {"kind": "s_curve", "distance": 2, "max_velocity": 10, "max_acceleration": 100, "max_jerk": 5000}
+    _ask(client, request.node.name, drive={"output": "valve", "signal": profile})
+    told = _claim(client, agent)["request"]["drive"]["signal"]
+    assert told["kind"] == "sampled"
+    assert told["values"][-1] == pytest.approx(2, rel=1e-12)  # it arrives at its distance
+    assert len(told["time"]) >= 501
+
+
+def test_one_attempt_at_a_time_is_on_a_rig(client, agent, request) -> None:
+    first, second = (_ask(client, request.node.name) for _ in range(2))
+    claim = _claim(client, agent)
+    assert claim["acquisition"] == first["id"]
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 204
+    # While samples travel the rig is free.
+    assert _heartbeat(client, claim, agent, status="uploading").status_code == 200
+    assert _claim(client, agent)["acquisition"] == second["id"]
+    assert _heartbeat(client, claim, agent, status="running").status_code == 409
+
+
+def test_a_waiting_agent_gets_what_is_asked_for_meanwhile(client, agent, request) -> None:
+    asking = threading.Timer(0.3, lambda: _ask(client, request.node.name))
+    asking.start()
+    assert _claim(client, agent, wait=20)["attempt"] == 1
+    asking.join()
+
+
+def test_two_agents_of_one_rig_take_turns(client, service, agent, request) -> None:
+    rig = request.node.name
+    other = AGENT | {"rig": rig, "instance": "fedcba9876543210", "name": "lab PC 2"}
+    refused = client.post("/v1/agents", json=other)
+    assert refused.status_code == 409
+    assert "'lab PC 1' has it" in refused.json()["detail"]
+    assert _register(client, rig=rig) == agent  # the same one may come again at any time
+    _ask(client, rig)
+    claim = _claim(client, agent)
+    _age(service, claim["acquisition"], seconds=1)
+    second = client.post("/v1/agents", json=other).json()["id"]
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 409  # told to register again
+    _ask(client, rig)
+    assert _claim(client, second)["acquisition"] != claim["acquisition"]
+
+
+def test_an_attempt_without_a_word_is_lost_and_never_repeated_by_itself(client, service, agent, request) -> None:
+    rig = request.node.name
+    _ask(client, rig)
+    claim = _claim(client, agent)
+    here = f"/v1/acquisitions/{claim['acquisition']}"
+    _age(service, claim["acquisition"], seconds=1)
+    late = _heartbeat(client, claim, agent)
+    assert (late.status_code, late.json()["type"]) == (409, "urn:servotune:problem:lease-lost")
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 204
+    lost = client.get(here).json()
+    assert lost["status"] == "lost"
+    assert client.get(f"/v1/jobs/{claim['job']}").json()["error"]["type"] == "urn:servotune:problem:lost"
+
+    # Its samples are kept under its number, and start nothing.
+    data = samples()
+    assert deliver(client, claim, agent, data).json() == {
+        "status": "lost", "late": True, "dataset": client.get(here).json()["dataset"],
+    }  # fmt: skip
+    kept = client.get(here).json()["attempts"][0]
+    assert (kept["status"], kept["late"]) == ("lost", True)
+    assert client.get(f"/v1/datasets/{kept['dataset']}/original").content == data
+
+    again = client.post(f"{here}/retry")
+    assert (again.status_code, again.json()["status"], again.json()["attempt"]) == (202, "queued", 2)
+    assert client.post(f"{here}/retry").status_code == 409
+    assert again.json()["job"] != claim["job"]
+    second = _claim(client, agent)
+    assert (second["acquisition"], second["attempt"]) == (claim["acquisition"], 2)
+    assert deliver(client, second, agent, data).json()["status"] == "done"
+    done = client.get(here).json()
+    assert [attempt["status"] for attempt in done["attempts"]] == ["lost", "done"]
+    assert len({attempt["dataset"] for attempt in done["attempts"]}) == 2
+
+
+def test_a_cancelled_attempt_is_taken_from_its_agent(client, agent, request) -> None:
+    waiting = _ask(client, request.node.name)
+    assert client.post(f"/v1/acquisitions/{waiting['id']}/cancel").json()["status"] == "cancelled"
+    _ask(client, request.node.name)
+    claim = _claim(client, agent)
+    # Either way: the measurement, or its job.
+    assert client.post(f"/v1/jobs/{claim['job']}/cancel").json()["status"] == "cancelled"
+    assert _heartbeat(client, claim, agent).status_code == 409
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 204
+
+
+def test_a_failure_is_told_in_the_agents_words(client, agent, request) -> None:
+    _ask(client, request.node.name)
+    claim = _claim(client, agent)
+    error = {"code": "overrun", "detail": "the PC could not keep up"}
+    assert client.post(f"{_where(claim)}/finish", json={"agent": agent, "error": error}).json()["status"] == "failed"
+    told = client.get(f"/v1/jobs/{claim['job']}").json()["error"]
+    assert told == {"type": "urn:servotune:problem:overrun", "title": "Overrun", "detail": "the PC could not keep up"}
+
+
+def test_only_a_key_for_acquisition_is_an_agents_key(service, agent) -> None:
+    for scope in ("read", "write", "run"):
+        with service.client(scope) as other:
+            assert other.post("/v1/agents", json=AGENT).status_code == 403
+            assert other.post(f"/v1/agents/{agent}/claim").status_code == 403
+    with service.client("acquire") as own:
+        assert own.post(f"/v1/agents/{agent}/claim").status_code == 204
+        assert own.post("/v1/acquisitions", json=MEASUREMENT).status_code == 403  # an agent asks for nothing
+
+
+def test_an_agent_of_another_rig_has_no_say(client, agent, request) -> None:
+    _ask(client, request.node.name)
+    claim = _claim(client, agent)
+    stranger = _register(client, rig="another rig")
+    assert _heartbeat(client, claim, stranger).status_code == 409
+    opening = {"agent": stranger, "start_time": claim["time"], "sample_rate": 1, "channels": CHANNELS}
+    assert client.post(f"{_where(claim)}/dataset", json=opening).status_code == 409
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"inputs": [RIG["inputs"][0], RIG["inputs"][0]]}, "/document/inputs/1/name"),
+        ({"inputs": [RIG["inputs"][0] | {"unit": "parsnip"}]}, "/document/inputs/0/unit"),
+        ({"inputs": [RIG["inputs"][0] | {"sensitivity": 0}]}, "/document/inputs/0/sensitivity"),
+        ({"outputs": [RIG["outputs"][0] | {"safe": 6}]}, "/document/outputs/0/safe"),
+    ],
+)
+def test_a_rig_that_makes_no_sense_is_refused(client, change, pointer) -> None:
+    reply = client.post("/v1/agents", json=AGENT | {"rig": "wrong", "document": RIG | change})
+    assert (reply.status_code, reply.json()["errors"][0]["pointer"]) == (422, pointer)
+
+
+def test_a_template_is_asked_for_with_what_differs(client, agent, request) -> None:
+    rig = request.node.name
+    made = client.post("/v1/acquisition-templates", json=MEASUREMENT | {"rig": rig})
+    assert made.status_code == 201, made.text
+    where = made.headers["Location"]
+    asked = client.post("/v1/acquisitions", json={"template": made.json()["id"], "duration": 0.25})
+    assert asked.status_code == 202, asked.text
+    assert asked.json()["document"] == MEASUREMENT | {"rig": rig, "duration": 0.25}
+    open_ended = {"name": "any rig", "sample_rate": 500}
+    assert client.put(where, json=open_ended, headers={"If-Match": '"1"'}).json()["revision"] == 2
+    missing = client.post("/v1/acquisitions", json={"template": made.json()["id"], "rig": rig})
+    assert missing.json()["errors"][0]["pointer"] == "/channels"
+    wrong = client.post("/v1/acquisition-templates", json=MEASUREMENT | {"rig": rig, "channels": ["speed"]})
+    assert wrong.status_code == 422
+    assert client.delete(where, headers={"If-Match": "*"}).status_code == 204
+    assert client.get(where).status_code == 404
