@@ -16,6 +16,7 @@ from servotune.searches import Searches
 from servotune.studies import Studies
 from servotune.systems import Systems
 from servotune.transport import Transport
+from servotune.webhooks import Alerts, Webhooks
 
 
 class Client(Studies, Searches):
@@ -31,6 +32,8 @@ class Client(Studies, Searches):
         Long work.
     schedules : Schedules
         Jobs that are run again and again.
+    webhooks, alerts : Webhooks, Alerts
+        Who is told when something ends, and what somebody should look at.
     catalog : Catalog
         The elements, metrics, methods and signals that the service knows.
     keys, workspaces : Keys, Workspaces
@@ -43,6 +46,8 @@ class Client(Studies, Searches):
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
         self.schedules = Schedules(transport)
+        self.webhooks = Webhooks(transport)
+        self.alerts = Alerts(transport)
         self.catalog = Catalog(transport)
         self.keys = Keys(transport)
         self.workspaces = Workspaces(transport)

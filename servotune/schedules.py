@@ -60,7 +60,7 @@ class Schedules:
         cron : str
             Minute, hour, day of month, month, day of week: `"30 2 * * mon-fri"`.
         kind, body : str, mapping
-            `"optimization"` or `"identification"`, and what is posted to start one.
+            `"optimization"`, `"identification"` or `"validation"`, and what is posted to start one.
         time_zone : str
             IANA name, `"Europe/Bucharest"`.
         overlap : {"skip", "queue", "cancel_previous"}
