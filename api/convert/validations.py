@@ -12,8 +12,9 @@ from api.convert.fits import fit_to_wire, measures_to_wire, one_step_to_wire, re
 from api.convert.values import number, numbers
 from engine.diagram import Diagram
 from engine.fit import DEFINITIONS
-from engine.validation.remedy import Remedy
-from engine.validation.validate import Output, Validated
+from engine.validation.remedy import Remedy, worthwhile
+from engine.validation.steps import Step, Steps
+from engine.validation.validate import Check, Output, Validated
 from engine.validation.verdict import Grade
 
 Samples = npt.NDArray[np.float64]
@@ -110,28 +111,31 @@ def _diagnosis(found: Validated) -> dict[str, Any] | None:
         "remedies": {
             name: [_remedy(remedy) for remedy in remedies] for name, remedies in found.diagnosis.remedies.items()
         },
-        "parameters": []
-        if steps is None
-        else [
-            {
-                "parameter": step.parameter,
-                "unit": step.unit,
-                "value": number(step.value),
-                "suggested": number(step.suggested),
-                "change_percent": number(step.change_percent),
-                "relative_error_percent": number(step.relative_error_percent),
-                "checked_percent": number(found.checks.get(step.parameter)),
-            }
-            for step in steps.alone
-        ],
-        "together": None
-        if steps is None
-        else {
-            "suggested": {name: number(value) for name, value in steps.together.items()},
-            "relative_error_percent": number(steps.together_error_percent),
-            "checked_percent": number(found.checks.get("together")),
-        },
+        "parameters": [] if steps is None else [_step(step, found.checks.get(step.parameter)) for step in steps.alone],
+        "together": None if steps is None else _together(steps, found.checks.get("together")),
         "note": found.note,
+    }
+
+
+def _step(step: Step, check: Check | None) -> dict[str, Any]:
+    suggested = step.suggested if check is None else check.values[step.parameter]
+    return {
+        "parameter": step.parameter,
+        "unit": step.unit,
+        "value": number(step.value),
+        "suggested": number(suggested),
+        "change_percent": number(100 * (suggested / step.value - 1)) if step.value != 0 else None,
+        "relative_error_percent": number(step.relative_error_percent),
+        "checked_percent": None if check is None else number(check.relative_error_percent),
+    }
+
+
+def _together(steps: Steps, check: Check | None) -> dict[str, Any]:
+    suggested = steps.together if check is None else check.values
+    return {
+        "suggested": {name: number(value) for name, value in suggested.items()},
+        "relative_error_percent": number(steps.together_error_percent),
+        "checked_percent": None if check is None else number(check.relative_error_percent),
     }
 
 
@@ -154,14 +158,26 @@ def _advice(found: Validated) -> str:
         for remedy in remedies
     ]
     steps = found.diagnosis.steps
-    if steps is not None and steps.alone and steps.alone[0].relative_error_percent < 0.9 * steps.present_error_percent:
-        best = steps.alone[0]
-        checked = found.checks.get(best.parameter, best.relative_error_percent)
-        to = f"{best.suggested:.4g} {best.unit}".rstrip()
-        said.append((checked, f"{best.parameter} would have to move to {to}, which leaves {checked:.3g} %."))
+    if steps is not None:
+        said += _moves(steps, found.checks)
     if not said and found.grade is Grade.FAIL:
         return (
             "Nothing simple explains the error: look at the worst interval, and at whether the model's structure "
             "(a nonlinearity, a mode, another input) is that of the machine."
         )
     return " ".join(sentence for _, sentence in sorted(said)[:_SENTENCES])
+
+
+def _moves(steps: Steps, checks: Mapping[str, Check]) -> list[tuple[float, str]]:
+    """Return the sentence of the parameter that helps most, if one helps."""
+    tried = [
+        (checks[step.parameter].relative_error_percent, checks[step.parameter].values[step.parameter], step)
+        if step.parameter in checks
+        else (step.relative_error_percent, step.suggested, step)
+        for step in steps.alone
+    ]
+    left, suggested, step = min(tried, key=lambda move: move[0])
+    if not worthwhile(left, steps.present_error_percent):
+        return []
+    to = f"{suggested:.4g} {step.unit}".rstrip()
+    return [(left, f"{step.parameter} would have to move to about {to}, which leaves {left:.3g} %.")]

@@ -50,6 +50,7 @@ def recording_of(
             check_name(name, known, name=key.removesuffix("s"), what=what, place=(*place, key, name))
             names[*place, key, name] = channel
     read = read_recording(database, workspace, dataset, names, place=(*place, "dataset"))
+    check_lengths({channel: read.channels[channel].size for channel in names.values()}, names)
     for name, channel in outputs.items():
         expected, unit = diagram.output_units.get(name, ""), read.units[channel]
         try:
@@ -65,3 +66,28 @@ def recording_of(
         outputs={name: read.channels[channel] for name, channel in outputs.items()},
         sample_time=read.sample_time,
     )
+
+
+def check_lengths(sizes: Mapping[str, int], names: Mapping[Place, str]) -> None:
+    """Refuse channels of different length: their samples do not belong to the same instants.
+
+    Parameters
+    ----------
+    sizes : mapping
+        Channel -> number of samples.
+    names : mapping
+        Place in the request -> channel.
+
+    Raises
+    ------
+    Problem
+        422 at the first channel that differs from the one named first.
+    """
+    first = next(iter(names.values()))
+    for place, channel in names.items():
+        if sizes[channel] != sizes[first]:
+            raise invalid(
+                f"channel {channel!r} must have {sizes[first]} samples as {first!r} has, got {sizes[channel]} "
+                "(bring them to one rate and one stretch first)",
+                *place,
+            )

@@ -52,11 +52,6 @@ class Step:
     suggested: float
     relative_error_percent: float
 
-    @property
-    def change_percent(self) -> float | None:
-        """Relative change, None for a parameter that is 0."""
-        return 100.0 * (self.suggested / self.value - 1.0) if self.value != 0.0 else None
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:

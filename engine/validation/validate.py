@@ -20,6 +20,8 @@ Answer = Callable[[Mapping[str, float]], Mapping[str, Samples]]
 """Simulates the outputs in the window with other values of some parameters."""
 
 _TRIED = 3
+_FRACTIONS = (1.0, 0.5, 0.25)
+"""Of a step: a straight line promises too much where the response bends."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,14 +61,22 @@ class Output:
     remarks: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """Values that were tried, and the relative error (%) that the model then really has."""
+
+    values: Mapping[str, float]
+    relative_error_percent: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Validated:
     """The outcome.
 
     Attributes
     ----------
-    checks : mapping of str to float
-        Relative error (%) that a simulation with the suggested value(s) really has: by parameter, and ``together``.
+    checks : mapping of str to Check
+        The best of each step, its half and its quarter: by parameter, and ``together``.
     note : str
         Why a diagnosis is incomplete.
     """
@@ -74,7 +84,7 @@ class Validated:
     outputs: Mapping[str, Output]
     grade: Grade
     diagnosis: Diagnosis | None = None
-    checks: Mapping[str, float] = field(default_factory=dict)
+    checks: Mapping[str, Check] = field(default_factory=dict)
     note: str = ""
 
     def comparisons(self, tangents: Mapping[str, Mapping[str, Samples]]) -> list[Comparison]:
@@ -90,14 +100,21 @@ class Validated:
         steps = None if self.diagnosis is None else self.diagnosis.steps
         if steps is None:
             return self
+        here = {step.parameter: step.value for step in steps.alone}
         moves: dict[str, Mapping[str, float]] = {
             step.parameter: {step.parameter: step.suggested} for step in steps.alone[:_TRIED]
         }
         checks = {}
-        for name, values in {**moves, "together": steps.together}.items():
-            error = self._error(answer, values)
-            if error is not None:
-                checks[name] = error
+        for name, there in {**moves, "together": steps.together}.items():
+            tried = [
+                Check(values=values, relative_error_percent=error)
+                for fraction in _FRACTIONS
+                for values in [{path: here[path] + fraction * (new - here[path]) for path, new in there.items()}]
+                for error in [self._error(answer, values)]
+                if error is not None
+            ]
+            if tried:
+                checks[name] = min(tried, key=lambda check: check.relative_error_percent)
         return replace(self, checks=checks)
 
     def _error(self, answer: Answer, values: Mapping[str, float]) -> float | None:

@@ -97,7 +97,11 @@ class RemedyReply(Reply):
 
 
 class StepReply(Reply):
-    """Where one parameter would have to move: predicted by a straight line, and (`checked_percent`) simulated."""
+    """Where one parameter would have to move.
+
+    `relative_error_percent` is what a straight line promises for the whole step; `checked_percent`, where there is one, what
+    a simulation has at `suggested`: the best of the whole step, its half and its quarter.
+    """
 
     parameter: str
     unit: str
@@ -109,7 +113,7 @@ class StepReply(Reply):
 
 
 class TogetherReply(Reply):
-    """Where all parameters would move together."""
+    """Where all parameters would move together; the numbers are those of a single step."""
 
     suggested: dict[str, Number]
     relative_error_percent: Number

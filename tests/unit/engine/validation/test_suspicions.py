@@ -152,9 +152,6 @@ def test_one_step_names_the_parameter_that_is_wrong(k, tau, first, suggested) ->
     # k enters linearly: exact; tau by a straight line
     assert found.alone[0].suggested == pytest.approx(suggested, rel=5e-3)
     assert found.alone[0].relative_error_percent < 0.1 * found.present_error_percent
-    assert found.alone[0].change_percent == pytest.approx(
-        100 * (suggested / {"k": 1.0, "tau": 0.05}[first] - 1), rel=0.1
-    )
     assert found.together_error_percent <= found.alone[0].relative_error_percent
 
 
