@@ -20,6 +20,7 @@ from api.settings import Settings
 from storage import open_database
 from tests.integration.api.conftest import Service, finished, serving, working
 from tests.integration.api.documents import RAW, lag_recording, sha256
+from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT, samples
 
 TARGET = Path(__file__).parents[3] / "api" / "examples.json"
 DATA = lag_recording(samples=2000)
@@ -122,6 +123,7 @@ def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
     _datasets(ask)
     optimization = _jobs(ask, wait)
     _schedules(ask, optimization)
+    _measurements(ask)
     _access(ask)
 
 
@@ -208,6 +210,42 @@ def _schedules(ask: Callable[..., Any], optimization: dict[str, Any]) -> None:
     ask(f"POST {one}/pause", identifier=identifier)
     ask(f"POST {one}/resume", identifier=identifier)
     ask(f"DELETE {one}", headers={"If-Match": "*"}, identifier=identifier)
+
+
+def _measurements(ask: Callable[..., Any]) -> None:
+    one, attempt = "/v1/acquisitions/{identifier}", "/v1/acquisitions/{identifier}/attempts/{number}"
+    agent = ask("POST /v1/agents", body=AGENT)
+    ask("GET /v1/agents")
+    ask("GET /v1/agents/{identifier}", identifier=agent["id"])
+    ask("GET /v1/rigs")
+    ask("GET /v1/rigs/{identifier}", identifier=agent["rig_id"])
+    template = "/v1/acquisition-templates/{identifier}"
+    kept = ask("POST /v1/acquisition-templates", body=MEASUREMENT)["id"]
+    ask("GET /v1/acquisition-templates")
+    ask(f"GET {template}", identifier=kept)
+    ask(f"PUT {template}", body=MEASUREMENT | {"duration": 1}, headers={"If-Match": '"1"'}, identifier=kept)
+    given_up = ask("POST /v1/acquisitions", body={"template": kept, "duration": 0.5})["id"]
+    ask(f"DELETE {template}", headers={"If-Match": '"2"'}, identifier=kept)
+    ask("GET /v1/acquisitions", query={"rig": "bench-1", "status": "queued"})
+    ask(f"POST {one}/cancel", identifier=given_up)
+    ask(f"POST {one}/retry", identifier=given_up)
+    claim = ask("POST /v1/agents/{identifier}/claim", query={"wait": 20}, identifier=agent["id"])
+    names = {"identifier": claim["acquisition"], "number": str(claim["attempt"])}
+    preview = {"start": 0, "step": 0.05, "channels": {"position": [[0.0, 0.4], [0.4, 1.2]]}}
+    beat = {"agent": agent["id"], "status": "running", "progress": 0.5, "preview": preview}
+    ask(f"POST {attempt}/heartbeat", body=beat, **names)
+    opening = {"agent": agent["id"], "start_time": claim["time"], "sample_rate": 1024, "channels": CHANNELS}
+    dataset = ask(f"POST {attempt}/dataset", body=opening, **names)["id"]
+    data = samples()
+    put = "PUT /v1/datasets/{identifier}/segments/{sha256}"
+    ask(
+        put, content=data, headers={"Content-Type": "application/octet-stream"}, identifier=dataset, sha256=sha256(data)
+    )
+    manifest = {"segments": [sha256(data)], "sha256": sha256(data)}
+    ask("POST /v1/datasets/{identifier}/commit", body=manifest, identifier=dataset)
+    ask(f"POST {attempt}/finish", body={"agent": agent["id"], "facts": {"actual_rate": 1024}}, **names)
+    ask(f"GET {one}", identifier=claim["acquisition"])
+    ask(f"GET {one}/events", headers={"Last-Event-ID": "1"}, identifier=claim["acquisition"])
 
 
 def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:

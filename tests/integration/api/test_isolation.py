@@ -11,6 +11,7 @@ import pytest
 from api.main import create_app
 from api.settings import Settings
 from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upload
+from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT
 from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_schedules import NIGHTLY
 
@@ -36,7 +37,15 @@ def things(client) -> Iterator[Things]:
     job = client.post("/v1/optimizations", json=OPTIMIZATION | {"system": system}).json()
     key = client.post("/v1/keys", json={"name": MARK, "scopes": ["read"]}).json()
     schedule = client.post("/v1/schedules", json=NIGHTLY | {"name": MARK}).json()
+    agent = client.post("/v1/agents", json=AGENT | {"name": MARK, "rig": MARK}).json()
+    measurement = MEASUREMENT | {"name": MARK, "rig": MARK}
+    template = client.post("/v1/acquisition-templates", json=measurement).json()
+    acquisition = client.post("/v1/acquisitions", json=measurement).json()
     yield {
+        "agents": agent["id"],
+        "rigs": agent["rig_id"],
+        "acquisition-templates": template["id"],
+        "acquisitions": acquisition["id"],
         "schedules": schedule["id"],
         "systems": system,
         "datasets": client.get("/v1/datasets").json()["items"][0]["id"],
@@ -69,6 +78,15 @@ BODIES: dict[str, dict[str, Any]] = {
     "PUT /v1/schedules/{identifier}": NIGHTLY,
     "POST /v1/datasets/{identifier}/commit": {"segments": [sha256(DATA)], "sha256": sha256(DATA)},
     "POST /v1/keys/{identifier}/rotate": {},
+    "PUT /v1/acquisition-templates/{identifier}": {"name": "mine now"},
+    "POST /v1/acquisitions/{identifier}/attempts/{number}/heartbeat": {"agent": "agt_none", "status": "running"},
+    "POST /v1/acquisitions/{identifier}/attempts/{number}/dataset": {
+        "agent": "agt_none",
+        "start_time": "2026-01-01T00:00:00Z",
+        "sample_rate": 1000,
+        "channels": CHANNELS,
+    },
+    "POST /v1/acquisitions/{identifier}/attempts/{number}/finish": {"agent": "agt_none"},
 }
 
 #: Bodies that name things: each must be refused as if the thing did not exist.
@@ -129,6 +147,10 @@ REFERRING: dict[str, list[Any]] = {
             }
         ),
     ],
+    "POST /v1/acquisitions": [
+        lambda _: MEASUREMENT | {"rig": MARK},
+        lambda t: {"template": t["acquisition-templates"]},
+    ],
     "POST /v1/keys": [lambda t: {"name": "x", "scopes": ["admin"], "workspace": t["workspaces"]}],
 }
 
@@ -136,6 +158,8 @@ REFERRING: dict[str, list[Any]] = {
 OWN = {
     "POST /v1/systems": (LAG, 201),
     "POST /v1/datasets": (RAW, 201),
+    "POST /v1/agents": (AGENT, 200),
+    "POST /v1/acquisition-templates": ({"name": "mine"}, 201),
     "POST /v1/session": (None, 201),
     "DELETE /v1/session": (None, 204),
     "POST /v1/tickets": (None, 201),
