@@ -213,6 +213,31 @@ class Traced:
         """Return a function of one argument."""
         return self.graph.apply(op, self)
 
+    # numpy calls these, by name, for its functions of numbers it does not know
+    def exp(self) -> Traced:
+        """Return e to its power."""
+        return self.apply(Op.EXP)
+
+    def log(self) -> Traced:
+        """Return its natural logarithm."""
+        return self.apply(Op.LOG)
+
+    def sqrt(self) -> Traced:
+        """Return its square root."""
+        return self.apply(Op.SQRT)
+
+    def sin(self) -> Traced:
+        """Return its sine."""
+        return self.apply(Op.SIN)
+
+    def cos(self) -> Traced:
+        """Return its cosine."""
+        return self.apply(Op.COS)
+
+    def tanh(self) -> Traced:
+        """Return its hyperbolic tangent."""
+        return self.apply(Op.TANH)
+
 
 _LARGEST_WHOLE_POWER: Final = 16
 _NUMBERS: Final = (int, float, np.number, Traced)
