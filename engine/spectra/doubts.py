@@ -33,11 +33,9 @@ def resonance_doubts(frf: Frf) -> list[Doubt]:
     """Return a doubt for each resonance that is narrower than the lines can show."""
     from scipy.signal import find_peaks  # noqa: PLC0415 - a tenth of a second
 
-    if frf.resolution is None:
-        return []
-    telling = np.isfinite(frf.value) & (np.abs(frf.value) > 0)
-    if frf.magnitude_error is not None:
-        telling &= frf.magnitude_error < _CERTAIN
+    if frf.resolution is None or frf.magnitude_error is None:
+        return []  # without a random error nobody knows which peaks are noise
+    telling = np.isfinite(frf.value) & (np.abs(frf.value) > 0) & (frf.magnitude_error < _CERTAIN)
     frequency, magnitude = frf.frequency[telling], np.abs(frf.value[telling])
     if magnitude.size < 3:
         return []

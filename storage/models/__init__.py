@@ -17,6 +17,7 @@ from storage.models.blob import Blob, BlobChunk
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
 from storage.models.idempotency import Idempotency
 from storage.models.job import Job, JobEvent, JobStatus, Worker
+from storage.models.processing import Processing, ProcessingSource
 from storage.models.result import Result, ResultArray
 from storage.models.schedule import RunOutcome, Schedule, ScheduleRun
 from storage.models.system import System, SystemRevision
@@ -46,6 +47,8 @@ __all__ = [
     "Job",
     "JobEvent",
     "JobStatus",
+    "Processing",
+    "ProcessingSource",
     "Result",
     "ResultArray",
     "Rig",

@@ -19,7 +19,7 @@ from storage.channels import ChannelReader, Envelope, Float, write_channels
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
 from storage.ids import new_id
 from storage.insertion import insert_if_absent
-from storage.models import Dataset, DatasetSegment, DatasetStatus
+from storage.models import Dataset, DatasetSegment, DatasetStatus, ProcessingSource
 from storage.models.base import Document
 from storage.pagination import Page, paginate
 
@@ -76,11 +76,24 @@ class DatasetRepository:
         return paginate(self._session, rows, Dataset, cursor=cursor, limit=limit)
 
     def delete(self, identifier: str) -> None:
-        """Forget a recording."""
+        """Forget a recording.
+
+        Raises
+        ------
+        StateError
+            When another one was made from it.
+        """
         dataset = self.get(identifier)
+        made = self._session.scalar(
+            select(ProcessingSource.dataset_id).where(ProcessingSource.source_id == identifier).limit(1)
+        )
+        if made is not None:
+            raise StateError(f"dataset {identifier!r} must outlive what was made from it: delete {made!r} first")
         size = self._session.scalar(
             select(func.sum(DatasetSegment.size)).where(DatasetSegment.dataset_id == identifier)
         )
+        if dataset.manifest is None and size is None:
+            size = dataset.size  # computed, not received
         self._session.delete(dataset)
         self._session.flush()
         record(self._session, self._workspace_id, "dataset.delete", identifier)
