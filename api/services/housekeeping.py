@@ -9,16 +9,19 @@ from api.services.installation import Installation
 from storage import audit
 from storage.errors import UNAVAILABLE
 from storage.models.base import utc_now
-from storage.repositories import SignInRepository, idempotency, schedules
+from storage.repositories import SignInRepository, alerts, idempotency, schedules, webhooks
 
 INTERVAL = 3600.0
 """s between two rounds."""
+
+#: How far the log of a webhook reaches back.
+_DELIVERIES = timedelta(days=30)
 
 _log = logging.getLogger(__name__)
 
 
 def tidy(service: Installation) -> None:
-    """Forget stored replies, sign-ins and audit entries that are too old; a database that is away is asked next time."""
+    """Forget stored replies, sign-ins, audit entries, alerts and deliveries that are too old; a database that is away is asked next time."""
     now = utc_now()
     try:
         with service.database.session() as session:
@@ -27,5 +30,7 @@ def tidy(service: Installation) -> None:
             oldest = now - timedelta(days=service.settings.audit_days)
             audit.forget(session, before=oldest)
             schedules.forget(session, before=oldest)
+            alerts.forget(session, before=oldest)
+            webhooks.forget(session, before=now - _DELIVERIES)
     except UNAVAILABLE as error:
         _log.warning("what is too old could not be forgotten: %s", error)

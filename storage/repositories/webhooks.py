@@ -182,7 +182,7 @@ def claim_due(
         select(
             WebhookDelivery.id,
             func.row_number()
-            .over(partition_by=WebhookDelivery.webhook_id, order_by=(WebhookDelivery.next_at, WebhookDelivery.id))
+            .over(partition_by=WebhookDelivery.webhook_id, order_by=WebhookDelivery.id)
             .label("place"),
         )
         .join(Webhook, Webhook.id == WebhookDelivery.webhook_id)
