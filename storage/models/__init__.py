@@ -17,6 +17,7 @@ from storage.models.blob import Blob, BlobChunk
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
 from storage.models.idempotency import Idempotency
 from storage.models.job import Job, JobEvent, JobStatus, Worker
+from storage.models.lineage import LineageEdge
 from storage.models.processing import Processing, ProcessingSource
 from storage.models.result import Result, ResultArray
 from storage.models.schedule import RunOutcome, Schedule, ScheduleRun
@@ -47,6 +48,7 @@ __all__ = [
     "Job",
     "JobEvent",
     "JobStatus",
+    "LineageEdge",
     "Processing",
     "ProcessingSource",
     "Result",

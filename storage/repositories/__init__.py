@@ -10,6 +10,7 @@ from storage.repositories.api_keys import ApiKeyRepository, authenticate
 from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
 from storage.repositories.jobs import JobRepository
+from storage.repositories.lineage import LineageRepository
 from storage.repositories.processings import ProcessingRepository
 from storage.repositories.results import ResultRepository
 from storage.repositories.schedules import ScheduleRepository
@@ -30,6 +31,7 @@ __all__ = [
     "DatasetRepository",
     "IdempotencyRepository",
     "JobRepository",
+    "LineageRepository",
     "ProcessingRepository",
     "ResultRepository",
     "ScheduleRepository",

@@ -19,6 +19,7 @@ from storage.audit import record
 from storage.errors import NotFoundError
 from storage.ids import new_id
 from storage.imports import abandon
+from storage.lineage import remember, sources_in
 from storage.models import Job, JobEvent, JobStatus
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
@@ -46,6 +47,7 @@ class JobRepository:
         job = Job(id=new_id("job"), workspace_id=self._workspace_id, kind=kind, body=body, status=JobStatus.QUEUED)
         self._session.add(job)
         self._session.flush()
+        remember(self._session, self._workspace_id, job.id, sources_in(body))
         append_event(self._session, job.id, "status", {"status": JobStatus.QUEUED})
         record(self._session, self._workspace_id, "job.create", job.id, kind=kind)
         self._session.refresh(job)

@@ -13,6 +13,7 @@ from storage import quotas
 from storage.audit import record
 from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
+from storage.lineage import model_key, remember
 from storage.models import System, SystemRevision
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
@@ -38,13 +39,18 @@ class SystemRepository:
         self._session = session
         self._workspace_id = workspace_id
 
-    def create(self, *, name: str, document: Document, schema_version: int = 1) -> StoredSystem:
-        """Keep a new document as revision 1; raise `QuotaExceededError` when there are too many."""
+    def create(
+        self, *, name: str, document: Document, schema_version: int = 1, derived_from: str | None = None
+    ) -> StoredSystem:
+        """Keep a new document as revision 1; raise `QuotaExceededError` when there are too many.
+
+        ``derived_from`` is what its numbers come from: a job, for its lineage.
+        """
         quotas.admit_system(self._session, self._workspace_id)
         system = System(id=new_id("sys"), workspace_id=self._workspace_id, name=name, revision=1)
         self._session.add(system)
         self._session.flush()
-        return self._append(system, document, schema_version, action="system.create")
+        return self._append(system, document, schema_version, action="system.create", derived_from=derived_from)
 
     def get(self, identifier: str, *, revision: int | None = None) -> StoredSystem:
         """Return a document at its current or a given revision.
@@ -62,9 +68,16 @@ class SystemRepository:
         return _stored(system, row)
 
     def update(
-        self, identifier: str, *, name: str, document: Document, expected_revision: int, schema_version: int = 1
+        self,
+        identifier: str,
+        *,
+        name: str,
+        document: Document,
+        expected_revision: int,
+        schema_version: int = 1,
+        derived_from: str | None = None,
     ) -> StoredSystem:
-        """Append a revision; of two writers that know the same revision, one wins.
+        """Append a revision; of two writers that know the same revision, one wins. ``derived_from`` as in `create`.
 
         Raises
         ------
@@ -76,7 +89,7 @@ class SystemRepository:
         system = self._move(
             identifier, expected_revision, name=name, revision=expected_revision + 1, updated_at=utc_now()
         )
-        return self._append(system, document, schema_version, action="system.update")
+        return self._append(system, document, schema_version, action="system.update", derived_from=derived_from)
 
     def delete(self, identifier: str, *, expected_revision: int) -> None:
         """Hide a system; its revisions stay for the results that used them. Raises as `update` does."""
@@ -120,12 +133,17 @@ class SystemRepository:
             raise RevisionConflictError(identifier, expected=expected_revision, actual=system.revision)
         return system
 
-    def _append(self, system: System, document: Document, schema_version: int, *, action: str) -> StoredSystem:
+    def _append(
+        self, system: System, document: Document, schema_version: int, *, action: str, derived_from: str | None
+    ) -> StoredSystem:
         row = SystemRevision(
             system_id=system.id, number=system.revision, document=document, schema_version=schema_version
         )
         self._session.add(row)
         self._session.flush()
+        sources = [] if row.number == 1 else [model_key(system.id, row.number - 1)]
+        sources += [] if derived_from is None else [derived_from]
+        remember(self._session, self._workspace_id, model_key(system.id, row.number), sources)
         record(self._session, self._workspace_id, action, system.id, revision=row.number)
         quotas.add_bytes(self._session, self._workspace_id, len(json.dumps(document)))
         return _stored(system, row)
