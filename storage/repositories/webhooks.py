@@ -181,9 +181,7 @@ def claim_due(
     first = (
         select(
             WebhookDelivery.id,
-            func.row_number()
-            .over(partition_by=WebhookDelivery.webhook_id, order_by=WebhookDelivery.id)
-            .label("place"),
+            func.row_number().over(partition_by=WebhookDelivery.webhook_id, order_by=WebhookDelivery.id).label("place"),
         )
         .join(Webhook, Webhook.id == WebhookDelivery.webhook_id)
         .where(

@@ -108,7 +108,7 @@ def shortened(value: Any) -> Any:
         case float():
             return float(f"{value:.5g}")
         case str():
-            return re.sub(r"\bst_[\w-]{40,}", "st_...", value)
+            return re.sub(r"\b(st|whsec)_[\w/+=-]{40,}", r"\1_...", value)
     return value
 
 
@@ -120,7 +120,8 @@ def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
     ask("GET /v1/catalog/methods")
     _systems(ask)
     _studies(ask)
-    _datasets(ask)
+    dataset = _datasets(ask)
+    _webhooks(story, dataset, wait)
     optimization = _jobs(ask, wait)
     _schedules(ask, optimization)
     _measurements(ask)
@@ -165,7 +166,7 @@ def _studies(ask: Callable[..., Any]) -> None:
     ask("GET /v1/results/{identifier}", identifier=result["id"])
 
 
-def _datasets(ask: Callable[..., Any]) -> None:
+def _datasets(ask: Callable[..., Any]) -> str:
     one = "/v1/datasets/{identifier}"
     identifier = ask("POST /v1/datasets", body=RAW)["id"]
     digest = sha256(DATA)
@@ -189,6 +190,27 @@ def _datasets(ask: Callable[..., Any]) -> None:
     )  # fmt: skip
     other = ask("POST /v1/datasets", body=RAW)["id"]
     ask(f"DELETE {one}", headers={"If-Match": '"1"'}, identifier=other)
+    return str(identifier)
+
+
+def _webhooks(story: Story, dataset: str, wait: Callable[[dict[str, Any]], Any]) -> None:
+    ask, one = story.ask, "/v1/webhooks/{identifier}"
+    body = {
+        "name": "maintenance",
+        "url": "https://maintenance.example/servotune",
+        "events": ["alert.validation", "job.failed"],
+    }
+    identifier = ask("POST /v1/webhooks", body=body)["id"]
+    ask("GET /v1/webhooks")
+    ask(f"GET {one}", identifier=identifier)
+    ask(f"PUT {one}", body=body | {"active": False}, headers={"If-Match": '"1"'}, identifier=identifier)
+    validation = {"system": PLANT, "dataset": dataset, **RECORDED, "limit_percent": 0.001, "diagnose": "never"}
+    wait(story.client.post("/v1/validations", json=validation, headers={"Prefer": "respond-async"}).json())
+    alert = ask("GET /v1/alerts", query={"kind": "validation"})["items"][0]
+    ask("GET /v1/alerts/{identifier}", identifier=alert["id"])
+    ask(f"POST {one}/test", identifier=identifier)
+    ask(f"GET {one}/deliveries", identifier=identifier)
+    ask(f"DELETE {one}", headers={"If-Match": "*"}, identifier=identifier)
 
 
 def _schedules(ask: Callable[..., Any], optimization: dict[str, Any]) -> None:

@@ -10,6 +10,9 @@ import pytest
 
 from api.main import create_app
 from api.settings import Settings
+from storage import open_database
+from storage.models import DEFAULT_WORKSPACE
+from storage.repositories import AlertRepository
 from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upload
 from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT
 from tests.integration.api.test_access import OPTIMIZATION
@@ -25,11 +28,13 @@ OPERATIONS = sorted(
 MARK = "confidential"
 DATA = lag_recording(samples=500)
 
+WEBHOOK = {"name": "x", "url": "https://webhooks.example/", "events": ["job.failed"]}
+
 Things = dict[str, str]
 
 
 @pytest.fixture(scope="module")
-def things(client) -> Iterator[Things]:
+def things(client, service) -> Iterator[Things]:
     """What the owner has: the id of one thing of each kind."""
     system = client.post("/v1/systems", json=LAG | {"name": MARK}).json()["id"]
     assert upload(client, RAW | {"name": MARK}, DATA, segment=len(DATA)).status_code == 200
@@ -41,7 +46,10 @@ def things(client) -> Iterator[Things]:
     measurement = MEASUREMENT | {"name": MARK, "rig": MARK}
     template = client.post("/v1/acquisition-templates", json=measurement).json()
     acquisition = client.post("/v1/acquisitions", json=measurement).json()
+    webhook = client.post("/v1/webhooks", json=WEBHOOK | {"name": MARK}).json()
     yield {
+        "webhooks": webhook["id"],
+        "alerts": _alert(service.database_url),
         "agents": agent["id"],
         "rigs": agent["rig_id"],
         "acquisition-templates": template["id"],
@@ -55,6 +63,17 @@ def things(client) -> Iterator[Things]:
         "workspaces": "ws_default",
     }
     client.post(f"/v1/jobs/{job['id']}/cancel")
+
+
+def _alert(database_url: str) -> str:
+    """Raise an alert as a worker does; return its id."""
+    database = open_database(database_url)
+    with database.session() as session:
+        alerts = AlertRepository(session, DEFAULT_WORKSPACE)
+        assert alerts.raise_once(kind="validation", source="job_1", detail=MARK, data={})
+        (alert,) = alerts.page().items
+    database.dispose()
+    return str(alert.id)
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +94,7 @@ def _recorded(dataset: str) -> dict[str, Any]:
 BODIES: dict[str, dict[str, Any]] = {
     "PUT /v1/systems/{identifier}": LAG,
     "PUT /v1/workspaces/{identifier}": {"name": "mine now"},
+    "PUT /v1/webhooks/{identifier}": WEBHOOK,
     "PUT /v1/schedules/{identifier}": NIGHTLY,
     "POST /v1/datasets/{identifier}/commit": {"segments": [sha256(DATA)], "sha256": sha256(DATA)},
     "POST /v1/keys/{identifier}/rotate": {},
@@ -160,6 +180,7 @@ OWN = {
     "POST /v1/datasets": (RAW, 201),
     "POST /v1/agents": (AGENT, 200),
     "POST /v1/acquisition-templates": ({"name": "mine"}, 201),
+    "POST /v1/webhooks": (WEBHOOK, 201),
     "POST /v1/session": (None, 201),
     "DELETE /v1/session": (None, 204),
     "POST /v1/tickets": (None, 201),
