@@ -11,6 +11,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.services.installation import Caller
+from storage.lineage import remember, sources_in
 from storage.models import Result
 from storage.repositories import ResultRepository
 
@@ -40,6 +41,7 @@ def keep(session: Session, caller: Caller, kind: str, study: Study) -> dict[str,
         system_revision=study.system["revision"] if study.system else None,
         versions=versions(),
     )
+    remember(session, caller.workspace, row.id, sources_in([study.request, study.system]))
     return {"id": row.id, **study.body}
 
 

@@ -19,6 +19,7 @@ from storage.channels import ChannelReader, Envelope, Float, write_channels
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
 from storage.ids import new_id
 from storage.insertion import insert_if_absent
+from storage.lineage import remember, sources_in
 from storage.models import Dataset, DatasetSegment, DatasetStatus, ProcessingSource
 from storage.models.base import Document
 from storage.pagination import Page, paginate
@@ -60,6 +61,7 @@ class DatasetRepository:
         )
         self._session.add(dataset)
         self._session.flush()
+        remember(self._session, self._workspace_id, dataset.id, sources_in(origin))
         record(self._session, self._workspace_id, "dataset.create", dataset.id)
         return dataset
 
