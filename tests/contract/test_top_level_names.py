@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-OURS = ("api", "engine", "optimizers", "storage", "servotune")
+OURS = ("agent", "api", "engine", "optimizers", "rig_simulator", "storage", "servotune")
 
 
 @pytest.mark.parametrize("name", OURS)
@@ -36,6 +36,6 @@ def test_the_distribution_is_installed_with_its_command() -> None:
 
 def test_every_subcommand_can_be_loaded() -> None:
     commands = importlib.metadata.entry_points(group="servotune.commands")
-    assert {"serve", "worker"} <= {command.name for command in commands}
+    assert {"serve", "worker", "rig-simulator"} <= {command.name for command in commands}
     for command in commands:
         assert callable(command.load()), command

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-OURS = ("api", "engine", "optimizers", "storage", "servotune")
+OURS = ("agent", "api", "engine", "optimizers", "rig_simulator", "storage", "servotune")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,114 @@
+"""`servotune rig-simulator`: serves a simulated rig, and takes faults on command from standard input."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rig_simulator.bench import Bench
+
+_FAULTS = """faults on command, a line each on standard input:
+  unplug DEVICE [SAMPLE]   take a device away, at once or at some sample of a run
+  plug DEVICE              bring it back
+  swap DEVICE MODEL        put another module in its place
+  overrun                  the next read comes too late
+  freeze / thaw            answer nothing / answer again
+  crash                    end at once, without tidying up
+  levels                   print the V at which the outputs stand"""
+
+
+def rig_simulator(argv: Sequence[str]) -> int:
+    """Serve a simulated rig in place of an NI gRPC Device Server.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = argparse.ArgumentParser(
+        prog="servotune rig-simulator",
+        description="Serve a simulated rig in place of an NI gRPC Device Server. It stands in for hardware.",
+        epilog=_FAULTS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("description", type=Path, help="TOML file: devices, plant, what is connected to what")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    parser.add_argument("--port", type=int, default=31763, help="port, 0: a free one (default: %(default)s)")
+    given = parser.parse_args(argv)
+
+    import signal
+    import threading
+
+    from rig_simulator.description import DescriptionError, read
+    from rig_simulator.grpc_server import Server
+
+    try:
+        bench = read(given.description)
+        server = Server(bench, host=given.host, port=given.port)
+    except (DescriptionError, OSError) as error:
+        sys.stderr.write(f"servotune rig-simulator: {error}\n")
+        return 2
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    _say(f"simulated rig on {given.host}:{server.port} (it stands in for hardware)")
+    threading.Thread(target=_listen, args=(bench,), daemon=True).start()
+    stop.wait()
+    server.close()
+    return 0
+
+
+def _listen(bench: Bench) -> None:
+    for line in sys.stdin:
+        try:
+            answer = obey(bench, line.split())
+        except (ValueError, KeyError, IndexError) as error:
+            answer = f"not understood: {error}"
+        if answer:
+            _say(answer)
+
+
+def obey(bench: Bench, words: Sequence[str]) -> str:
+    """Do what a line says, and return what is to be answered.
+
+    Raises
+    ------
+    ValueError
+        For a line that means nothing.
+    """
+    match list(words):
+        case []:
+            return ""
+        case ["unplug", device, *sample]:
+            bench.unplug(device, after=int(sample[0]) if sample else 0)
+        case ["plug", device]:
+            bench.plug(device)
+        case ["swap", device, *model]:
+            bench.devices[device].model = " ".join(model)
+            bench.devices[device].serial += 1
+        case ["overrun"]:
+            bench.overrun()
+        case ["freeze" | "thaw" as word]:
+            (bench.awake.set if word == "thaw" else bench.awake.clear)()
+        case ["crash"]:
+            os._exit(1)
+        case ["levels"]:
+            return " ".join(f"{name}={value:g}" for name, value in sorted(bench.levels.items()))
+        case _:
+            raise ValueError(f"a command must be one of those of --help, got {' '.join(words)!r}")
+    return f"done: {' '.join(words)}"
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()

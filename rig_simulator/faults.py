@@ -1,0 +1,43 @@
+"""What a driver complains about: numbers from nidaqmx.error_codes, sentences of our own."""
+
+from __future__ import annotations
+
+MESSAGES = {
+    -50103: "The resource is reserved by another task.",
+    -50405: "No transfer is in progress: the connection to the device has broken.",
+    -200077: "The value is not one that the property supports on this device.",
+    -200088: "The task does not exist.",
+    -200089: "There is a task of this name already.",
+    -200170: "The device has no such physical channel.",
+    -200220: "There is no device of this name.",
+    -200278: "The finite acquisition holds no more samples than have been read.",
+    -200279: "The samples were not read in time: the buffer has overflowed.",
+    -200284: "Some or all of the samples requested have not been acquired yet.",
+    -200290: "The generation stopped, because no new samples were written in time.",
+    -200428: "The task has no channels.",
+    -200452: "The property is not supported here.",
+    -200462: "The generation cannot start without samples in its buffer.",
+    -200547: "The value must be within the range of the channel.",
+    -200560: "The task was not done within the time given.",
+    -201003: "The device cannot be accessed: it is unplugged, or without power.",
+}
+
+
+class DriverError(Exception):
+    """A call that fails as the driver's would.
+
+    Parameters
+    ----------
+    code : int
+        Negative.
+    detail : str
+        What the message names.
+    read : int, optional
+        Samples of each channel that were read in spite of it.
+    """
+
+    def __init__(self, code: int, detail: str = "", *, read: int | None = None) -> None:
+        lines = [MESSAGES.get(code, "Unknown."), detail, f"Status Code: {code}"]
+        super().__init__("\n".join(line for line in lines if line))
+        self.code = code
+        self.read = read
