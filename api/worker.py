@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from api.errors import KNOWN, Problem, problem_of
-from api.services import alerts, datasets, identifications, optimizations, parsing, validations
+from api.services import alerts, datasets, identifications, optimizations, parsing, processing, validations
 from api.settings import Settings
 from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
@@ -90,11 +90,16 @@ def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping
     return parsing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
 
 
+def _processing(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    return processing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
+
+
 _RUN = {
     optimizations.KIND: _optimization,
     identifications.KIND: _identification,
     validations.KIND: _validation,
     datasets.PARSING: _dataset,
+    processing.KIND: _processing,
 }
 
 

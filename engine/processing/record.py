@@ -110,15 +110,22 @@ class Step(Protocol):
         ...
 
 
-def process(record: Record, steps: Iterable[Step]) -> Record:
+def process(record: Record, steps: Iterable[Step], *, first: int = 0) -> Record:
     """Return a record after all steps, in order.
+
+    Parameters
+    ----------
+    record : Record
+    steps : iterable of Step
+    first : int
+        Number of the first one, for the places of errors.
 
     Raises
     ------
     ProcessingError
         With the number of the step that cannot be done, and why.
     """
-    for number, step in enumerate(steps):
+    for number, step in enumerate(steps, start=first):
         try:
             record = step.apply(record)
         except ProcessingError as error:

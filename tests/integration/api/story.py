@@ -178,6 +178,12 @@ def _datasets(ask: Callable[..., Any]) -> str:
     ask(f"GET {one}", identifier=identifier)
     ask(f"GET {one}/channels/{{name}}", query={"start": 0.5, "end": 1.5}, identifier=identifier, name="y")
     ask(f"GET {one}/original", identifier=identifier)
+    steps = [
+        {"kind": "cut", "start": 0.1},
+        {"kind": "filter", "band": "low_pass", "frequency": {"value": 50, "unit": "Hz"}, "channels": ["y"]},
+        {"kind": "differentiate", "channel": "y", "name": "velocity"},
+    ]
+    ask("POST /v1/processings", body={"name": "lag, filtered", "sources": [identifier], "steps": steps})
     ask("POST /v1/spectra", body={"dataset": identifier, "channel": "y", "window": "hann", "segment": 0.5})
     ask(
         "POST /v1/validations",

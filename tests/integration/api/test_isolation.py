@@ -128,6 +128,7 @@ REFERRING: dict[str, list[Any]] = {
             "metrics": ["rise_time"],
         }
     ],
+    "POST /v1/processings": [lambda t: {"name": "mine", "sources": [t["datasets"]]}],
     "POST /v1/spectra": [
         lambda t: {"dataset": t["datasets"], "channel": "u"},
         lambda t: {**_simulation(t["systems"]), "output": "y"},
