@@ -25,6 +25,7 @@ JSON = "application/json"
 _LARGEST_KEPT = 1 << 20
 Limit = Annotated[int, Query(ge=1, le=1000, description="most items on a page")]
 Cursor = Annotated[str | None, Query(max_length=500, description="`next_cursor` of the page before")]
+Force = Annotated[bool, Query(description="delete it although others depend on it (409 lists them)")]
 IfMatch = Annotated[str | None, Header(alias="If-Match", description="the ETag that the change is meant for")]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from api.errors import KNOWN, Problem, problem_of
 from api.services import alerts, datasets, identifications, optimizations, parsing, processing, validations
+from api.services.results import versions
 from api.settings import Settings
 from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Refusal, Reporter
@@ -53,7 +54,8 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     limit = _bound_memory(Settings().job_memory)
     with _database(job.database_url) as database:
         try:
-            return _RUN[job.kind](job, database, reporter)
+            found = _RUN[job.kind](job, database, reporter)
+            return {**found, "versions": versions()}
         except MemoryError as error:
             detail = f"a job must need at most {limit} bytes of memory (SERVOTUNE_JOB_MEMORY), got one that needs more"
             raise Refusal(**Problem(422, "too-large", detail).document()) from error

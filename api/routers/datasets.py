@@ -11,7 +11,18 @@ from starlette.concurrency import run_in_threadpool
 
 from api.auth import Reader, Uploader, Writer
 from api.bodies import DocumentRoute, read_limited
-from api.calls import CreationDep, Cursor, IfMatch, InstallationDep, Limit, answer, etag, expected_revision, respond
+from api.calls import (
+    CreationDep,
+    Cursor,
+    Force,
+    IfMatch,
+    InstallationDep,
+    Limit,
+    answer,
+    etag,
+    expected_revision,
+    respond,
+)
 from api.schemas.datasets import CommitRequest, DatasetRequest
 from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, Page, SegmentReply
 from api.services import datasets
@@ -49,11 +60,13 @@ def get(identifier: str, caller: Reader, service: InstallationDep) -> Response:
 
 
 @router.delete("/{identifier}", status_code=204, summary="Delete a recording")
-def delete(identifier: str, caller: Writer, service: InstallationDep, if_match: IfMatch = None) -> Response:
-    """Forget the recording."""
+def delete(
+    identifier: str, caller: Writer, service: InstallationDep, *, if_match: IfMatch = None, force: Force = False
+) -> Response:
+    """Forget the recording; 409 lists what depends on it, unless it is forced."""
     with service.database.session() as session:
         expected = expected_revision(if_match, lambda: datasets.get(session, caller, identifier)["revision"])
-        datasets.delete(session, caller, identifier, expected_revision=expected)
+        datasets.delete(session, caller, identifier, expected_revision=expected, force=force)
     return Response(status_code=204)
 
 

@@ -12,6 +12,7 @@ from api.bodies import DocumentRoute
 from api.calls import (
     CreationDep,
     Cursor,
+    Force,
     IfMatch,
     InstallationDep,
     Limit,
@@ -32,15 +33,22 @@ OpenAt = Annotated[
     str | None, Query(max_length=200, description="cut the loop here: `loop` is then the last input and output")
 ]
 
+DerivedFrom = Annotated[
+    str | None,
+    Query(max_length=64, description="the finished job or kept study that its numbers come from, for the lineage"),
+]
+
 router = APIRouter(prefix="/v1/systems", tags=["systems"], route_class=DocumentRoute)
 
 
 @router.post("", status_code=201, response_model=StoredSystem, summary="Keep a system document")
-def create(document: SystemDocument, caller: Writer, creation: CreationDep) -> Response:
+def create(
+    document: SystemDocument, caller: Writer, creation: CreationDep, derived_from: DerivedFrom = None
+) -> Response:
     """Check the document and keep it as revision 1."""
 
     def work(session: Session) -> Answer:
-        body = systems.create(session, caller, document)
+        body = systems.create(session, caller, document, derived_from=derived_from)
         headers = {"Location": f"/v1/systems/{body['id']}", "ETag": etag(body["revision"])}
         return answer(body, status=201, headers=headers)
 
@@ -64,21 +72,30 @@ def get(identifier: str, caller: Reader, service: InstallationDep) -> Response:
 
 @router.put("/{identifier}", response_model=StoredSystem, summary="Change a system")
 def update(
-    identifier: str, document: SystemDocument, caller: Writer, service: InstallationDep, if_match: IfMatch = None
+    identifier: str,
+    document: SystemDocument,
+    caller: Writer,
+    service: InstallationDep,
+    if_match: IfMatch = None,
+    derived_from: DerivedFrom = None,
 ) -> Response:
     """Append a revision; `If-Match` names the one that the change is meant for."""
     with service.database.session() as session:
         expected = expected_revision(if_match, lambda: systems.current_revision(session, caller, identifier))
-        body = systems.update(session, caller, identifier, document, expected_revision=expected)
+        body = systems.update(
+            session, caller, identifier, document, expected_revision=expected, derived_from=derived_from
+        )
     return respond(answer(body, headers={"ETag": etag(body["revision"])}))
 
 
 @router.delete("/{identifier}", status_code=204, summary="Delete a system")
-def delete(identifier: str, caller: Writer, service: InstallationDep, if_match: IfMatch = None) -> Response:
-    """Hide the system; results keep the revisions that they used."""
+def delete(
+    identifier: str, caller: Writer, service: InstallationDep, *, if_match: IfMatch = None, force: Force = False
+) -> Response:
+    """Hide the system; results keep the revisions that they used, and 409 lists the schedules that need it."""
     with service.database.session() as session:
         expected = expected_revision(if_match, lambda: systems.current_revision(session, caller, identifier))
-        systems.delete(session, caller, identifier, expected_revision=expected)
+        systems.delete(session, caller, identifier, expected_revision=expected, force=force)
     return Response(status_code=204)
 
 

@@ -17,6 +17,7 @@ from api.pointers import Place
 from api.schemas.datasets import CommitRequest, DatasetRequest
 from api.services.installation import Caller, Installation
 from api.services.jobs import job_to_wire
+from api.services.lineage import check_free
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
 from storage.repositories import DatasetRepository
@@ -123,12 +124,13 @@ def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) ->
     return {"items": [_head(row) for row in found.items], "next_cursor": found.next_cursor}
 
 
-def delete(session: Session, caller: Caller, identifier: str, *, expected_revision: int) -> None:
-    """Forget a recording."""
+def delete(session: Session, caller: Caller, identifier: str, *, expected_revision: int, force: bool = False) -> None:
+    """Forget a recording, unless something depends on it."""
     repository = DatasetRepository(session, caller.workspace)
     actual = revision(repository.get(identifier))
     if actual != expected_revision:
         raise Problem(412, "revision-conflict", f"revision of {identifier!r} must be {actual}, got {expected_revision}")
+    check_free(session, caller, identifier, force=force)
     repository.delete(identifier)
 
 

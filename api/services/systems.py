@@ -16,6 +16,7 @@ from api.errors import invalid
 from api.pointers import Place
 from api.schemas.systems import SystemDocument
 from api.services.installation import Caller, Installation
+from api.services.lineage import check_free, check_origin
 from engine.diagram import Diagram
 from storage.errors import NotFoundError
 from storage.models import System, SystemRevision
@@ -96,12 +97,15 @@ def _stored_to_wire(stored: StoredSystem, diagram: Diagram) -> dict[str, Any]:
     }
 
 
-def create(session: Session, caller: Caller, document: SystemDocument) -> dict[str, Any]:
-    """Keep a new document, proven to be a diagram."""
+def create(
+    session: Session, caller: Caller, document: SystemDocument, *, derived_from: str | None = None
+) -> dict[str, Any]:
+    """Keep a new document, proven to be a diagram; ``derived_from`` is what its numbers come from."""
+    check_origin(session, caller, derived_from)
     wire = document_of(document)
     diagram = compiled(wire, place=())
     stored = SystemRepository(session, caller.workspace).create(
-        name=document.name, document=wire, schema_version=SCHEMA_VERSION
+        name=document.name, document=wire, schema_version=SCHEMA_VERSION, derived_from=derived_from
     )
     return _stored_to_wire(stored, diagram)
 
@@ -113,9 +117,16 @@ def get(session: Session, caller: Caller, identifier: str, *, revision: int | No
 
 
 def update(
-    session: Session, caller: Caller, identifier: str, document: SystemDocument, *, expected_revision: int
+    session: Session,
+    caller: Caller,
+    identifier: str,
+    document: SystemDocument,
+    *,
+    expected_revision: int,
+    derived_from: str | None = None,
 ) -> dict[str, Any]:
-    """Append a revision."""
+    """Append a revision; ``derived_from`` is what its numbers come from."""
+    check_origin(session, caller, derived_from)
     wire = document_of(document)
     diagram = compiled(wire, place=())
     stored = SystemRepository(session, caller.workspace).update(
@@ -124,13 +135,17 @@ def update(
         document=wire,
         expected_revision=expected_revision,
         schema_version=SCHEMA_VERSION,
+        derived_from=derived_from,
     )
     return _stored_to_wire(stored, diagram)
 
 
-def delete(session: Session, caller: Caller, identifier: str, *, expected_revision: int) -> None:
-    """Hide a system; results keep its revisions."""
-    SystemRepository(session, caller.workspace).delete(identifier, expected_revision=expected_revision)
+def delete(session: Session, caller: Caller, identifier: str, *, expected_revision: int, force: bool = False) -> None:
+    """Hide a system, unless a schedule needs it; results keep its revisions."""
+    repository = SystemRepository(session, caller.workspace)
+    repository.get(identifier)
+    check_free(session, caller, identifier, force=force)
+    repository.delete(identifier, expected_revision=expected_revision)
 
 
 def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:

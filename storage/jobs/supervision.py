@@ -135,12 +135,14 @@ class Supervisor:
                 return
             system = result.get("system")
             system = system if isinstance(system, Mapping) else {}
+            versions = result.get("versions")
             row = ResultRepository(session, job.workspace_id).create(
                 kind=job.kind,
                 body=result,
                 request=job.body,
                 system_id=system.get("id"),
                 system_revision=system.get("revision"),
+                versions=versions if isinstance(versions, Mapping) else None,
                 within_quota=False,
             )
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)

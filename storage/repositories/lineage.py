@@ -99,26 +99,22 @@ class LineageRepository:
         """
         starts = self._starts(identifier)
         seen: dict[str, None] = dict.fromkeys(starts)
-        edges: dict[Edge, None] = {}
-        truncated = False
         for upwards in (True, False):
             if direction == ("down" if upwards else "up"):
                 continue
-            level: Collection[str] = starts
-            walked = set(starts)
-            while level and not truncated:
+            walked, level = set(starts), starts
+            while level and len(seen) <= MOST_NODES:
                 found = self._edges(level, upwards=upwards)
-                edges |= dict.fromkeys(found)
                 ends = dict.fromkeys(source if upwards else target for source, target in found)
                 level = [key for key in ends if key not in walked]
                 walked.update(level)
                 seen |= dict.fromkeys(level)
-                truncated = len(seen) > MOST_NODES
         kept = dict.fromkeys(list(seen)[:MOST_NODES])
         return Graph(
             nodes=self.nodes(list(kept)),
-            edges=[edge for edge in edges if edge[0] in kept and edge[1] in kept],
-            truncated=truncated,
+            # also those between an ancestor and a descendant: the same recording may have validated what it made
+            edges=[edge for edge in self._edges(kept, upwards=True) if edge[0] in kept],
+            truncated=len(seen) > MOST_NODES,
         )
 
     def dependents(self, identifier: str) -> list[Node]:

@@ -67,6 +67,22 @@ class SystemRepository:
             raise NotFoundError("revision", f"{identifier}/{number}")
         return _stored(system, row)
 
+    def kept_revision(self, identifier: str, number: int) -> Document:
+        """Return the document of a revision, also of a system that was deleted: results keep what they used.
+
+        Raises
+        ------
+        NotFoundError
+            When this workspace never had it.
+        """
+        system = self._session.get(System, identifier)
+        row = None
+        if system is not None and system.workspace_id == self._workspace_id:
+            row = self._session.get(SystemRevision, (identifier, number))
+        if row is None:
+            raise NotFoundError("revision", f"{identifier}/{number}")
+        return row.document
+
     def update(
         self,
         identifier: str,
