@@ -13,6 +13,7 @@
     ├── InvalidCursorError        a page cursor that this list did not hand out
     ├── QuotaExceededError        more than the workspace may have
     ├── DatabaseUrlError          a database this package cannot work with
+    ├── CopyError                 a copy that cannot be made, or is not what was copied
     └── IdempotencyError          a key used for another request, or one still running
         ├── IdempotencyMismatchError
         └── IdempotencyRunningError
@@ -113,6 +114,10 @@ class DocumentError(StorageError, DontWrapMixin):
 
 class DatabaseUrlError(StorageError):
     """The database URL names a database that this package cannot work with."""
+
+
+class CopyError(StorageError):
+    """A backup, or a database to be filled, that is not what it must be."""
 
 
 class IdempotencyError(StorageError):

@@ -30,10 +30,14 @@ class JobQueue:
     def enqueue(self, session: Session, *, kind: str, body: Document, workspace_id: str) -> Job:
         """Write a job and its place in the queue; both exist when the caller's transaction commits, or neither."""
         job = JobRepository(session, workspace_id).create(kind=kind, body=body)
-        self._client.enqueue_in_transaction(
-            session, {"workflow_name": WORKFLOW, "queue_name": QUEUE, "workflow_id": job.id}, job.id
-        )
+        self.place(session, job.id)
         return job
+
+    def place(self, session: Session, job_id: str) -> None:
+        """Give a job its place in the queue, which it has not got yet; it exists when the caller's transaction commits."""
+        self._client.enqueue_in_transaction(
+            session, {"workflow_name": WORKFLOW, "queue_name": QUEUE, "workflow_id": job_id}, job_id
+        )
 
     def close(self) -> None:
         """Let go of the job engine; the database stays open."""

@@ -31,15 +31,33 @@ def configuration() -> Config:
 
 def upgrade(engine: Engine, url: str) -> None:
     """Run every migration that is still missing; safe when two processes start at once."""
-    config = configuration()
     with _exclusively(engine):
-        with engine.begin() as connection:
-            if connection.dialect.name == "sqlite":
-                # Alembic's own statements would each commit by themselves: take the write lock now, for all of them.
-                connection.exec_driver_sql("BEGIN IMMEDIATE")
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+        upgrade_tables(engine)
         job_schema.upgrade(url)
+
+
+def upgrade_tables(engine: Engine) -> None:
+    """Run every migration of our own tables that is still missing."""
+    config = configuration()
+    with engine.begin() as connection:
+        if connection.dialect.name == "sqlite":
+            # Alembic's own statements would each commit by themselves: take the write lock now, for all of them.
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+
+
+def stamp(engine: Engine) -> None:
+    """Write down that our own tables, made from the models, are those of the last migration."""
+    (head,) = ScriptDirectory.from_config(configuration()).get_heads()
+    with engine.begin() as connection:
+        connection.exec_driver_sql("CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL)")
+        connection.exec_driver_sql(f"INSERT INTO alembic_version VALUES ('{head}')")  # noqa: S608 - a name of ours
+
+
+def knows(revision: str) -> bool:
+    """Return whether a migration of this name is among ours."""
+    return revision in {script.revision for script in ScriptDirectory.from_config(configuration()).walk_revisions()}
 
 
 def is_current(engine: Engine) -> bool:
