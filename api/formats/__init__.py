@@ -1,6 +1,23 @@
-"""How recordings in files become numbers: one module for each format, chunks of bytes in, blocks of samples out."""
+"""How recordings in files become numbers: one module for each format, a file in, pieces of channels out."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Values = npt.NDArray[np.float64]
+
+PIECE = 1 << 17
+"""Samples of one channel that are in memory at a time."""
+MOST_CHANNELS = 500
+"""Channels of one recording."""
+MOST_VALUES = 2_000_000_000
+"""Samples times channels of one recording: 16 GB before compression."""
 
 
 class FormatError(ValueError):
@@ -21,3 +38,124 @@ class FormatError(ValueError):
         self.message = message
         self.line = line
         self.column = column
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """A channel that a file holds.
+
+    Parameters
+    ----------
+    name : str
+        As the file has it; different for each channel of a file.
+    index : int
+        Its place in the file, from 0.
+    count : int, optional
+        Samples; None where only reading the file would tell.
+    unit, quantity : str
+        As the file has them, not interpreted.
+    sample_rate : float, optional
+        Samples per second, where the file states it.
+    start_time : datetime, optional
+        Of the first sample; naive where the file names no time zone.
+    role : str
+        ``time`` for the instants of the samples (s, or as ``unit`` says), ``counter`` for sample numbers.
+    """
+
+    name: str
+    index: int
+    count: int | None = None
+    unit: str = ""
+    quantity: str = ""
+    sample_rate: float | None = None
+    start_time: datetime | None = None
+    role: Literal["channel", "time", "counter"] = "channel"
+
+
+Read = Callable[[Sequence[int]], Iterator[tuple[int, Values]]]
+"""From places in `Recording.series` to (position in what was asked for, next samples), each channel in order.
+
+Either all samples of the first channel come before those of the second, or the rows of all channels come together, in
+the order of asking: so what is asked for first is never behind.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """An open file: what it holds, and how to read that.
+
+    Parameters
+    ----------
+    series : sequence of Series
+    read : callable
+        Gives samples in pieces of bounded length.
+    refused : mapping
+        What cannot be read, by name, with the reason.
+    scalars : mapping
+        Single numbers beside the channels, by name.
+    layout : mapping
+        What was found out about the file, in the words of an import description.
+    remarks : sequence of str
+        Sentences that a person should read before trusting the channels.
+    """
+
+    series: Sequence[Series]
+    read: Read
+    refused: Mapping[str, str] = field(default_factory=dict)
+    scalars: Mapping[str, float] = field(default_factory=dict)
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
+
+
+def by_channel(counts: Sequence[int], part: Callable[[int, int, int], npt.NDArray[Any]]) -> Read:
+    """Return the reading of channels that lie one after the other.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Samples of each channel of the file.
+    part : callable
+        Returns the samples start <= i < stop of a channel (channel, start, stop), in any type of number.
+    """
+
+    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        for position, channel in enumerate(wanted):
+            for start in range(0, counts[channel], PIECE):
+                stop = min(start + PIECE, counts[channel])
+                yield position, np.asarray(part(channel, start, stop), dtype=np.float64)
+
+    return read
+
+
+def claimed(what: str, values: int, *, size: int, itemsize: float) -> None:
+    """Refuse a header that speaks of more numbers than the file has bytes for, before anything is done with them.
+
+    Parameters
+    ----------
+    values : int
+        Numbers that are claimed.
+    size : int
+        Bytes that are there.
+    itemsize : float
+        The fewest bytes that a number takes.
+
+    Raises
+    ------
+    FormatError
+        When they cannot be there, or are more than one recording may have.
+    """
+    if values < 0 or values * itemsize > size:
+        raise FormatError(f"{what} must fit into the {size} bytes that are there, got {values} values")
+    bounded(what, values)
+
+
+def bounded(what: str, values: int) -> None:
+    """Refuse what would be more than one recording may have.
+
+    Raises
+    ------
+    FormatError
+        With the limit.
+    """
+    if values > MOST_VALUES:
+        raise FormatError(f"{what} must be at most {MOST_VALUES} values, got {values}")

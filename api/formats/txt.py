@@ -3,8 +3,11 @@
     line -> cells between delimiters -> the float64 of each wanted column
 
 Which lines are header, what separates cells and marks decimals, and which columns hold the channels is said by an
-import description; everything else in a line (sample numbers, clock times, event marks) is left unread. The values
-are those of the file: scale and offset belong to the channel and are applied when it is read.
+import description; everything else in a line (sample numbers, event marks) is left unread. The values are those of the
+file: scale and offset belong to the channel and are applied when it is read.
+
+A block of rows goes through numpy's parser; where that has anything to complain about, the rows are read again one by
+one, which is slow and names what is wrong.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
+from api.formats.clock import Clock
 
 BLOCK_ROWS = 8192
 MAX_LINE_CHARACTERS = 1 << 20
@@ -42,6 +46,10 @@ class TextLayout:
         "." or ",".
     header_lines : int
         Lines before the first row of numbers.
+    missing : tuple of str
+        Cells that stand for a missing sample and become NaN; without them such a cell is an error.
+    stamps : tuple of (int, Clock), optional
+        A column with the time of day, which comes out first, in s.
 
     Raises
     ------
@@ -53,11 +61,13 @@ class TextLayout:
     delimiter: str = ","
     decimal: str = "."
     header_lines: int = 0
+    missing: tuple[str, ...] = ()
+    stamps: tuple[int, Clock] | None = None
 
     def __post_init__(self) -> None:
-        if not self.columns:
+        if not self.columns and self.stamps is None:
             raise FormatError("columns must name at least one column, got none")
-        if min(self.columns) < 0:
+        if min(self.columns, default=0) < 0:
             raise FormatError(f"column index must be at least 0, got {min(self.columns)}")
         if self.decimal not in (".", ","):
             raise FormatError(f'decimal must be "." or ",", got {self.decimal!r}')
@@ -83,7 +93,7 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
     Yields
     ------
     ndarray of float64, shape (rows <= 8192, len(layout.columns))
-        Values as recorded, in the order of ``layout.columns``.
+        Values as recorded, in the order of ``layout.columns``; one more column in front of them for ``layout.stamps``.
 
     Raises
     ------
@@ -98,47 +108,94 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
     >>> [block.tolist() for block in read([b"n, x\n1, 0.", b"5\n2, 0.25, stop\n"], layout)]
     [[[0.5], [0.25]]]
     """
-    rows: list[list[float]] = []
+    rows: list[str] = []
     blank = 0
-    found = False
-    for number, line in enumerate(_lines(chunks), start=1):
+    begin = 0
+    for number, line in enumerate(lines_of(chunks), start=1):
         if number <= layout.header_lines:
             continue
-        if not line.strip():
+        if not line or line.isspace():
             blank = blank or number
             continue
         if blank:
             raise FormatError(f"line {blank} must hold a row of numbers, got a blank line", line=blank)
-        rows.append(_row(line, number, layout))
-        found = True
+        rows.append(line)
+        begin = begin or number
         if len(rows) == BLOCK_ROWS:
-            yield np.array(rows)
+            yield _block(rows, number - len(rows) + 1, layout)
             rows.clear()
     if rows:
-        yield np.array(rows)
-    if not found:
+        yield _block(rows, (blank or number + 1) - len(rows), layout)
+    if not begin:
         raise FormatError(f"file must hold at least one row after {layout.header_lines} header lines, got none")
 
 
+def _block(lines: list[str], first: int, layout: TextLayout) -> npt.NDArray[np.float64]:
+    """Return the values of some lines, the first of which has the number ``first``."""
+    values = _quickly(lines, layout) if layout.columns else np.empty((len(lines), 0))
+    if values is None:
+        values = np.array([_row(line, number, layout) for number, line in enumerate(lines, start=first)])
+    if layout.stamps is None:
+        return values
+    column, clock = layout.stamps
+    stamps = []
+    for number, line in enumerate(lines, start=first):
+        cells = _cells(line, layout, column + 1)
+        if column >= len(cells):
+            raise _too_few(number, column, len(cells))
+        stamps.append(cells[column])
+    try:
+        seconds = clock.seconds(stamps)
+    except FormatError as error:
+        raise FormatError(f"lines {first} ... {first + len(lines) - 1}, column {column}: {error.message}") from error
+    return np.column_stack([seconds, values])
+
+
+def _quickly(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | None:
+    """Return the values, None where a line needs a closer look."""
+    blank = layout.delimiter == " "
+    if not blank and len(layout.delimiter) > 1:
+        return None
+    if layout.decimal == ",":
+        if any("." in line for line in lines):
+            return None
+        lines = [line.replace(",", ".") for line in lines]
+    try:
+        values = np.loadtxt(
+            lines, delimiter=None if blank else layout.delimiter, usecols=layout.columns, comments=None, ndmin=2
+        )
+    except ValueError:
+        return None
+    return values if len(values) == len(lines) and bool(np.isfinite(values).all()) else None
+
+
+def _cells(line: str, layout: TextLayout, most: int = -1) -> list[str]:
+    return line.split(None, most) if layout.delimiter == " " else line.split(layout.delimiter, most)
+
+
+def _too_few(line: int, column: int, count: int) -> FormatError:
+    return FormatError(
+        f"line {line} must have a column {column} (counted from 0), got {count} columns", line=line, column=column
+    )
+
+
 def _row(line: str, number: int, layout: TextLayout) -> list[float]:
-    cells = line.split() if layout.delimiter == " " else line.split(layout.delimiter)
+    cells = _cells(line, layout)
     values = []
     for column in layout.columns:
         if column >= len(cells):
-            raise FormatError(
-                f"line {number} must have a column {column} (counted from 0), got {len(cells)} columns",
-                line=number,
-                column=column,
-            )
-        values.append(_value(cells[column], number, column, layout.decimal))
+            raise _too_few(number, column, len(cells))
+        values.append(_value(cells[column], number, column, layout))
     return values
 
 
-def _value(cell: str, line: int, column: int, decimal: str) -> float:
+def _value(cell: str, line: int, column: int, layout: TextLayout) -> float:
     text = cell.strip()
     if text.startswith('"'):
         text = text.strip('"').strip()
-    if decimal == ",":
+    if text in layout.missing:
+        return math.nan
+    if layout.decimal == ",":
         text = text.replace(".", "?").replace(",", ".")  # a point is no decimal mark here and must not pass as one
     if _NUMBER.fullmatch(text) is not None:
         value = float(text)
@@ -149,7 +206,7 @@ def _value(cell: str, line: int, column: int, decimal: str) -> float:
     )
 
 
-def _lines(chunks: Iterable[bytes]) -> Iterator[str]:
+def lines_of(chunks: Iterable[bytes]) -> Iterator[str]:
     """Yield the lines of the file without their ends."""
     pending = ""
     for text in _decoded(chunks):

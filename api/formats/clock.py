@@ -1,0 +1,184 @@
+"""Dates and times of day as data acquisition programs write them, as seconds since the midnight before the first.
+
+    06/29/2022 04:05:36.674 PM   ->   57936.674 s
+
+Seconds count from a near midnight, not from 1970, so that float64 keeps nanoseconds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from api.formats import FormatError, Values
+
+Order = Literal["ymd", "mdy", "dmy"]
+
+_STAMP = re.compile(
+    r"(?:(?P<a>\d{1,4})[./-](?P<b>\d{1,2})[./-](?P<c>\d{1,4})[ T]\s*)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d{1,9})\d*)?)?\s*(?P<half>[AaPp])?\.?(?:[Mm]\.?)?"
+    r"\s*(?:Z|[+-]\d{2}:?\d{2})?"
+)
+_DAY = 86_400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """How stamps are read: the order of day, month and year, and the day from whose midnight seconds count."""
+
+    order: Order = "ymd"
+    first: date = date(1970, 1, 1)
+
+    def seconds(self, stamps: Iterable[str]) -> Values:
+        """Return the seconds of stamps.
+
+        Raises
+        ------
+        FormatError
+            For what is no stamp.
+        """
+        texts = [text.strip().strip('"').strip() for text in stamps]
+        found = self._of_one_shape(texts)
+        return self._one_by_one(texts) if found is None else found
+
+    def _one_by_one(self, texts: Sequence[str]) -> Values:
+        days: dict[tuple[str, str, str], float] = {}
+        found = []
+        for text in texts:
+            match = _STAMP.fullmatch(text)
+            if match is None:
+                raise FormatError(f"a time stamp must be a date and time of day, got {text[:40]!r}")
+            parts = match["a"], match["b"], match["c"]
+            if parts not in days:
+                days[parts] = 0.0 if match["a"] is None else self._days(*parts) * _DAY
+            found.append(days[parts] + _time_of_day(match))
+        return np.array(found)
+
+    def _of_one_shape(self, texts: Sequence[str]) -> Values | None:
+        """Return the seconds of stamps whose digits all stand at the same places, None for others."""
+        match = _STAMP.fullmatch(texts[0]) if texts else None
+        columns = _Columns.of(texts, match) if match else None
+        if columns is None:
+            return None
+        hour = columns.number("h")
+        if columns.afternoon is not None:
+            hour = hour % 12 + 12 * columns.afternoon
+        seconds = (hour * 3600 + columns.number("m") * 60 + columns.number("s")).astype(np.float64)
+        if "f" in columns.spans:
+            seconds += columns.number("f") / 10 ** columns.width("f")
+        if "a" in columns.spans:
+            dates, which = np.unique(np.stack([columns.number(name) for name in "abc"]), axis=1, return_inverse=True)
+            days = [self._days(str(a).zfill(columns.width("a")), str(b), str(c)) for a, b, c in dates.T.tolist()]
+            seconds += _DAY * np.array(days)[which]
+        return seconds
+
+    def instant(self, seconds: float) -> datetime:
+        """Return the naive local time of a stamp."""
+        return datetime.combine(self.first, datetime.min.time()) + timedelta(seconds=seconds)
+
+    def _days(self, *parts: str) -> int:
+        return (self._date(*parts) - self.first).days
+
+    def _date(self, *parts: str) -> date:
+        by_letter = dict(zip(self.order, (int(part) for part in parts), strict=True))
+        year = by_letter["y"]
+        try:
+            return date(year + 2000 if year < 100 else year, by_letter["m"], by_letter["d"])
+        except ValueError as error:
+            raise FormatError(
+                f"a date must have its parts in the order {self.order}, got {'/'.join(parts)!r}"
+            ) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Columns:
+    """Stamps of one shape: the digits (n, length) of all, where each part stands, and which are of the afternoon."""
+
+    digits: npt.NDArray[np.int64]
+    spans: dict[str, tuple[int, int]]
+    afternoon: npt.NDArray[np.bool_] | None
+
+    @staticmethod
+    def of(texts: Sequence[str], first: re.Match[str]) -> _Columns | None:
+        """Return the stamps, None when they are not all like the first."""
+        grid = np.frombuffer("".join(texts).encode("ascii", errors="replace"), dtype=np.uint8)
+        length = len(texts[0])
+        if grid.size != len(texts) * length or any(len(text) != length for text in texts):
+            return None
+        grid = grid.reshape(len(texts), length)
+        spans = {name: first.span(name) for name in first.groupdict() if first[name]}
+        half = spans.pop("half", None)
+        is_digit = np.zeros(length, dtype=bool)
+        for start, stop in spans.values():
+            is_digit[start:stop] = True
+        fixed, afternoon = ~is_digit, None
+        if half is not None:
+            fixed[half[0]] = False
+            letters = grid[:, half[0]] | 0x20
+            afternoon = letters == ord("p")
+            if not np.all(afternoon | (letters == ord("a"))):
+                return None
+        digits = grid.astype(np.int64) - ord("0")
+        if np.any(grid[:, fixed] != grid[0, fixed]) or np.any(((digits < 0) | (digits > 9)) & is_digit):
+            return None
+        return _Columns(digits=digits, spans=spans, afternoon=afternoon)
+
+    def number(self, name: str) -> npt.NDArray[np.int64]:
+        """Return a part of all stamps, 0 where they have none."""
+        if name not in self.spans:
+            return np.zeros(len(self.digits), dtype=np.int64)
+        columns = self.digits[:, slice(*self.spans[name])]
+        return np.asarray(columns @ 10 ** np.arange(columns.shape[1])[::-1])
+
+    def width(self, name: str) -> int:
+        """Return how many digits a part has."""
+        start, stop = self.spans[name]
+        return stop - start
+
+
+def _time_of_day(match: re.Match[str]) -> float:
+    hour = int(match["h"])
+    if match["half"]:
+        hour = hour % 12 + (12 if match["half"] in "Pp" else 0)
+    whole = hour * 3600 + int(match["m"]) * 60 + int(match["s"] or 0)
+    return whole + (int(match["f"]) / 10 ** len(match["f"]) if match["f"] else 0.0)
+
+
+def is_stamp(text: str) -> bool:
+    """Say whether a cell looks like a time of day, with or without a date."""
+    return _STAMP.fullmatch(text.strip().strip('"').strip()) is not None
+
+
+def clock_for(stamps: Sequence[str], order: Order | None = None) -> tuple[Clock, str | None]:
+    """Return how stamps are read, and a remark where they leave that open.
+
+    Parameters
+    ----------
+    stamps : sequence of str
+        Some of them, in order.
+    order : str, optional
+        Of day, month and year, where it is known.
+    """
+    matches = [match for text in stamps if (match := _STAMP.fullmatch(text.strip().strip('"').strip()))]
+    dated = [(match["a"], match["b"], match["c"]) for match in matches if match["a"]]
+    if not dated:
+        return Clock(), None
+    remark = None
+    if order is None:
+        firsts, seconds = {int(a) for a, _, _ in dated}, {int(b) for _, b, _ in dated}
+        if any(len(a) == 4 for a, _, _ in dated):
+            order = "ymd"
+        elif max(firsts) > 12:
+            order = "dmy"
+        elif max(seconds) > 12:
+            order = "mdy"
+        else:
+            order = "mdy" if any(match["half"] for match in matches) else "dmy"
+            remark = f"the dates may have day or month first: read as {order}, say it in time.order if that is wrong"
+    return Clock(order=order, first=Clock(order=order)._date(*dated[0])), remark  # noqa: SLF001 - the same class

@@ -1,0 +1,172 @@
+"""HDF5, and MATLAB files of version 7.3, which are HDF5: every array of numbers is a channel, or a row of them.
+
+Units and sample rates are taken from the attributes that programs use for them. Only what lies in the file itself is
+read: links to other files and arrays kept outside are refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from api.formats import FormatError, Recording, Series, bounded, by_channel
+from api.formats.arrays import Part, parts_of, series_of, stated_rate
+
+_LARGEST_CHUNK = 256 << 20
+_MOST_ARRAYS = 100_000
+_UNIT = ("unit", "units", "Unit", "Units", "unit_string", "y_unit")
+_STEP = ("dt", "delta_t", "sample_time", "wf_increment", "increment", "TimeStep")
+_RATE = ("sample_rate", "fs", "Fs", "sampling_rate", "SampleRate", "samplerate")
+_CLASSES = {"char": "a text", "cell": "a cell array", "function_handle": "a function"}
+
+
+def open_file(file: BinaryIO) -> Recording:
+    """Return the vectors and matrices of numbers of an HDF5 file.
+
+    Raises
+    ------
+    FormatError
+        For another or a damaged file.
+    """
+    import h5py  # noqa: PLC0415 - loads a library that most processes never need
+
+    try:
+        source = h5py.File(file, "r")
+    except OSError as error:
+        raise FormatError(f"an HDF5 file must be complete, got one that the library does not open: {error}") from error
+    matlab = any("MATLAB_class" in item.attrs for item in source.values() if hasattr(item, "attrs"))
+    arrays: list[Any] = []
+    names: list[str] = []
+    refused: dict[str, str] = {}
+
+    def visit(path: str, item: Any) -> None:
+        if len(arrays) + len(refused) > _MOST_ARRAYS:
+            raise FormatError(f"an HDF5 file must have at most {_MOST_ARRAYS} arrays, got more")
+        name = path.replace("/", ".") if matlab else path
+        if path.startswith(("#refs#", "#subsystem#")):
+            return
+        if not isinstance(item, h5py.Dataset):
+            if "MATLAB_object_decode" in item.attrs:
+                refused[name] = _class_reason(item)
+            return
+        reason = _reason(item)
+        if reason:
+            refused[name] = reason
+        else:
+            arrays.append(item)
+            names.append(name)
+
+    try:
+        source.visititems(visit)
+        return _recording(arrays, names, refused, dict(source.attrs), matlab=matlab)
+    except (OSError, RuntimeError, KeyError) as error:
+        raise FormatError(f"an HDF5 file must be complete, got a damaged one: {error}") from error
+
+
+def _recording(
+    arrays: list[Any], names: list[str], refused: dict[str, str], attributes: Mapping[str, Any], *, matlab: bool
+) -> Recording:
+    parts: list[Part] = []
+    scalars: dict[str, float] = {}
+    for i, (array, name) in enumerate(zip(arrays, names, strict=True)):
+        # MATLAB's columns are the rows of HDF5
+        shape = array.shape[::-1] if matlab else array.shape
+        if all(n == 1 for n in shape):
+            scalars[name] = float(np.asarray(array[()]).reshape(-1)[0])
+            continue
+        bounded(f"the values of {name}", math.prod(shape))
+        more, reason = parts_of(name, shape, array=i)
+        parts += more
+        if reason:
+            refused[name] = reason
+    rates = [_rate(array.attrs) for array in arrays]
+    series = [
+        Series(
+            name=one.name,
+            index=one.index,
+            count=one.count,
+            unit=one.unit,
+            sample_rate=rates[part.array],
+            role=one.role,
+        )
+        for one, part in zip(series_of(parts, [_text(array.attrs, _UNIT) for array in arrays]), parts, strict=True)
+    ]
+
+    def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
+        one = parts[channel]
+        array = arrays[one.array]
+        axes = range(array.ndim)
+        long = [axis for axis in axes if array.shape[axis] > 1]
+        along = array.ndim - 1 - one.along if matlab else one.along
+        where = tuple(slice(start, stop) if axis == along else one.across if axis in long else 0 for axis in axes)
+        try:
+            return np.asarray(array[where])
+        except OSError as error:
+            raise FormatError(f"the values of {one.name} must be complete, got damaged ones: {error}") from error
+
+    rate = _rate(attributes)
+    remarks: list[str] = []
+    if rate is None:
+        rate, remarks = stated_rate(scalars)
+    return Recording(
+        series=series,
+        read=by_channel([one.count for one in parts], part),
+        refused=refused,
+        scalars=scalars,
+        layout={"sample_rate": rate} if rate else {},
+        remarks=remarks,
+    )
+
+
+def _reason(item: Any) -> str:
+    """Return why an array cannot be a channel, "" when it can."""
+    class_ = _text(item.attrs, ("MATLAB_class",))
+    if "MATLAB_object_decode" in item.attrs:
+        return _class_reason(item)
+    if class_ in _CLASSES:
+        return f"it is {_CLASSES[class_]}"
+    if "MATLAB_empty" in item.attrs or item.shape is None or 0 in item.shape:
+        return "it is empty"
+    if item.dtype.kind not in "iufb":
+        return f"its values are no plain numbers ({item.dtype})"
+    return _storage_reason(item)
+
+
+def _storage_reason(item: Any) -> str:
+    count = math.prod(item.shape)
+    if item.external or item.is_virtual:
+        return "its values lie in other files"
+    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK:
+        return f"its chunks are larger than {_LARGEST_CHUNK >> 20} MiB"
+    if item.chunks is None and item.id.get_storage_size() < count * item.dtype.itemsize:
+        return f"it claims {count} values and has {item.id.get_storage_size()} bytes of them"
+    return ""
+
+
+def _class_reason(item: Any) -> str:
+    return f"it is an object of the MATLAB class {_text(item.attrs, ('MATLAB_class',))!r}: save what is in it as plain arrays"
+
+
+def _text(attributes: Mapping[str, Any], names: tuple[str, ...]) -> str:
+    for name in names:
+        value = attributes.get(name)
+        if isinstance(value, bytes):
+            return value.decode("utf-8", errors="replace")[:64]
+        if isinstance(value, str):
+            return value[:64]
+    return ""
+
+
+def _rate(attributes: Mapping[str, Any]) -> float | None:
+    for names, step in ((_RATE, False), (_STEP, True)):
+        for name in names:
+            value = attributes.get(name)
+            if value is not None and np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number):
+                number = float(value)
+                if math.isfinite(number) and number > 0.0:
+                    return 1.0 / number if step else number
+    return None

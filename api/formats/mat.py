@@ -1,0 +1,280 @@
+"""MATLAB files of version 5 to 7.2: variables, structures and cells of numbers; objects of classes are refused by name.
+
+    element = type (uint32), bytes (uint32), data, filled up to 8 bytes;   a variable may be an element of zlib data
+
+Compressed variables are unpacked into a temporary file, no further than a bound, so that memory stays small and a file
+of a megabyte cannot become one of a gigabyte. Version 7.3 is HDF5, see there.
+"""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from api.formats import PIECE, FormatError, Recording, by_channel, claimed
+from api.formats.arrays import Part, parts_of, series_of, stated_rate
+
+_HEAD = 128
+_CHUNK = 1 << 20
+_LEAST_BOUND, _MOST_RATIO = 256 << 20, 64
+_MATRIX, _COMPRESSED = 14, 15
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_CELL, _STRUCT, _OBJECT, _TEXT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
+_NUMERIC = set(range(6, 16))
+_COMPLEX, _LOGICAL = 0x08, 0x02
+_DEEPEST = 32
+_MOST_VARIABLES = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Array:
+    """Numbers in a file, column after column."""
+
+    name: str
+    shape: tuple[int, ...]
+    file: BinaryIO
+    offset: int
+    dtype: str
+
+
+@dataclass(slots=True)
+class _Found:
+    arrays: list[_Array] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+    unpacked: int = 0
+
+
+def open_file(file: BinaryIO) -> Recording:
+    """Return the vectors and matrices of numbers of a MATLAB file.
+
+    Raises
+    ------
+    FormatError
+        For another file, a damaged or truncated one, one of more than 2 GiB for a variable, or one that unpacks to
+        more than 64 times its size (and more than 256 MiB).
+    """
+    file.seek(0, 2)
+    size = file.tell()
+    file.seek(0)
+    head = file.read(_HEAD)
+    if len(head) < _HEAD or head[126:128] not in {b"IM", b"MI"}:
+        raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else")
+    order = "<" if head[126:128] == b"IM" else ">"
+    bound = max(_LEAST_BOUND, _MOST_RATIO * size)
+    found = _Found()
+    position = _HEAD
+    while position < size:
+        kind, length, data, following = _tag(file, order, position, size)
+        if kind == _COMPRESSED:
+            following = position + 8 + length  # not filled up
+            spool = tempfile.TemporaryFile()  # noqa: SIM115 - read as long as the recording is
+            unpacked = _unpack(file, data, length, spool, bound - found.unpacked)
+            found.unpacked += unpacked
+            inner, inner_length, inner_data, _ = _tag(spool, order, 0, unpacked)
+            if inner == _MATRIX:
+                _Variables(spool, order, found).read(inner_data, inner_data + inner_length, "", 0)
+        elif kind == _MATRIX:
+            _Variables(file, order, found).read(data, data + length, "", 0)
+        position = following
+    return _recording(found)
+
+
+def _recording(found: _Found) -> Recording:
+    parts: list[Part] = []
+    scalars: dict[str, float] = {}
+    for i, array in enumerate(found.arrays):
+        if array.shape and all(n == 1 for n in array.shape):
+            scalars[array.name] = float(_values(array, 0, 1)[0])
+            continue
+        more, reason = parts_of(array.name, array.shape, array=i)
+        parts += more
+        if reason:
+            found.refused[array.name] = reason
+
+    def part(channel: int, start: int, stop: int) -> npt.NDArray[np.float64]:
+        one = parts[channel]
+        array = found.arrays[one.array]
+        if one.along == next(axis for axis, n in enumerate(array.shape) if n > 1):
+            begin = one.across * one.count
+            return _values(array, begin + start, begin + stop)
+        across = int(np.prod(array.shape)) // one.count
+        rows = max(PIECE // across, 1)
+        cuts = [(i, min(i + rows, stop)) for i in range(start, stop, rows)]
+        return np.concatenate([_values(array, i * across, j * across)[one.across :: across] for i, j in cuts])
+
+    rate, remarks = stated_rate(scalars)
+    return Recording(
+        series=series_of(parts),
+        read=by_channel([one.count for one in parts], part),
+        refused=found.refused,
+        scalars=scalars,
+        layout={"sample_rate": rate} if rate else {},
+        remarks=remarks,
+    )
+
+
+def _values(array: _Array, start: int, stop: int) -> npt.NDArray[np.float64]:
+    width = np.dtype(array.dtype).itemsize
+    array.file.seek(array.offset + start * width)
+    data = array.file.read((stop - start) * width)
+    return np.frombuffer(data, dtype=array.dtype).astype(np.float64)
+
+
+def _tag(file: BinaryIO, order: str, position: int, end: int) -> tuple[int, int, int, int]:
+    """Return type and bytes of an element, where its data begin, and where the next element does."""
+    file.seek(position)
+    tag = file.read(8)
+    if len(tag) < 8 or position + 8 > end:
+        raise FormatError(f"an element must be complete, got the end of the file at byte {position}: it is cut off")
+    kind, length = struct.unpack(f"{order}II", tag)
+    if kind >> 16:  # a small element: bytes and type share the first word, up to four bytes of data follow
+        return kind & 0xFFFF, min(kind >> 16, 4), position + 4, position + 8
+    data = position + 8
+    if data + length > end:
+        raise FormatError(
+            f"the element at byte {position} must be {length} bytes, got {end - data}: the file is cut off"
+        )
+    return kind, length, data, data + -(-length // 8) * 8
+
+
+def _unpack(file: BinaryIO, data: int, length: int, spool: BinaryIO, bound: int) -> int:
+    """Unpack zlib data into a file; return its length."""
+    unpacker = zlib.decompressobj()
+    done = 0
+    file.seek(data)
+    left = length
+    while left and not unpacker.eof:
+        piece = file.read(min(_CHUNK, left))
+        left -= len(piece)
+        while piece and not unpacker.eof:
+            try:
+                plain = unpacker.decompress(piece, _CHUNK)
+            except zlib.error as error:
+                raise FormatError(f"a compressed variable must be zlib data, got {error}") from error
+            piece = unpacker.unconsumed_tail
+            done += len(plain)
+            if done > bound:
+                raise FormatError(
+                    f"the variables must unpack to at most {_LEAST_BOUND >> 20} MiB or {_MOST_RATIO} times the size of "
+                    "the file, got more"
+                )
+            spool.write(plain)
+    if not unpacker.eof:
+        raise FormatError("a compressed variable must be complete, got a part of it: the file is cut off")
+    return done
+
+
+class _Variables:
+    """Finds the arrays of numbers in one variable."""
+
+    def __init__(self, file: BinaryIO, order: str, found: _Found) -> None:
+        self._file = file
+        self._order = order
+        self._found = found
+
+    def read(self, position: int, end: int, name: str, depth: int) -> None:
+        """Read the matrix whose elements lie in position ... end; ``name`` is that of its place, "" for a variable."""
+        if position == end:
+            return  # an empty field
+        if depth > _DEEPEST or len(self._found.arrays) + len(self._found.refused) > _MOST_VARIABLES:
+            raise FormatError(f"variables must be at most {_MOST_VARIABLES}, nested at most {_DEEPEST} deep, got more")
+        flags, position = self._numbers(position, end)
+        kind, bits = (int(flags[0]) & 0xFF, int(flags[0]) >> 8) if flags.size else (0, 0)
+        if kind == _OPAQUE:
+            self._opaque(position, end, name)
+            return
+        shape, position = self._numbers(position, end)
+        own, position = self._text(position, end)
+        path = name or own
+        dims = tuple(int(n) for n in shape)
+        if not path:
+            return  # what MATLAB keeps of its own behind the variables
+        if kind in _NUMERIC:
+            self._array(position, end, path, dims, bits)
+        elif kind == _STRUCT:
+            self._struct(position, end, path, dims, depth)
+        elif kind == _CELL:
+            self._cells(position, end, path, dims, depth)
+        else:
+            what = {
+                _OBJECT: "an object of a MATLAB class",
+                _TEXT: "a text",
+                _SPARSE: "a sparse matrix",
+                _FUNCTION: "a function",
+            }
+            self._found.refused[path] = f"it is {what.get(kind, f'of the unknown class {kind}')}"
+
+    def _opaque(self, position: int, end: int, name: str) -> None:
+        words = []
+        for _ in range(3):
+            if position >= end:
+                break
+            word, position = self._text(position, end)
+            words.append(word)
+        own, _, class_ = [*words, "", "", ""][:3]
+        self._found.refused[name or own] = (
+            f"it is an object of the MATLAB class {class_!r}: save what is in it as plain arrays"
+        )
+
+    def _array(self, position: int, end: int, path: str, shape: tuple[int, ...], bits: int) -> None:
+        if bits & _COMPLEX:
+            self._found.refused[path] = "it is complex"
+            return
+        kind, length, data, _ = _tag(self._file, self._order, position, end)
+        if kind not in _NUMBERS:
+            raise FormatError(f"the values of {path} must be of a type of numbers, got {kind}")
+        dtype = self._order + _NUMBERS[kind]
+        count = 1
+        for n in shape:
+            count *= n
+        if min(shape, default=0) < 0:
+            raise FormatError(f"the size of {path} must not be negative, got {shape}")
+        claimed(f"the values of {path}", count, size=length, itemsize=np.dtype(dtype).itemsize)
+        self._found.arrays.append(_Array(name=path, shape=shape, file=self._file, offset=data, dtype=dtype))
+
+    def _struct(self, position: int, end: int, path: str, shape: tuple[int, ...], depth: int) -> None:
+        width, position = self._numbers(position, end)
+        kind, length, data, position = _tag(self._file, self._order, position, end)
+        size = int(width[0]) if width.size else 0
+        if kind != 1 or size < 1:
+            raise FormatError(f"the names of the fields of {path} must be text, got elements of type {kind}")
+        self._file.seek(data)
+        text = self._file.read(length)
+        names = [text[i : i + size].split(b"\0")[0].decode("latin-1") for i in range(0, len(text), size)]
+        several = int(np.prod(shape)) > 1
+        for i, field_end in enumerate(self._members(position, end)):
+            begin, stop = field_end
+            element = f"({i // len(names) + 1})" if several else ""
+            self.read(begin, stop, f"{path}{element}.{names[i % len(names)]}", depth + 1)
+
+    def _cells(self, position: int, end: int, path: str, shape: tuple[int, ...], depth: int) -> None:
+        del shape
+        for i, (begin, stop) in enumerate(self._members(position, end)):
+            self.read(begin, stop, f"{path}{{{i + 1}}}", depth + 1)
+
+    def _members(self, position: int, end: int) -> Iterator[tuple[int, int]]:
+        while position < end:
+            kind, length, data, position = _tag(self._file, self._order, position, end)
+            if kind != _MATRIX:
+                raise FormatError(f"a field or cell must be a matrix, got an element of type {kind}")
+            yield data, data + length
+
+    def _numbers(self, position: int, end: int) -> tuple[npt.NDArray[np.int64], int]:
+        kind, length, data, following = _tag(self._file, self._order, position, end)
+        if kind not in _NUMBERS or length > 4096:
+            raise FormatError(f"the header of a variable must be numbers, got an element of type {kind}")
+        self._file.seek(data)
+        values = np.frombuffer(self._file.read(length), dtype=self._order + _NUMBERS[kind])
+        return values.astype(np.int64), following
+
+    def _text(self, position: int, end: int) -> tuple[str, int]:
+        _, length, data, following = _tag(self._file, self._order, position, end)
+        self._file.seek(data)
+        return self._file.read(min(length, 4096)).decode("latin-1").strip("\0"), following

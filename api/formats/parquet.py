@@ -1,0 +1,95 @@
+"""Apache Parquet: every column of numbers is a channel, a column of instants the time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from api.formats import PIECE, FormatError, Recording, Series, Values, bounded
+from api.formats.arrays import is_time
+
+_ROWS = PIECE // 2
+
+
+def open_file(file: BinaryIO) -> Recording:
+    """Return the columns of a Parquet file.
+
+    Raises
+    ------
+    FormatError
+        For another, truncated or damaged file.
+    """
+    import pyarrow as pa  # noqa: PLC0415 - loads a library that most processes never need
+    import pyarrow.parquet as pq  # noqa: PLC0415 - as above
+
+    try:
+        source = pq.ParquetFile(file, buffer_size=1 << 20, pre_buffer=False)
+    except (pa.ArrowException, OSError) as error:
+        raise FormatError(
+            f"a Parquet file must be complete, got one that the library does not open: {error}"
+        ) from error
+    schema, count = source.schema_arrow, source.metadata.num_rows
+    bounded("the rows of the file", count * max(len(schema), 1))
+    series: list[Series] = []
+    refused: dict[str, str] = {}
+    metadata = {key.decode(errors="replace"): value for key, value in (schema.metadata or {}).items()}
+    rate = _number(metadata.get("sample_rate"))
+    timed = False
+    for field in schema:
+        temporal = pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type)
+        plain = pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type)
+        if not plain and not (temporal and not timed):
+            refused[field.name] = f"its values are no plain numbers ({field.type})"
+            continue
+        time = not timed and (temporal or is_time(field.name))
+        timed = timed or time
+        unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")[:64]
+        series.append(
+            Series(
+                name=field.name,
+                index=len(series),
+                count=count,
+                unit="" if temporal else unit,
+                sample_rate=rate,
+                role="time" if time else "channel",
+            )
+        )
+
+    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        names = [series[place].name for place in wanted]
+        first: dict[str, Any] = {}
+        try:
+            for batch in source.iter_batches(batch_size=_ROWS, columns=names, use_threads=False):
+                for position, name in enumerate(names):
+                    yield position, _values(batch.column(name), first, name)
+        except (pa.ArrowException, OSError) as error:
+            raise FormatError(f"a Parquet file must be complete, got a damaged one: {error}") from error
+
+    return Recording(series=series, read=read, refused=refused, layout={"sample_rate": rate} if rate else {})
+
+
+def _values(column: Any, first: dict[str, Any], name: str) -> Values:
+    """Return the numbers of a column, missing ones as NaN; instants count in s from the first."""
+    import pyarrow as pa  # noqa: PLC0415 - as above
+
+    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
+        scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
+        ticks = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+        if np.issubdtype(ticks.dtype, np.floating):
+            raise FormatError(f"the instants of {name} must have no gaps, got a missing one")
+        begin = first.setdefault(name, ticks[0] if ticks.size else 0)
+        return np.asarray((ticks - begin) * scale, dtype=np.float64)
+    if pa.types.is_boolean(column.type):
+        column = column.cast(pa.int8())
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _number(text: bytes | None) -> float | None:
+    try:
+        value = float(text or b"nan")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and value > 0.0 else None

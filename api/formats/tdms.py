@@ -1,0 +1,409 @@
+"""TDMS files of LabVIEW, DAQmx and their relatives: segments of metadata and raw values, read where they lie.
+
+    byte(sample i of chunk c) = data of the segment + c * chunk + start of the channel + i * stride
+
+The file is mapped, not loaded, so that its size does not matter; raw DAQmx values are scaled as their properties say.
+"""
+
+from __future__ import annotations
+
+import bisect
+import mmap
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from api.formats import FormatError, Recording, Series, bounded, by_channel
+from api.formats.tdms_scaling import Scaling, scaling_of
+
+_METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
+_LEAD_IN = 28
+_UNFINISHED = 0xFFFFFFFFFFFFFFFF
+_NO_DATA, _AS_BEFORE = 0xFFFFFFFF, 0
+_FORMAT_CHANGING, _DIGITAL_LINE = 0x1269, 0x126A
+_NUMBERS = {1: "i1", 2: "i2", 3: "i4", 4: "i8", 5: "u1", 6: "u2", 7: "u4", 8: "u8", 9: "f4", 10: "f8", 0x19: "f4",
+            0x1A: "f8", 0x21: "u1"}  # fmt: skip
+_SIZES = {11: 16, 0x1B: 16, 0x44: 16, 0x08000C: 8, 0x10000D: 16}
+_STRING, _TIME, _BOOLEAN = 0x20, 0x44, 0x21
+_DAQMX_NUMBERS = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
+_EPOCH = datetime(1904, 1, 1, tzinfo=UTC)
+_MOST_SEGMENTS = 5_000_000
+
+
+@dataclass(slots=True, kw_only=True)
+class _Index:
+    """How the values of one channel lie in each chunk of a segment."""
+
+    kind: int
+    count: int
+    dtype: str | None = None
+    size: int = 0  # bytes of one value, 0 where they differ
+    total: int = 0  # bytes of the channel in a chunk
+    buffer: int = 0  # DAQmx: which raw buffer, and where in its rows
+    offset: int = 0
+    scale: int = 0
+    widths: tuple[int, ...] = ()
+    reason: str = ""  # why the values cannot be read
+
+
+@dataclass(slots=True, kw_only=True)
+class _Object:
+    """A channel, group or the file itself: its properties and where its values are."""
+
+    properties: dict[str, Any] = field(default_factory=dict)
+    index: _Index | None = None
+    runs: list[_Run] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+    count: int = 0
+    reason: str = ""
+
+    def add(self, run: _Run) -> None:
+        if run.chunks and run.count:
+            self.starts.append(self.count)
+            self.runs.append(run)
+            self.count += run.chunks * run.count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """The values of a channel in the chunks of one segment."""
+
+    offset: int
+    chunks: int
+    chunk: int
+    count: int
+    stride: int
+    dtype: str
+
+
+def open_file(file: BinaryIO) -> Recording:
+    """Return what a TDMS file holds; channels of texts or without a scaling that is known are refused by name.
+
+    Raises
+    ------
+    FormatError
+        For another file, damaged metadata, or a file that is shorter than its segments say.
+    """
+    try:
+        memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except ValueError as error:
+        raise FormatError("a TDMS file must begin with TDSm, got an empty file") from error
+    parser = _Parser(memory)
+    parser.run()
+    objects = parser.objects
+    series: list[Series] = []
+    channels: list[tuple[_Object, Scaling | None]] = []
+    refused: dict[str, str] = {}
+    names = _names([path for path in objects if len(_parts(path)) == 2])
+    whole = objects.get("/", _Object()).properties
+    for path, name in names.items():
+        found = objects[path]
+        group = objects.get(f"/{_quoted(_parts(path)[0])}", _Object()).properties
+        scaling, reason = scaling_of(found.properties, group, whole)
+        reason = found.reason or reason or ("it has no values" if not found.count else "")
+        if reason:
+            refused[name] = reason
+            continue
+        bounded(f"channel {name!r}", found.count)
+        series.append(_series(name, len(series), found))
+        channels.append((found, scaling))
+
+    def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
+        values, scaling = channels[channel]
+        raw = np.concatenate(list(_raw(memory, values, start, stop)))
+        return raw if scaling is None else scaling(raw)
+
+    return Recording(
+        series=series,
+        read=by_channel([found.count for found, _ in channels], part),
+        refused=refused,
+        remarks=parser.remarks,
+    )
+
+
+def _series(name: str, index: int, found: _Object) -> Series:
+    properties = found.properties
+    step = properties.get("wf_increment")
+    start = properties.get("wf_start_time")
+    return Series(
+        name=name,
+        index=index,
+        count=found.count,
+        unit=str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))[:64],
+        sample_rate=1.0 / step if isinstance(step, float) and step > 0.0 else None,
+        start_time=start if isinstance(start, datetime) and start > _EPOCH else None,
+    )
+
+
+def _raw(memory: mmap.mmap, found: _Object, start: int, stop: int) -> Iterator[npt.NDArray[Any]]:
+    """Yield the values start <= i < stop of a channel as they lie in the file."""
+    number = bisect.bisect_right(found.starts, start) - 1
+    while start < stop:
+        run, first = found.runs[number], start - found.starts[number]
+        last = min(stop - found.starts[number], run.chunks * run.count)
+        begin, end = first // run.count, -(-last // run.count)
+        grid: npt.NDArray[Any] = np.ndarray(
+            (end - begin, run.count),
+            dtype=run.dtype,
+            buffer=memory,
+            offset=run.offset + begin * run.chunk,
+            strides=(run.chunk, run.stride),
+        )
+        if end - begin == 1:
+            yield grid[0, first - begin * run.count : last - begin * run.count]
+        else:
+            yield grid.reshape(-1)[first - begin * run.count : last - begin * run.count]
+        start = found.starts[number] + last
+        number += 1
+
+
+class _Parser:
+    """Reads the metadata of all segments."""
+
+    def __init__(self, memory: mmap.mmap) -> None:
+        self._memory = memory
+        self._order = "<"
+        self._at = 0
+        self._end = 0
+        self.objects: dict[str, _Object] = {}
+        self.remarks: list[str] = []
+
+    def run(self) -> None:
+        """Go through the file from segment to segment."""
+        size, position, listed = len(self._memory), 0, list[str]()
+        segments = 0
+        while position < size:
+            if self._memory[position : position + 4] != b"TDSm" or size - position < _LEAD_IN:
+                what = "a TDMS file" if position == 0 else "a segment of a TDMS file"
+                raise FormatError(
+                    f"{what} must begin with TDSm, got {self._memory[position : position + 4]!r} at {position}"
+                )
+            (mask,) = struct.unpack_from("<I", self._memory, position + 4)
+            self._order = ">" if mask & _BIG_ENDIAN else "<"
+            following, raw = struct.unpack_from(f"{self._order}QQ", self._memory, position + 12)
+            data, end = position + _LEAD_IN + raw, position + _LEAD_IN + following
+            if following == _UNFINISHED:
+                end = size
+                self.remarks.append(
+                    "the file was not closed: the program that wrote it may have crashed; what is there is read"
+                )
+                if data > size:
+                    break
+            if not position + _LEAD_IN <= data <= end <= size:
+                raise FormatError(
+                    f"the segment at byte {position} must end within the {size} bytes of the file, got {end}: it is cut off"
+                )
+            if mask & _METADATA:
+                self._at, self._end = position + _LEAD_IN, data
+                listed = self._metadata([] if mask & _NEW_LIST else listed)
+            if mask & _RAW:
+                self._values(mask, listed, data, end)
+            position = end
+            segments += 1
+            if segments > _MOST_SEGMENTS:
+                raise FormatError(f"a TDMS file must have at most {_MOST_SEGMENTS} segments, got more")
+
+    def _metadata(self, listed: list[str]) -> list[str]:
+        """Read the objects of a segment; return the paths of those that have values, in the order of their values."""
+        listed = list(listed)
+        for _ in range(self._number("I")):
+            path = self._text()
+            found = self.objects.setdefault(path, _Object())
+            head = self._number("I")
+            if head == _AS_BEFORE:
+                if found.index is None:
+                    raise FormatError(
+                        f"the values of {path} must be described before they are called the same as before"
+                    )
+            elif head != _NO_DATA:
+                found.index = self._index(head)
+            if head == _NO_DATA:
+                listed = [other for other in listed if other != path]
+            elif path not in listed:
+                listed.append(path)
+            for _ in range(self._number("I")):
+                name = self._text()
+                found.properties[name] = self._property(path, name)
+        return listed
+
+    def _index(self, head: int) -> _Index:
+        if head in {_FORMAT_CHANGING, _DIGITAL_LINE}:
+            return self._daqmx(head)
+        kind, _, count = self._number("I"), self._number("I"), self._number("Q")
+        if kind == _STRING:
+            return _Index(kind=kind, count=count, total=self._number("Q"), reason="it holds texts")
+        dtype = _NUMBERS.get(kind)
+        size = np.dtype(dtype).itemsize if dtype else _SIZES.get(kind, 0)
+        if not size:
+            raise FormatError(f"the type of values must be one of TDMS, got {kind:#x}")
+        reason = "" if dtype else "its values are no plain numbers (times, complex or extended)"
+        return _Index(kind=kind, count=count, dtype=dtype, size=size, total=size * count, reason=reason)
+
+    def _daqmx(self, head: int) -> _Index:
+        _, _, count = self._number("I"), self._number("I"), self._number("Q")
+        scalers = []
+        for _ in range(self._few("scalers")):
+            code, buffer, offset = self._number("I"), self._number("I"), self._number("I")
+            self._number("I" if head == _FORMAT_CHANGING else "B")
+            scalers.append((code, buffer, offset, self._number("I")))
+        widths = tuple(self._number("I") for _ in range(self._few("buffers")))
+        code, buffer, offset, scale = scalers[0] if scalers else (0xFFFFFFFF, 0, 0, 0)
+        reason = ""
+        if head == _DIGITAL_LINE:
+            reason = "it holds digital lines"
+        elif len(scalers) != 1 or code >= len(_DAQMX_NUMBERS):
+            reason = f"its raw values have {len(scalers)} scalers of a kind that is not read"
+        elif buffer >= len(widths) or offset + np.dtype(_DAQMX_NUMBERS[code]).itemsize > widths[buffer]:
+            raise FormatError(
+                f"raw values must lie within their buffers, got offset {offset} in buffer {buffer} of {widths}"
+            )
+        return _Index(
+            kind=head,
+            count=count,
+            dtype=None if reason else _DAQMX_NUMBERS[code],
+            buffer=buffer,
+            offset=offset,
+            scale=scale,
+            widths=widths,
+            reason=reason,
+        )
+
+    def _values(self, mask: int, listed: Sequence[str], data: int, end: int) -> None:
+        """Find the values of a segment; the last chunk may be shorter in a file that was not closed."""
+        described = [(self.objects[path], index) for path in listed if (index := self.objects[path].index) is not None]
+        for found, index in described:
+            found.reason = found.reason or index.reason
+        if not described or end == data:
+            return
+        if mask & _DAQMX:
+            self._raw_buffers(described, data, end)
+        elif mask & _INTERLEAVED:
+            row = sum(index.size for _, index in described)
+            if any(not index.size for _, index in described):
+                raise FormatError("interleaved values must be numbers, got texts")
+            offset = data
+            for found, index in described:
+                if index.dtype:
+                    rows = (end - data) // row
+                    dtype = self._order + index.dtype
+                    found.add(_Run(offset=offset, chunks=1, chunk=0, count=rows, stride=row, dtype=dtype))
+                offset += index.size
+        else:
+            self._one_by_one(described, data, end)
+
+    def _one_by_one(self, described: Sequence[tuple[_Object, _Index]], data: int, end: int) -> None:
+        chunk = sum(index.total for _, index in described)
+        if not chunk:
+            return
+        chunks, rest = divmod(end - data, chunk)
+        offset, left = data, rest
+        for found, index in described:
+            if index.dtype:
+                dtype, width = self._order + index.dtype, index.size
+                found.add(_Run(offset=offset, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
+                remaining = min(max(left, 0) // width, index.count)
+                at = offset + chunks * chunk
+                found.add(_Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
+            offset += index.total
+            left -= index.total
+
+    def _raw_buffers(self, described: Sequence[tuple[_Object, _Index]], data: int, end: int) -> None:
+        widths = described[0][1].widths
+        if any(index.widths != widths for _, index in described):
+            raise FormatError("the channels of a raw segment must have the same buffers, got others")
+        rows = [
+            max((index.count for _, index in described if index.buffer == i), default=0) for i in range(len(widths))
+        ]
+        begins = np.concatenate([[0], np.cumsum(np.array(rows, dtype=object) * np.array(widths, dtype=object))])
+        chunk = int(begins[-1])
+        if not chunk:
+            return
+        chunks, rest = divmod(end - data, chunk)
+        for found, index in described:
+            if index.dtype is None:
+                continue
+            width, dtype = widths[index.buffer], self._order + index.dtype
+            begin = data + int(begins[index.buffer]) + index.offset
+            found.add(_Run(offset=begin, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
+            remaining = min(max(rest - int(begins[index.buffer]), 0) // width, index.count)
+            at = begin + chunks * chunk
+            found.add(_Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
+
+    def _property(self, path: str, name: str) -> Any:
+        kind = self._number("I")
+        if kind == _STRING:
+            return self._text()
+        if kind == _TIME:
+            # the parts of the second come first, unless the file is big-endian
+            parts = self._take("Qq") if self._order == "<" else self._take("qQ")[::-1]
+            try:
+                return _EPOCH + timedelta(seconds=parts[1], microseconds=parts[0] * 1e6 / 2**64)
+            except OverflowError:
+                return None
+        if kind == _BOOLEAN:
+            return bool(self._number("B"))
+        if dtype := _NUMBERS.get(kind):
+            width = np.dtype(dtype).itemsize
+            self._need(width)
+            value = np.frombuffer(self._memory, dtype=self._order + dtype, count=1, offset=self._at)[0].item()
+            self._at += width
+            return value
+        if size := _SIZES.get(kind):
+            self._need(size)
+            self._at += size
+            return None
+        raise FormatError(f"property {name!r} of {path} must have a type of TDMS, got {kind:#x}")
+
+    def _few(self, what: str) -> int:
+        count = self._number("I")
+        if count > 1000:
+            raise FormatError(f"{what} of raw values must be at most 1000, got {count}")
+        return count
+
+    def _number(self, form: str) -> int:
+        return int(self._take(form)[0])
+
+    def _take(self, form: str) -> tuple[Any, ...]:
+        layout = struct.Struct(self._order + form)
+        self._need(layout.size)
+        values = layout.unpack_from(self._memory, self._at)
+        self._at += layout.size
+        return values
+
+    def _text(self) -> str:
+        length = self._number("I")
+        self._need(length)
+        text = self._memory[self._at : self._at + length].decode("utf-8", errors="replace")
+        self._at += length
+        return text
+
+    def _need(self, count: int) -> None:
+        if self._at + count > self._end:
+            raise FormatError(
+                f"metadata must end at byte {self._end}, got more at byte {self._at}: the file is damaged"
+            )
+
+
+def _parts(path: str) -> list[str]:
+    """Return ["group", "channel"] for "/'group'/'channel'"; a quote within a name is doubled."""
+    if path == "/":
+        return []
+    return [part.replace("''", "'") for part in path[2:-1].split("'/'")]
+
+
+def _quoted(name: str) -> str:
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _names(paths: Sequence[str]) -> Mapping[str, str]:
+    """Return path -> name: that of the channel, with its group where several groups have one of that name."""
+    short = [_parts(path)[1] for path in paths]
+    return {
+        path: name if short.count(name) == 1 else "/".join(_parts(path))
+        for path, name in zip(paths, short, strict=True)
+    }
