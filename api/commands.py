@@ -40,7 +40,7 @@ def serve(argv: Sequence[str]) -> int:
 
     from api.main import create_app
 
-    settings = _settings()
+    settings = read_settings()
     _prepare(settings)
     worker = None if given.no_worker else _start_worker()
     try:
@@ -93,7 +93,7 @@ def worker(argv: Sequence[str]) -> int:
 
     from storage.jobs.worker import Worker
 
-    settings = _settings()
+    settings = read_settings()
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
@@ -124,7 +124,8 @@ def openapi(argv: Sequence[str]) -> int:
     return 0
 
 
-def _settings() -> Settings:
+def read_settings() -> Settings:
+    """Return the settings of this process, and let it write its log; wrong ones end it with a sentence."""
     import logging
 
     from pydantic import ValidationError

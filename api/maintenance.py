@@ -1,0 +1,247 @@
+"""`servotune backup`, `restore`, `check`, `move`: what whoever runs an installation does with its database."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from api.commands import read_settings
+
+if TYPE_CHECKING:
+    from storage.checking import Findings
+    from storage.session import Database
+
+#: s; a worker that was seen later may write at any moment.
+_STOPPED_FOR = 30.0
+
+
+def backup(argv: Sequence[str]) -> int:
+    """Write everything in the database into one file; the service may run.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = _parser("backup", "Write everything in the database into one file, verified; the service may run.")
+    parser.add_argument("file", type=Path, help="a new file")
+    given = parser.parse_args(argv)
+
+    from importlib.metadata import version
+
+    from storage import backup as backups
+    from storage.copying import total
+
+    with _speaking(), _database(read_settings().database_url, there=True) as database:
+        copied = backups.make(database, given.file, version=version("servotune"), tell=_progress)
+        _manifest, findings = backups.verify(given.file)
+        if findings.faults:
+            return _tell_faults(findings, what=str(given.file))
+        size = given.file.stat().st_size
+        _say(f"{given.file}: {total(copied)} rows, {findings.blobs} blobs, {size} bytes, read back and verified")
+        return 0
+
+
+def restore(argv: Sequence[str]) -> int:
+    """Fill an empty database with a backup; the service must not run.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = _parser("restore", "Fill the empty database of SERVOTUNE_DATABASE_URL with a backup, SQLite or Postgres.")
+    parser.add_argument("file", type=Path, help="what `servotune backup` wrote")
+    given = parser.parse_args(argv)
+
+    from storage import backup as backups
+    from storage.copying import total
+
+    with _speaking():
+        manifest = backups.read_manifest(given.file)
+        with _database(read_settings().database_url) as database:
+            database.migrate()
+            copied = backups.restore(given.file, database, tell=_progress)
+            waiting = _requeue(database)
+        made = f"{manifest.created_at:%Y-%m-%d %H:%M} UTC by version {manifest.version}"
+        _say(f"{total(copied)} rows of the backup of {made} restored and verified; {waiting} unfinished jobs queued")
+        return 0
+
+
+def check(argv: Sequence[str]) -> int:
+    """Read everything in the database, or in a backup, and say what is wrong with it.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code; 1 when something is wrong.
+    """
+    parser = _parser("check", "Read everything in the database, or in a backup, and say what is wrong with it.")
+    parser.add_argument("file", type=Path, nargs="?", help="a backup; the database by default")
+    given = parser.parse_args(argv)
+
+    from storage import backup as backups
+    from storage.checking import check as look
+
+    with _speaking():
+        if given.file is not None:
+            manifest, findings = backups.verify(given.file)
+            what = f"{given.file} ({manifest.created_at:%Y-%m-%d %H:%M} UTC, version {manifest.version})"
+        else:
+            with _database(read_settings().database_url, there=True) as database:
+                if not database.is_current():
+                    _complain("the database is not as this version needs it: `servotune serve` migrates it")
+                    return 1
+                findings, what = look(database.engine), "the database"
+        return _tell_faults(findings, what=what)
+
+
+def move(argv: Sequence[str]) -> int:
+    """Copy the database into another, empty one, SQLite into Postgres or back; the service must not run.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = _parser(
+        "move",
+        "Copy the database of SERVOTUNE_DATABASE_URL into another, empty one, count and verify every row. "
+        "Stop the service and its workers first; the old database stays as it is.",
+    )
+    parser.add_argument("url", help="the other database: postgresql+psycopg://user@host/name, sqlite:///path.db")
+    given = parser.parse_args(argv)
+
+    from sqlalchemy import make_url
+
+    from storage.copying import copy, snapshot, total
+    from storage.errors import CopyError
+
+    with _speaking():
+        settings = read_settings()
+        with _database(settings.database_url, there=True) as source, _database(given.url) as target:
+            if source.engine.url == target.engine.url:
+                raise CopyError("the other database must be another one, got that of SERVOTUNE_DATABASE_URL")
+            if not source.is_current():
+                raise CopyError("the database must be as this version needs it: `servotune serve` migrates it")
+            _require_stopped(source)
+            target.migrate()
+            with snapshot(source.engine) as old, target.engine.begin() as new:
+                copied = copy(old, new, tell=_progress)
+            waiting = _requeue(target)
+        for table, content in copied.items():
+            if content.rows:
+                _say(f"  {table:<24} {content.rows:>10}")
+        shown = make_url(given.url).render_as_string(hide_password=True)
+        _say(f"{total(copied)} rows moved and verified; {waiting} unfinished jobs queued")
+        _say(f"From now on: SERVOTUNE_DATABASE_URL={shown}")
+        return 0
+
+
+def _parser(name: str, description: str) -> argparse.ArgumentParser:
+    return argparse.ArgumentParser(prog=f"servotune {name}", description=description)
+
+
+@contextmanager
+def _database(url: str, *, there: bool = False) -> Iterator[Database]:
+    """Open a database; one that must be ``there`` is not made by opening it."""
+    from storage.errors import CopyError
+    from storage.session import open_database
+
+    database = open_database(url)
+    path = database.engine.url.database
+    if there and database.engine.dialect.name == "sqlite" and not Path(str(path)).is_file():
+        raise CopyError(f"the database must exist, got {path}")
+    try:
+        database.ping()
+        yield database
+    finally:
+        database.dispose()
+
+
+@contextmanager
+def _speaking() -> Iterator[None]:
+    """Turn what goes wrong into a sentence and exit code 1."""
+    from storage.errors import UNAVAILABLE, StorageError
+
+    unreachable: tuple[type[Exception], ...] = UNAVAILABLE
+    try:
+        yield
+    except StorageError as error:
+        raise SystemExit(str(error)) from error
+    except unreachable as error:
+        raise SystemExit(f"the database must be reachable: {str(error).splitlines()[0]}") from error
+    except OSError as error:
+        raise SystemExit(f"the file must be readable, its directory writable: {error}") from error
+
+
+def _require_stopped(database: Database) -> None:
+    from storage.errors import CopyError
+    from storage.models.base import utc_now
+    from storage.repositories import WorkerRepository
+
+    with database.session() as session:
+        seen = WorkerRepository(session).last_seen()
+    age = None if seen is None else (utc_now() - seen).total_seconds()
+    if age is not None and age < _STOPPED_FOR:
+        raise CopyError(f"the service and its workers must have stopped, a worker was seen {age:.0f} s ago")
+
+
+def _requeue(database: Database) -> int:
+    """Hand the unfinished jobs of a copy to the job engine."""
+    from storage.copying import requeue
+    from storage.jobs.queue import JobQueue
+
+    queue = JobQueue(database)
+    try:
+        with database.session() as session:
+            return requeue(session, queue.place)
+    finally:
+        queue.close()
+
+
+def _tell_faults(findings: Findings, *, what: str) -> int:
+    for fault in findings.faults:
+        _complain(fault)
+    if findings.faults:
+        return 1
+    _say(f"{what} is sound: {findings.blobs} blobs with {findings.bytes} bytes have the SHA-256 that they claim")
+    return 0
+
+
+def _progress(table: str, rows: int) -> None:
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{table}: {rows} rows\r")
+        sys.stderr.flush()
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
