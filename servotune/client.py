@@ -11,6 +11,7 @@ from servotune.catalog import Catalog
 from servotune.datasets import Datasets
 from servotune.errors import ApiError, ServiceUnreachableError
 from servotune.jobs import Jobs
+from servotune.lineage import Lineage
 from servotune.schedules import Schedules
 from servotune.searches import Searches
 from servotune.studies import Studies
@@ -30,6 +31,8 @@ class Client(Studies, Searches):
         Recordings.
     jobs : Jobs
         Long work.
+    lineage : Lineage
+        What was made from what; one file that repeats it elsewhere.
     schedules : Schedules
         Jobs that are run again and again.
     webhooks, alerts : Webhooks, Alerts
@@ -45,6 +48,7 @@ class Client(Studies, Searches):
         self.systems = Systems(transport)
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
+        self.lineage = Lineage(transport)
         self.schedules = Schedules(transport)
         self.webhooks = Webhooks(transport)
         self.alerts = Alerts(transport)

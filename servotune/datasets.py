@@ -87,9 +87,16 @@ class Datasets:
         """Yield the datasets of the service."""
         return self._transport.items("/v1/datasets")
 
-    def delete(self, dataset: str) -> None:
-        """Delete a dataset with its samples."""
-        self._transport.send("DELETE", f"/v1/datasets/{dataset}", headers={"If-Match": "*"})
+    def delete(self, dataset: str, *, force: bool = False) -> None:
+        """Delete a dataset with its samples.
+
+        Raises
+        ------
+        ConflictError
+            Others depend on it (`problem["dependents"]`), and it is not forced.
+        """
+        params = {"force": True} if force else None
+        self._transport.send("DELETE", f"/v1/datasets/{dataset}", params=params, headers={"If-Match": "*"})
 
     def channel(
         self,

@@ -18,9 +18,10 @@ class Systems:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
 
-    def create(self, document: Document) -> Stored:
-        """Store a document and return it with its id."""
-        return cast("Stored", self._transport.post("/v1/systems", document, creates=True))
+    def create(self, document: Document, *, derived_from: str | None = None) -> Stored:
+        """Store a document and return it with its id; `derived_from` is the job that its numbers come from, for the lineage."""
+        params = given(derived_from=derived_from)
+        return cast("Stored", self._transport.post("/v1/systems", document, creates=True, params=params))
 
     def get(self, system: str) -> Stored:
         """Return the present revision."""
@@ -38,13 +39,17 @@ class Systems:
         """Yield the revisions of one system."""
         return self._transport.items(f"/v1/systems/{system}/revisions")
 
-    def update(self, system: str, document: Document, *, etag: str | None = None) -> Stored:
+    def update(
+        self, system: str, document: Document, *, etag: str | None = None, derived_from: str | None = None
+    ) -> Stored:
         """Store a new revision.
 
         Parameters
         ----------
         etag : str, optional
             The version that the change starts from; by default the one stored now, whoever wrote it.
+        derived_from : str, optional
+            The finished job (or kept study) that the numbers come from, for the lineage.
 
         Raises
         ------
@@ -52,12 +57,21 @@ class Systems:
             Somebody else stored another revision since.
         """
         headers = {"If-Match": etag or self.etag(system)}
-        response = self._transport.send("PUT", f"/v1/systems/{system}", json=document, headers=headers)
+        params = given(derived_from=derived_from)
+        response = self._transport.send("PUT", f"/v1/systems/{system}", json=document, params=params, headers=headers)
         return cast("Stored", self._transport.body(response))
 
-    def delete(self, system: str, *, etag: str | None = None) -> None:
-        """Delete a system; results keep the revision that they used."""
-        self._transport.send("DELETE", f"/v1/systems/{system}", headers={"If-Match": etag or self.etag(system)})
+    def delete(self, system: str, *, etag: str | None = None, force: bool = False) -> None:
+        """Delete a system; results keep the revision that they used.
+
+        Raises
+        ------
+        ConflictError
+            Schedules need it (`problem["dependents"]`), and it is not forced.
+        """
+        headers = {"If-Match": etag or self.etag(system)}
+        params = {"force": True} if force else None
+        self._transport.send("DELETE", f"/v1/systems/{system}", params=params, headers=headers)
 
     def state_space(self, system: str, *, open_at: str | None = None) -> StateSpace:
         """Return the realised matrices in SI, with the names of states, inputs and outputs.

@@ -55,10 +55,18 @@ class Transport:
         """Return the JSON body found at a path."""
         return self.body(self.send("GET", path, params=params))
 
-    def post(self, path: str, document: Mapping[str, Any], *, creates: bool = False) -> Any:
+    def post(
+        self,
+        path: str,
+        document: Mapping[str, Any],
+        *,
+        creates: bool = False,
+        params: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Any:
         """Post a JSON document; with `creates`, under a fresh idempotency key."""
-        headers = {"Idempotency-Key": str(uuid.uuid4())} if creates else None
-        return self.body(self.send("POST", path, json=document, headers=headers))
+        sent = {**(headers or {}), **({"Idempotency-Key": str(uuid.uuid4())} if creates else {})}
+        return self.body(self.send("POST", path, json=document, params=params, headers=sent or None))
 
     def items(self, path: str, *, params: Mapping[str, Any] | None = None) -> Iterator[Any]:
         """Yield every item of a paginated list, following its cursors."""
