@@ -4,10 +4,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check format proof bench bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup demo serve test check web web-dev web-test screenshots format proof bench bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -23,7 +24,29 @@ $(INSTALLED): requirements.lock pyproject.toml
 	@$(BIN)/python -m engine.kernels.warm
 	@touch $@
 
-setup: $(INSTALLED)  ## install everything into .venv, from locked versions
+# npm writes that file when it has installed what the lock says.
+web/node_modules/.package-lock.json: web/package-lock.json | $(INSTALLED)
+	@echo 'Installing what the browser client is made of into web/node_modules ...'
+	@web/npm ci --no-audit --no-fund --loglevel=error
+	@touch $@
+
+$(PAGES): web/node_modules/.package-lock.json openapi/openapi.json $(shell find web -path web/node_modules -prune -o -type f -not -name schema.d.ts -print) $(wildcard examples/systems/*.json)
+	@echo 'Building the browser client into api/static ...'
+	@web/npm run build --silent -- --logLevel warn
+
+setup: $(INSTALLED) $(PAGES)  ## install everything into .venv, from locked versions, and build the browser client
+
+web: $(PAGES)  ## build the browser client into api/static
+
+web-dev: $(PAGES)  ## the browser client with hot reload on http://127.0.0.1:5173, beside a running `make serve`
+	@web/npm run dev
+
+web-test: $(PAGES)  ## types, lint and unit tests of the browser client
+	@web/npm run --silent lint
+	@web/npm run --silent test
+
+screenshots: setup  ## write docs/screenshots/ from the pages, with a service of their own
+	@$(BIN)/python -m tests.browser.screenshots
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo
@@ -31,7 +54,7 @@ demo: setup  ## measurement to proven optimum on a real recording, over HTTP; wr
 serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
 	@$(BIN)/servotune serve
 
-test: check  ## every check and every test
+test: check web-test  ## every check and every test
 	@$(BIN)/pytest -q -n auto --dist loadfile
 
 check: setup  ## format, lint, types and import contracts

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, Phase, settings
 # Read when numpy is loaded: for small matrices several threads of linear algebra wait for one another, above all on a busy machine.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-TIERS = ("unit", "property", "reference", "contract", "integration")
+TIERS = ("unit", "property", "reference", "contract", "integration", "browser")
 
 _quiet = [HealthCheck.too_slow, HealthCheck.filter_too_much]
 # Without shrinking: a failing example is the same on every machine, and `make proof` makes it small.

@@ -1,0 +1,53 @@
+"""One service and one browser for all tests of a process; a page that fails a test when a script on it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+
+from tests.browser.driving import Running, launched, running, signed_in
+
+expect.set_options(timeout=20_000)  # beside other tests a page may wait for its processor
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with running(tmp_path_factory.mktemp("browser")) as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def client(service: Running) -> Iterator[httpx.Client]:
+    with service.client() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        found = launched(playwright)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="session")
+def visitor(browser: Browser, service: Running) -> Iterator[BrowserContext]:
+    """A browser that has signed in once."""
+    context = signed_in(browser, service.url)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def page(visitor: BrowserContext) -> Iterator[Page]:
+    found = visitor.new_page()
+    wrong: list[str] = []
+    found.on("pageerror", lambda error: wrong.append(str(error)))
+    # The browser itself tells what the policy on scripts and styles has refused.
+    found.on("console", lambda m: wrong.append(m.text) if "Content Security Policy" in m.text else None)
+    yield found
+    found.close()
+    assert wrong == []

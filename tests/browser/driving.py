@@ -1,0 +1,120 @@
+"""A Chromium, a service with a worker, and somebody who has signed in: for the tests and for the screenshots."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+from playwright.sync_api import Browser, BrowserContext, Page, Playwright
+
+ROOT = Path(__file__).parents[2]
+KEY = "a-key-for-the-browser-tests"
+PAGES = ROOT / "api" / "static"
+#: The distribution's browser: nothing is downloaded.
+CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+_ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+_AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
+_WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+
+
+@dataclass
+class Running:
+    """A service in a process of its own, which can be stopped and started again at the same address."""
+
+    folder: Path
+    port: int
+    process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def client(self) -> httpx.Client:
+        return httpx.Client(base_url=self.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=60, trust_env=False)
+
+    def start(self) -> None:
+        code = f"import sys; from api.commands import serve; sys.exit(serve(['--port', '{self.port}']))"
+        environment = {
+            **os.environ,
+            "SERVOTUNE_DATABASE_URL": f"sqlite:///{self.folder / 'service.db'}",
+            "SERVOTUNE_BOOTSTRAP_KEY": KEY,
+            "PYTHONPATH": str(ROOT),
+        }
+        with (self.folder / "service.log").open("ab") as log:
+            self.process = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=log, stderr=log)
+        deadline = time.monotonic() + 60
+        with self.client() as client:
+            while time.monotonic() < deadline:
+                try:
+                    if client.get("/readyz").status_code == 200:
+                        return
+                except httpx.TransportError:
+                    assert self.process.poll() is None, (self.folder / "service.log").read_text()
+                time.sleep(0.1)
+        raise AssertionError("the service was not ready within 60 s")
+
+    def stop(self) -> None:
+        assert self.process is not None
+        self.process.terminate()
+        self.process.wait(timeout=30)
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[Running]:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    service = Running(folder=folder, port=port)
+    service.start()
+    try:
+        yield service
+    finally:
+        service.stop()
+
+
+def launched(playwright: Playwright) -> Browser:
+    assert CHROMIUM is not None, "chromium must be installed (Debian: apt-get install chromium), got none"
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS)
+
+
+def signed_in(
+    browser: Browser, url: str, *, scheme: Any = "light", size: tuple[int, int] = (1280, 800), locale: str = "en-GB"
+) -> BrowserContext:
+    """Return a browser that has signed in by the page's own form."""
+    context = browser.new_context(
+        base_url=url,
+        viewport={"width": size[0], "height": size[1]},
+        color_scheme=scheme,
+        locale=locale,
+        timezone_id="UTC",
+        reduced_motion="reduce",
+    )
+    context.set_default_timeout(15_000)
+    page = context.new_page()
+    page.goto("/systems")
+    page.get_by_test_id("key").fill(KEY)
+    page.locator("button[type=submit]").click()
+    page.locator("h1").first.wait_for()
+    page.locator("nav").first.wait_for()
+    page.close()
+    return context
+
+
+def faults(page: Page) -> list[str]:
+    """Return what axe finds against WCAG AA, one line for each element."""
+    page.evaluate(_AXE.read_text(encoding="utf-8"))
+    found = page.evaluate("tags => axe.run(document, {runOnly: {type: 'tag', values: tags}})", _WCAG)
+    return [
+        f"{violation['id']}: {node['target']} {node['failureSummary'][:300]}"
+        for violation in found["violations"]
+        for node in violation["nodes"]
+    ]

@@ -1,0 +1,67 @@
+import { AppShell, Burger, Button, Group, Menu, Text } from "@mantine/core";
+import { useDisclosure } from "@mantine/hooks";
+import { Suspense } from "react";
+import { useTranslation } from "react-i18next";
+import { NavLink, Outlet, ScrollRestoration } from "react-router";
+import { Preferences } from "./Preferences";
+import { useSigning, useVisitor } from "./session";
+import classes from "./Shell.module.css";
+
+const PLACES = ["systems", "datasets", "jobs", "schedules", "access", "about"] as const;
+
+export function Shell() {
+  const { t } = useTranslation();
+  const [opened, { toggle, close }] = useDisclosure();
+  const visitor = useVisitor().data;
+  const { signOut } = useSigning();
+  const links = PLACES.map((place) => (
+    <NavLink key={place} to={`/${place}`} className={classes.link!} onClick={close}>
+      {t(`nav.${place}`)}
+    </NavLink>
+  ));
+  return (
+    <AppShell header={{ height: 48 }} navbar={{ width: 220, breakpoint: "sm", collapsed: { mobile: !opened, desktop: true } }}>
+      <AppShell.Header className={classes.header}>
+        <a href="#content" className="skip">
+          {t("shell.skip")}
+        </a>
+        <Group h="100%" px="md" justify="space-between" wrap="nowrap">
+          <Group gap="lg" wrap="nowrap">
+            <Burger opened={opened} onClick={toggle} hiddenFrom="sm" size="sm" aria-label={t("shell.menu")} />
+            <Group gap={8} wrap="nowrap">
+              <img src="/favicon.svg" width="22" height="22" alt="" />
+              <Text fw={700}>Servotune</Text>
+            </Group>
+            <Group component="nav" gap={2} wrap="nowrap" visibleFrom="sm" aria-label={t("shell.places")}>
+              {links}
+            </Group>
+          </Group>
+          <Group gap="xs" wrap="nowrap">
+            <Group visibleFrom="md">
+              <Preferences />
+            </Group>
+            <Menu position="bottom-end">
+              <Menu.Target>
+                <Button variant="default">{visitor?.name || t("shell.you")}</Button>
+              </Menu.Target>
+              <Menu.Dropdown>
+                <Menu.Label>{visitor?.workspace}</Menu.Label>
+                <Menu.Item onClick={() => void signOut()}>{t("shell.signOut")}</Menu.Item>
+              </Menu.Dropdown>
+            </Menu>
+          </Group>
+        </Group>
+      </AppShell.Header>
+      <AppShell.Navbar p="sm">
+        {links}
+        <Preferences />
+      </AppShell.Navbar>
+      <AppShell.Main id="content" tabIndex={-1}>
+        <Suspense>
+          <Outlet />
+        </Suspense>
+      </AppShell.Main>
+      <ScrollRestoration />
+    </AppShell>
+  );
+}

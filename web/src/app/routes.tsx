@@ -1,0 +1,27 @@
+import { createBrowserRouter, Navigate } from "react-router";
+import { SystemFrame } from "@/features/systems/SystemFrame";
+import { SystemsPage } from "@/features/systems/SystemsPage";
+import { NotFound } from "./NotFound";
+import { Shell } from "./Shell";
+
+/** Every page has its own address; what a first visit does not need is loaded when it is looked at. */
+export const router = createBrowserRouter([
+  {
+    element: <Shell />,
+    errorElement: <NotFound />,
+    children: [
+      { index: true, element: <Navigate to="/systems" replace /> },
+      { path: "systems", element: <SystemsPage /> },
+      {
+        path: "systems/:id",
+        element: <SystemFrame />,
+        children: [
+          { index: true, element: <Navigate to="panel" replace /> },
+          { path: "panel", lazy: async () => ({ Component: (await import("@/features/panel/PanelPage")).PanelPage }) },
+          { path: "revisions", lazy: async () => ({ Component: (await import("@/features/systems/RevisionsPage")).RevisionsPage }) },
+        ],
+      },
+      { path: "*", element: <NotFound /> },
+    ],
+  },
+]);

@@ -1,0 +1,57 @@
+import { Badge, Group, Text, Tooltip, UnstyledButton } from "@mantine/core";
+import { useTranslation } from "react-i18next";
+import type { Metric } from "@/shared/api/types";
+import { formatMetric, formatNumber } from "@/shared/units/format";
+import classes from "./MetricStrip.module.css";
+
+interface Props {
+  names: string[];
+  current: Record<string, Metric>;
+  reference: Record<string, Metric> | null;
+  /** Values have moved on since these were measured. */
+  stale: boolean;
+  selected: string;
+  onSelect(name: string): void;
+}
+
+/** The numbers of the moving curve with their change against the reference; the chosen one colours the sliders. */
+export function MetricStrip({ names, current, reference, stale, selected, onSelect }: Props) {
+  const { t } = useTranslation();
+  return (
+    <Group gap={6} role="group" aria-label={t("panel.metrics")} data-testid="metrics" data-stale={stale} className={classes.strip}>
+      {names.map((name) => {
+        const metric = current[name];
+        const shown = metric?.value != null ? formatMetric(name, metric.value, metric.unit) : null;
+        const before = reference?.[name]?.value;
+        const delta = metric?.value != null && before != null && before !== 0 ? (metric.value - before) / Math.abs(before) : null;
+        return (
+          <Tooltip key={name} label={metric?.advice ?? t("panel.select", { metric: t(`metrics.${name}`, name.replaceAll("_", " ")) })} multiline maw={340}>
+            <UnstyledButton className={classes.tile} aria-pressed={name === selected} onClick={() => onSelect(name)}>
+              <Text span fz="xs" c="dimmed" display="block">
+                {t(`metrics.${name}`, name.replaceAll("_", " "))}
+              </Text>
+              <Text span className="numbers" fz="sm" fw={600} data-metric={name}>
+                {shown ? (
+                  <>
+                    {shown.text} {shown.unit}
+                  </>
+                ) : metric ? (
+                  <Badge variant="outline" color="orange" size="sm" tt="none" autoContrast>
+                    {t(`verdicts.${metric.verdict}`, metric.verdict)}
+                  </Badge>
+                ) : (
+                  "…"
+                )}
+              </Text>
+              {delta !== null && Math.abs(delta) > 5e-5 && (
+                <Text span fz="xs" className="numbers" ml={6}>
+                  {delta > 0 ? "▲" : "▼"} {formatNumber(Math.abs(delta) * 100, 3)} %
+                </Text>
+              )}
+            </UnstyledButton>
+          </Tooltip>
+        );
+      })}
+    </Group>
+  );
+}

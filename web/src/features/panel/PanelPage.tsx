@@ -1,0 +1,201 @@
+import { Alert, Badge, Button, Group, Stack, Text } from "@mantine/core";
+import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { useParams, useSearchParams } from "react-router";
+import { saveSystem, systemQuery } from "@/shared/api/systems";
+import type { Frame } from "@/shared/live/protocol";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { withUnit, words } from "@/shared/units/format";
+import { CompareBar } from "./CompareBar";
+import { loopsOf } from "./loops";
+import { MetricStrip } from "./MetricStrip";
+import classes from "./PanelPage.module.css";
+import { PanelPlots, type PlotsHandle } from "./PanelPlots";
+import { PanelSetup } from "./PanelSetup";
+import { ParamSlider } from "./ParamSlider";
+import { withValues } from "./apply";
+import { firstSliders, mainOutput, pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
+import { useLive } from "./useLive";
+
+const METRICS = ["rise_time", "settling_time", "overshoot", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+
+/** Sliders on the left, every characteristic answer on the right, at once. */
+export function PanelPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const system = useQuery(systemQuery(id)).data!;
+  const queries = useQueryClient();
+  const [query, setQuery] = useSearchParams();
+  const state = useMemo(() => readState(query), [query]);
+  const change = useCallback((part: Partial<PanelState>) => setQuery((before) => writeState({ ...readState(before), ...part }, before), { replace: true }), [setQuery]);
+  const loops = useMemo(() => loopsOf(system.document), [system.document]);
+
+  const plots = useRef<PlotsHandle>(null);
+  const moving = useRef<Record<string, number>>(state.values);
+  const pending = useRef<Frame | null>(null);
+  const onFrame = useCallback((frame: Frame) => {
+    // One picture for each frame of the screen: of several that came, the newest.
+    if (pending.current === null) {
+      requestAnimationFrame(() => {
+        const newest = pending.current;
+        pending.current = null;
+        if (newest) plots.current?.draw(newest);
+        setVerdict(newest?.variants[0]?.verdict ?? "ok");
+      });
+    }
+    pending.current = frame;
+  }, []);
+  const [verdict, setVerdict] = useState("ok");
+  const [picked, setMetric] = useState<string | null>(null);
+
+  // The vectors' parameters belong to what is opened, so a new slider opens anew; that costs milliseconds.
+  const [known, setKnown] = useState<Awaited<ReturnType<typeof useLive>>["opened"]>(null);
+  const parameters = useMemo(() => new Map((known?.parameters ?? []).map((p) => [p.path, p])), [known]);
+  const paths = pathsOf(state, parameters);
+  const output = known ? mainOutput(state, known) : state.output;
+  const input = state.input ?? known?.inputs[0];
+  const frequency = state.loop ? { open_at: state.loop } : input && output ? { from: input, to: state.path?.[1] ?? output } : undefined;
+  const live = useLive(
+    {
+      system: id,
+      parameters: paths,
+      ...(state.input || state.amplitude !== 1 ? (input ? { input: { port: input, signal: { kind: "step", amplitude: state.amplitude } } } : {}) : {}),
+      ...(output ? { output } : {}),
+      ...(frequency ? { frequency } : {}),
+      metrics: METRICS,
+      duration: state.duration ?? "auto",
+    },
+    onFrame,
+    // A new revision is another system: it is opened anew.
+    system.revision,
+  );
+  useEffect(() => {
+    if (live.opened) setKnown(live.opened);
+  }, [live.opened]);
+
+  // A panel that nobody has arranged begins with the author's parameters and the first loop.
+  useEffect(() => {
+    if (!known || query.has("s")) return;
+    change({ sliders: firstSliders(known.parameters), ...(state.loop || state.path || loops.length === 0 ? {} : { loop: loops[0]! }) });
+  }, [known, query, change, loops, state.loop, state.path]);
+
+  const show = useCallback((path: string, value: number) => `${path} = ${withUnit(value, parameters.get(path)?.unit ?? "")}`, [parameters]);
+  const names = { current: t("panel.current"), reference: t("panel.reference") };
+  const { variants } = variantsOf(state, parameters, state.values, names, show);
+
+  const send = (values: Record<string, number>) => {
+    const made = variantsOf(state, parameters, values, names, show);
+    if (made.variants[0]!.vector.length > 0 || made.paths.length === 0) live.set(made.variants.map((v) => v.vector), state.reference ? 2 : 1);
+  };
+  const latest = useRef(send);
+  latest.current = send;
+  useEffect(() => {
+    if (!live.opened) return;
+    moving.current = state.values;
+    latest.current(state.values);
+  }, [live.opened, state]);
+  useEffect(() => plots.current?.forget(), [state.input, state.amplitude, state.loop, state.path?.join(), state.duration, system.revision]);
+
+  const gesture = useRef(false);
+  const onMove = useCallback((path: string, value: number) => {
+    if (!gesture.current) {
+      gesture.current = true;
+      plots.current?.leaveGhost();
+    }
+    moving.current = { ...moving.current, [path]: value };
+    latest.current(moving.current);
+  }, []);
+  const onCommit = useCallback(
+    (_path: string, _value: number) => {
+      if (!gesture.current) return;
+      gesture.current = false;
+      change({ values: moving.current });
+    },
+    [change],
+  );
+  const onRemove = useCallback((path: string) => change({ sliders: state.sliders.filter((p) => p !== path) }), [change, state.sliders]);
+
+  const save = useMutation({
+    mutationFn: () => saveSystem(id, withValues(system.document, Object.fromEntries(Object.entries(state.values).map(([path, value]) => [path, { value, unit: parameters.get(path)?.unit ?? "" }]))), system.etag),
+    onSuccess: async () => {
+      change({ values: {} });
+      await queries.invalidateQueries({ queryKey: ["system", id] });
+    },
+  });
+
+  const first = live.measured.get(0);
+  const second = state.reference ? live.measured.get(1) : undefined;
+  // Until somebody chooses: the first metric that anything here has an influence on.
+  const metric = picked ?? Object.keys(first?.elasticities ?? {})[0] ?? "overshoot";
+  const elasticities = first?.elasticities[metric] ?? {};
+  const largest = Math.max(0, ...Object.values(elasticities).map((e) => Math.abs(e ?? 0)));
+  const chosen = state.plots ?? firstPlots(known?.curves ?? [], output ?? "", state.loop !== null);
+  const moved = Object.keys(state.values).length > 0;
+
+  return (
+    <div className={classes.page}>
+      <aside className={classes.side} aria-label={t("panel.sliders")}>
+        <Group justify="space-between" wrap="nowrap">
+          <Text fw={600} fz="sm" component="h2">
+            {t("panel.parameters")}
+          </Text>
+          <Button variant="subtle" size="compact-xs" disabled={!moved} onClick={() => change({ values: {} })}>
+            {t("panel.resetAll")}
+          </Button>
+        </Group>
+        <Text fz="xs" c="dimmed">
+          {t("panel.influenceOf", { metric: t(`metrics.${metric}`, words(metric)) })}
+        </Text>
+        {state.sliders.map((path) => {
+          const parameter = parameters.get(path);
+          if (!parameter || parameter.bound) return null;
+          const e = elasticities[path];
+          return (
+            <ParamSlider
+              key={path}
+              parameter={parameter}
+              value={state.values[path] ?? parameter.value}
+              influence={e != null && largest > 0 ? { part: e / largest, value: e } : null}
+              metric={t(`metrics.${metric}`, words(metric))}
+              onMove={onMove}
+              onCommit={onCommit}
+              onRemove={onRemove}
+            />
+          );
+        })}
+        <Button mt="sm" fullWidth variant="light" disabled={!moved} loading={save.isPending} onClick={() => save.mutate()}>
+          {t("panel.save")}
+        </Button>
+        <ProblemAlert error={save.error} />
+        <Text fz="xs" c="dimmed" mt="xs">
+          {t("panel.keys")}
+        </Text>
+      </aside>
+      <Stack gap="xs" className={classes.main}>
+        {known && <PanelSetup state={state} opened={known} loops={loops} plots={chosen} onChange={change} />}
+        {known && <CompareBar state={state} parameters={parameters} onChange={change} onPin={() => change({ reference: { ...state.values } })} />}
+        <Group gap="sm" align="center">
+          {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} onSelect={setMetric} />}
+          {verdict !== "ok" && (
+            <Badge color="red" variant="filled" tt="none" size="lg" role="status">
+              {t(`verdicts.${verdict}`, verdict)}
+            </Badge>
+          )}
+        </Group>
+        {live.state === "lost" && (
+          <Alert color="orange" variant="outline" role="status">
+            {t("panel.lost")}
+          </Alert>
+        )}
+        <ProblemAlert error={live.problem} />
+        {known && <PanelPlots ref={plots} opened={known} plots={chosen} variants={variants} />}
+      </Stack>
+    </div>
+  );
+}
+
+function firstPlots(curves: string[], output: string, loop: boolean): string[] {
+  const others = curves.filter((name) => name !== output).slice(0, loop ? 1 : 2);
+  return [`step:${output}`, ...others.map((name) => `step:${name}`), "bode", "phase", ...(loop ? ["nyquist"] : []), "poles"];
+}

@@ -1,0 +1,50 @@
+import { describe, expect, it } from "vitest";
+import type { LiveParameter } from "@/shared/live/protocol";
+import { fromPosition, keyPosition, toPosition, travelOf } from "./scale";
+import { firstSliders, readState, variantsOf, writeState } from "./state";
+
+const parameter = (path: string, value: number, more: Partial<LiveParameter> = {}): LiveParameter => ({ path, value, unit: "ohm", lower: null, upper: null, scale: "linear", doc: "", bound: false, ...more });
+
+describe("the address", () => {
+  const text = "s=r,kp&p.r=0.4&cmp=r%3A0.33%2C0.5&ref=1&r.kp=2&in=u&amp=24&out=y&path=u%2Cy&T=0.5&v=step%3Ay%2Cbode";
+  it("holds the state", () => {
+    const state = readState(new URLSearchParams(text));
+    expect(state).toEqual({ sliders: ["r", "kp"], values: { r: 0.4 }, compare: { path: "r", values: [0.33, 0.5] }, reference: { kp: 2 }, input: "u", amplitude: 24, output: "y", loop: null, path: ["u", "y"], duration: 0.5, plots: ["step:y", "bode"] });
+    expect(readState(writeState(state, new URLSearchParams()))).toEqual(state);
+  });
+  it("forgives what makes no sense", () => expect(readState(new URLSearchParams("p.r=abc&T=-1&cmp=r:x&amp=0"))).toMatchObject({ values: {}, duration: null, compare: null, amplitude: 1 }));
+  it("keeps what belongs to others", () => expect(writeState(readState(new URLSearchParams()), new URLSearchParams("other=1&p.r=2")).toString()).toBe("other=1"));
+});
+
+describe("sliders", () => {
+  it("stay within the author's bounds", () => expect(travelOf(parameter("r", 1, { lower: 0.5, upper: 4 }))).toEqual({ low: 0.5, high: 4, log: false }));
+  it("span a factor of five where there are none", () => expect(travelOf(parameter("r", 2))).toEqual({ low: 0.4, high: 10, log: true }));
+  it("do not search down to a physical bound of 0", () => expect(travelOf(parameter("r", 2, { lower: 0, upper: 1e9 })).low).toBe(0.4));
+  it("have a range at 0 and below", () => {
+    expect(travelOf(parameter("r", 0))).toEqual({ low: -1, high: 1, log: false });
+    expect(travelOf(parameter("r", -2))).toEqual({ low: -10, high: -0.4, log: false });
+  });
+  it("find their way back", () => {
+    const travel = { low: 0.1, high: 10, log: true };
+    expect(toPosition(1, travel)).toBeCloseTo(0.5);
+    expect(fromPosition(0.5, travel)).toBe(1);
+    expect([fromPosition(0, travel), fromPosition(1, travel)]).toEqual([0.1, 10]);
+  });
+  it("follow the keys", () => {
+    expect(keyPosition("ArrowRight", 0.5, { shift: false, alt: false })).toBeCloseTo(0.51);
+    expect(keyPosition("ArrowLeft", 0.5, { shift: true, alt: false })).toBeCloseTo(0.4);
+    expect(keyPosition("ArrowUp", 0.5, { shift: false, alt: true })).toBeCloseTo(0.501);
+    expect(keyPosition("End", 0.5, { shift: false, alt: false })).toBe(1);
+    expect(keyPosition("a", 0.5, { shift: false, alt: false })).toBeNull();
+  });
+});
+
+it("a first panel shows the author's parameters, then the blocks'", () => expect(firstSliders([parameter("m.a", 1), parameter("kp", 1), parameter("m.b", 1, { bound: true }), parameter("m.zero", 0)], 2)).toEqual(["kp", "m.a"]));
+
+it("comparisons follow the moving values, the reference does not", () => {
+  const parameters = new Map([parameter("r", 1), parameter("k", 5)].map((p) => [p.path, p]));
+  const state = { ...readState(new URLSearchParams("s=r,k&cmp=r:2,3&ref=1&r.k=6")) };
+  const { paths, variants } = variantsOf(state, parameters, { k: 9 }, { current: "now", reference: "pinned" }, (path, value) => `${path} = ${value}`);
+  expect(paths).toEqual(["r", "k"]);
+  expect(variants.map((v) => [v.label, ...v.vector])).toEqual([["now", 1, 9], ["pinned", 1, 6], ["r = 2", 2, 9], ["r = 3", 3, 9]]);
+});

@@ -1,0 +1,118 @@
+import type { LiveParameter, Opened } from "@/shared/live/protocol";
+
+/** What a front panel shows; all of it stands in its address. */
+export interface PanelState {
+  /** Parameters with a slider. */
+  sliders: string[];
+  /** Values that differ from the document's. */
+  values: Record<string, number>;
+  /** One parameter at several values, each a curve beside the moving one. */
+  compare: { path: string; values: number[] } | null;
+  /** Values of the pinned reference, those that differ from the document's. */
+  reference: Record<string, number> | null;
+  input: string | null;
+  amplitude: number;
+  /** The output whose metrics are shown. */
+  output: string | null;
+  loop: string | null;
+  path: [string, string] | null;
+  /** Seconds; null lets the service choose. */
+  duration: number | null;
+  /** Plots in their order: `step:position`, `bode`, `phase`, `nyquist`, `poles`. */
+  plots: string[] | null;
+}
+
+const OWN = new Set(["s", "cmp", "in", "amp", "out", "loop", "path", "T", "v", "ref"]);
+
+export function readState(query: URLSearchParams): PanelState {
+  const list = (key: string): string[] | null => query.get(key)?.split(",").filter(Boolean) ?? null;
+  const prefixed = (prefix: string): Record<string, number> => {
+    const found: Record<string, number> = {};
+    for (const [key, text] of query) {
+      const value = Number(text);
+      if (key.startsWith(prefix) && text !== "" && Number.isFinite(value)) found[key.slice(prefix.length)] = value;
+    }
+    return found;
+  };
+  const [path, listed] = (query.get("cmp") ?? "").split(":");
+  const compared = (listed ?? "").split(",").filter(Boolean).map(Number).filter(Number.isFinite);
+  const pair = list("path");
+  const duration = Number(query.get("T"));
+  const amplitude = Number(query.get("amp") ?? 1);
+  return {
+    sliders: list("s") ?? [],
+    values: prefixed("p."),
+    compare: path && compared.length > 0 ? { path, values: compared } : null,
+    reference: query.has("ref") ? prefixed("r.") : null,
+    input: query.get("in"),
+    amplitude: Number.isFinite(amplitude) && amplitude !== 0 ? amplitude : 1,
+    output: query.get("out"),
+    loop: query.get("loop"),
+    path: pair?.length === 2 ? [pair[0]!, pair[1]!] : null,
+    duration: Number.isFinite(duration) && duration > 0 ? duration : null,
+    plots: list("v"),
+  };
+}
+
+export function writeState(state: PanelState, before: URLSearchParams): URLSearchParams {
+  const query = new URLSearchParams();
+  for (const [key, value] of before) if (!OWN.has(key) && !/^[pr]\./.test(key)) query.append(key, value);
+  const put = (key: string, value: string | number | null | undefined) => {
+    if (value !== null && value !== undefined && value !== "") query.set(key, String(value));
+  };
+  put("s", state.sliders.join(","));
+  for (const [path, value] of Object.entries(state.values)) put(`p.${path}`, round(value));
+  if (state.compare) put("cmp", `${state.compare.path}:${state.compare.values.join(",")}`);
+  if (state.reference) {
+    put("ref", 1);
+    for (const [path, value] of Object.entries(state.reference)) put(`r.${path}`, round(value));
+  }
+  put("in", state.input);
+  if (state.amplitude !== 1) put("amp", state.amplitude);
+  put("out", state.output);
+  put("loop", state.loop);
+  if (state.path) put("path", state.path.join(","));
+  put("T", state.duration);
+  put("v", state.plots?.join(","));
+  return query;
+}
+
+function round(value: number): number {
+  return Number(value.toPrecision(8));
+}
+
+/** The sliders of a panel that nobody has arranged yet: the author's parameters first, then those of the blocks. */
+export function firstSliders(parameters: LiveParameter[], most = 6): string[] {
+  const movable = parameters.filter((p) => !p.bound && p.value !== 0);
+  const own = movable.filter((p) => !p.path.includes("."));
+  const rest = movable.filter((p) => p.path.includes(".") && !/\.(role|initial)$/.test(p.path));
+  return [...own, ...rest].slice(0, most).map((p) => p.path);
+}
+
+export interface Variant {
+  label: string;
+  kind: "current" | "reference" | "compare";
+  vector: number[];
+}
+
+/** Everything that is computed at once: the moving values, the reference, the comparisons. */
+export function variantsOf(state: PanelState, parameters: Map<string, LiveParameter>, moving: Record<string, number>, names: { current: string; reference: string }, show: (path: string, value: number) => string): { paths: string[]; variants: Variant[] } {
+  const paths = pathsOf(state, parameters);
+  const at = (values: Record<string, number>) => paths.map((path) => values[path] ?? parameters.get(path)!.value);
+  const variants: Variant[] = [{ label: names.current, kind: "current", vector: at(moving) }];
+  if (state.reference) variants.push({ label: names.reference, kind: "reference", vector: at(state.reference) });
+  if (state.compare && paths.includes(state.compare.path)) {
+    for (const value of state.compare.values) variants.push({ label: show(state.compare.path, value), kind: "compare", vector: at({ ...moving, [state.compare.path]: value }) });
+  }
+  return { paths, variants };
+}
+
+/** What the vectors of the live channel are made of, in this order. */
+export function pathsOf(state: PanelState, parameters: Map<string, LiveParameter>): string[] {
+  const wanted = [...state.sliders, ...Object.keys(state.values), ...Object.keys(state.reference ?? {}), ...(state.compare ? [state.compare.path] : [])];
+  return [...new Set(wanted)].filter((path) => parameters.has(path) && !parameters.get(path)!.bound).slice(0, 50);
+}
+
+export function mainOutput(state: PanelState, opened: Pick<Opened, "outputs">): string {
+  return opened.outputs.find((o) => o.name === state.output)?.name ?? opened.outputs[0]!.name;
+}

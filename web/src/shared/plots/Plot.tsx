@@ -1,0 +1,86 @@
+import { ActionIcon, Group, Menu, Text } from "@mantine/core";
+import { memo, useEffect, useImperativeHandle, useRef, type Ref } from "react";
+import { useTranslation } from "react-i18next";
+import { csvOf, download, fileName } from "./export";
+import classes from "./Plot.module.css";
+import type { Curve, LivePlot, PlotSpec } from "./types";
+import { createUPlot } from "./uplot";
+
+export interface PlotHandle {
+  /** Draws at once, without React: what a slider drags. */
+  update(curves: Curve[]): void;
+}
+
+interface Props {
+  spec: PlotSpec;
+  curves?: Curve[];
+  height?: number;
+  /** What the picture says, for those who cannot see it. */
+  summary: string;
+  ref?: Ref<PlotHandle>;
+}
+
+/** A plot with its legend, the value under the cursor, and its export as picture and table. */
+export const Plot = memo(function Plot({ spec, curves, height = 280, summary, ref }: Props) {
+  const { t } = useTranslation();
+  const holder = useRef<HTMLDivElement>(null);
+  const readout = useRef<HTMLParagraphElement>(null);
+  const plot = useRef<LivePlot | null>(null);
+  const shown = useRef<Curve[]>(curves ?? []);
+
+  useEffect(() => {
+    const made = createUPlot(holder.current!, spec, (text) => {
+      if (readout.current) readout.current.textContent = text;
+    });
+    plot.current = made;
+    if (shown.current.length === spec.series.length) made.update(shown.current);
+    return () => {
+      plot.current = null;
+      made.destroy();
+    };
+  }, [spec]);
+
+  const update = (next: Curve[]) => {
+    shown.current = next;
+    if (next.length === spec.series.length) plot.current?.update(next);
+  };
+  useImperativeHandle(ref, () => ({ update }));
+  useEffect(() => {
+    if (curves) update(curves);
+  });
+
+  return (
+    <section className={classes.frame} aria-label={spec.title}>
+      <Group justify="space-between" wrap="nowrap" gap="xs" className={classes.head}>
+        <Text component="h3" fw={600} fz="sm" truncate>
+          {spec.title}
+        </Text>
+        <Group gap={6} wrap="nowrap">
+          <Text ref={readout} span fz="xs" c="dimmed" className="numbers" />
+          <Menu position="bottom-end" withinPortal>
+            <Menu.Target>
+              <ActionIcon variant="subtle" color="gray" size="sm" aria-label={t("plot.export", { title: spec.title })}>
+                ⋯
+              </ActionIcon>
+            </Menu.Target>
+            <Menu.Dropdown>
+              <Menu.Item onClick={async () => plot.current && download(fileName(spec.title, "png"), await plot.current.png())}>{t("plot.png")}</Menu.Item>
+              <Menu.Item onClick={() => download(fileName(spec.title, "csv"), new Blob([csvOf(spec, shown.current)], { type: "text/csv" }))}>{t("plot.csv")}</Menu.Item>
+            </Menu.Dropdown>
+          </Menu>
+        </Group>
+      </Group>
+      <div ref={holder} role="img" aria-label={summary} style={{ height }} className={classes.canvas} />
+      <ul className={classes.legend}>
+        {spec.series.filter((s) => !s.faint).map((s) => (
+          <li key={s.label}>
+            <svg width="26" height="8" aria-hidden>
+              {s.marks ? <path d="M9 0l8 8M17 0l-8 8" stroke={s.color} strokeWidth="1.500" /> : <line x1="0" x2="26" y1="4" y2="4" stroke={s.color} strokeWidth={s.width ?? 1.5} strokeDasharray={s.dash.join(" ")} />}
+            </svg>
+            {s.label}
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+});

@@ -1,0 +1,26 @@
+import { describe, expect, it } from "vitest";
+import { csvOf } from "./export";
+import { clamped, equalRanges, extent, padded } from "./ranges";
+
+describe("ranges", () => {
+  it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
+  it("knows nothing of nothing", () => expect(extent([[NaN], []])).toBeNull());
+  it("leaves air", () => expect(padded([0, 1], 0.1)).toEqual([-0.1, 1.1]));
+  it("puts a constant into the middle", () => expect(padded([5, 5])).toEqual([4.5, 5.5]));
+  it("clamps, unless nothing is left", () => {
+    expect(clamped([-200, 20], [-60, 100])).toEqual([-60, 20]);
+    expect(clamped([-200, -100], [-60, 100])).toEqual([-200, -100]);
+  });
+  it("draws a circle as one", () => {
+    const { x, y } = equalRanges([-1, 1], [-1, 1], 400, 200);
+    expect((x[1] - x[0]) / 400).toBeCloseTo((y[1] - y[0]) / 200);
+    expect(y).toEqual([-1, 1]);
+  });
+});
+
+describe("CSV", () => {
+  it("has units in the header and gaps where there is nothing", () => {
+    const text = csvOf({ x: { label: "time", unit: "s" }, y: { label: "speed", unit: "rad/s" }, series: [{ label: 'R "a"', color: "", dash: [] }] }, [{ x: [0, 1], y: [2, NaN] }]);
+    expect(text).toBe('"R ""a"": time [s]","R ""a"": speed [rad/s]"\n0,2\n1,\n');
+  });
+});

@@ -1,0 +1,51 @@
+import type { Curve, Numbers } from "./types";
+
+export type Range = [number, number];
+
+export function extent(values: Iterable<Numbers>): Range | null {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const array of values) {
+    for (let i = 0; i < array.length; i++) {
+      const value = array[i]!;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  return low <= high && Number.isFinite(low) && Number.isFinite(high) ? [low, high] : null;
+}
+
+/** A range with air around the curves; a constant curve lies in its middle. */
+export function padded(range: Range | null, part = 0.06): Range {
+  if (range === null) return [0, 1];
+  const [low, high] = range;
+  const span = high - low;
+  const air = span > 1e-12 * Math.max(Math.abs(low), Math.abs(high)) ? span * part : Math.max(Math.abs(high) * 0.1, 1e-9);
+  return [low - air, high + air];
+}
+
+export function clamped(range: Range, limits?: Range): Range {
+  if (!limits) return range;
+  const low = Math.max(range[0], limits[0]);
+  const high = Math.min(range[1], limits[1]);
+  return low < high ? [low, high] : range;
+}
+
+/** Both ranges for a plane of `width` by `height` pixels in which a circle is a circle. */
+export function equalRanges(x: Range, y: Range, width: number, height: number): { x: Range; y: Range } {
+  const unit = Math.max((x[1] - x[0]) / Math.max(width, 1), (y[1] - y[0]) / Math.max(height, 1));
+  const about = (range: Range, pixels: number): Range => {
+    const middle = (range[0] + range[1]) / 2;
+    return [middle - (unit * pixels) / 2, middle + (unit * pixels) / 2];
+  };
+  return { x: about(x, width), y: about(y, height) };
+}
+
+/** The part of the plane that a Nyquist diagram shows: the curves, but not their way to infinity. */
+export function planeOf(curves: Curve[], keep: [number, number][], limits?: Range): { x: Range; y: Range } {
+  const clip = (range: Range | null): Range => clamped(padded(range, 0.08), limits);
+  return {
+    x: clip(extent([...curves.map((c) => c.x), keep.map((p) => p[0])])),
+    y: clip(extent([...curves.map((c) => c.y), keep.map((p) => p[1])])),
+  };
+}

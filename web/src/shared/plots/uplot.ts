@@ -1,0 +1,209 @@
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { clamped, equalRanges, extent, padded, planeOf, type Range } from "./ranges";
+import type { Curve, LivePlot, PlotSpec, Series } from "./types";
+
+const FONT = "11px system-ui, sans-serif";
+
+/** Lines and marks of series that have their own x each, which uPlot (mode 2) leaves to its user. */
+function drawFree(series: Series): uPlot.Series.PathBuilder {
+  return (u, index) => {
+    const [xs, ys] = u.data[index] as unknown as [ArrayLike<number>, ArrayLike<number>];
+    const ctx = u.ctx;
+    const { left, top, width, height } = u.bbox;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    ctx.strokeStyle = series.color;
+    ctx.globalAlpha = series.faint ? 0.4 : 1;
+    ctx.lineWidth = (series.width ?? 1.5) * devicePixelRatio;
+    ctx.setLineDash(series.dash.map((d) => d * devicePixelRatio));
+    ctx.beginPath();
+    if (series.marks) {
+      ctx.setLineDash([]);
+      const r = 4.5 * devicePixelRatio;
+      for (let i = 0; i < xs.length; i++) {
+        if (!Number.isFinite(xs[i]!)) continue;
+        const x = u.valToPos(xs[i]!, "x", true);
+        const y = u.valToPos(ys[i]!, "y", true);
+        if (series.marks === "cross") {
+          ctx.moveTo(x - r, y - r);
+          ctx.lineTo(x + r, y + r);
+          ctx.moveTo(x + r, y - r);
+          ctx.lineTo(x - r, y + r);
+        } else {
+          ctx.moveTo(x + r, y);
+          ctx.arc(x, y, r, 0, 2 * Math.PI);
+        }
+      }
+    } else {
+      let down = false;
+      for (let i = 0; i < xs.length; i++) {
+        if (!Number.isFinite(xs[i]!) || !Number.isFinite(ys[i]!)) {
+          down = false;
+          continue;
+        }
+        const x = u.valToPos(xs[i]!, "x", true);
+        const y = u.valToPos(ys[i]!, "y", true);
+        if (down) ctx.lineTo(x, y);
+        else ctx.moveTo(x, y);
+        down = true;
+      }
+    }
+    ctx.stroke();
+    ctx.restore();
+    return null;
+  };
+}
+
+function drawMarks(spec: PlotSpec) {
+  return (u: uPlot) => {
+    const { left, top, width, height } = u.bbox;
+    const ctx = u.ctx;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    for (const zone of spec.zones ?? []) {
+      const at = (value: number, axis: "x" | "y", low: number, high: number) => (value === -Infinity ? low : value === Infinity ? high : u.valToPos(value, axis, true));
+      const x0 = at(zone.x[0], "x", left, left + width);
+      const x1 = at(zone.x[1], "x", left, left + width);
+      const y0 = at(zone.y[0], "y", top + height, top);
+      const y1 = at(zone.y[1], "y", top + height, top);
+      ctx.fillStyle = spec.dark ? "rgba(255,157,92,0.16)" : "rgba(184,74,0,0.10)";
+      ctx.fillRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
+    }
+    ctx.strokeStyle = spec.dark ? "#9aa1a8" : "#6a7178";
+    ctx.lineWidth = devicePixelRatio;
+    ctx.setLineDash([4 * devicePixelRatio, 3 * devicePixelRatio]);
+    for (const line of spec.lines ?? []) {
+      ctx.beginPath();
+      if (line.x !== undefined) {
+        const x = u.valToPos(line.x, "x", true);
+        ctx.moveTo(x, top);
+        ctx.lineTo(x, top + height);
+      }
+      if (line.y !== undefined) {
+        const y = u.valToPos(line.y, "y", true);
+        ctx.moveTo(left, y);
+        ctx.lineTo(left + width, y);
+      }
+      ctx.stroke();
+    }
+    ctx.restore();
+  };
+}
+
+/** Draws curves on a canvas: aligned ones (all of one x) with uPlot's own paths, others in a plane. */
+export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void): LivePlot {
+  const ink = spec.dark ? "#d6dade" : "#24292e";
+  const grid = { stroke: spec.dark ? "#3a3f45" : "#e4e7ea", width: 1 };
+  let current: Curve[] = [];
+  let plane: { x: Range; y: Range } | null = null;
+  const label = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
+  const axis = (own: { label: string; unit: string; log?: boolean }, size: number): uPlot.Axis => ({
+    stroke: ink,
+    grid,
+    ticks: grid,
+    font: FONT,
+    labelFont: FONT,
+    labelSize: 16,
+    labelGap: 0,
+    size,
+    label: label(own),
+    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? String(Number(v.toPrecision(6))) : "")) } : {}),
+  });
+  const yRange = (): Range => clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]])])), spec.clamp);
+  const series: unknown[] = spec.equal
+    ? [null, ...spec.series.map((s) => ({ label: s.label, stroke: s.color, paths: drawFree(s), facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))]
+    : [
+        { label: spec.x.label },
+        ...spec.series.map((s) => ({ label: s.label, stroke: s.color, alpha: s.faint ? 0.4 : 1, width: s.marks ? 0 : (s.width ?? 1.5), dash: s.dash, points: s.marks ? { show: true, size: 5, stroke: s.color } : { show: false } })),
+      ];
+  const empty: unknown[] = spec.equal ? [null, ...spec.series.map(() => [[0, 1], [0, 0]])] : [[1, 2], ...spec.series.map(() => [0, 0])];
+  const decimals = (value: number) => Number(value.toPrecision(4)).toString();
+  const options: uPlot.Options = {
+    width: Math.max(element.clientWidth, 60),
+    height: Math.max(element.clientHeight, 60),
+    mode: spec.equal ? 2 : 1,
+    legend: { show: false },
+    padding: [8, 10, 0, 0],
+    cursor: { show: true, x: true, y: true, points: { show: !spec.equal }, drag: { x: !spec.equal, y: false } },
+    scales: spec.equal
+      ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
+      : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
+    axes: [axis(spec.x, 34), axis(spec.y, 52)],
+    series: series as uPlot.Series[],
+    hooks: {
+      drawAxes: [drawMarks(spec)],
+      setCursor: [
+        (u) => {
+          const { left, top } = u.cursor;
+          if (left === undefined || top === undefined || left < 0) return onCursor("");
+          onCursor(`${decimals(u.posToVal(left, "x"))} ${spec.x.unit} · ${decimals(u.posToVal(top, "y"))} ${spec.y.unit}`);
+        },
+      ],
+    },
+  };
+  const plot = new uPlot(options, empty as uPlot.AlignedData, element);
+  const findPlane = () => {
+    const seen = planeOf(current, spec.keep ?? [], spec.clamp);
+    plane = equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height);
+  };
+  const observer = new ResizeObserver(() => {
+    plot.setSize({ width: element.clientWidth, height: element.clientHeight });
+    if (spec.equal) {
+      findPlane();
+      plot.redraw(true, true);
+    }
+  });
+  observer.observe(element);
+  return {
+    update(curves) {
+      current = curves;
+      if (spec.equal) findPlane();
+      const data = spec.equal ? [null, ...curves.map((c) => [c.x, c.y])] : [curves[0]?.x ?? [0, 1], ...curves.map((c) => c.y)];
+      // batch() commits at its end, so that the picture is drawn before this returns.
+      plot.batch(() => plot.setData(data as unknown as uPlot.AlignedData));
+    },
+    png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
+    destroy() {
+      observer.disconnect();
+      plot.destroy();
+    },
+  };
+}
+
+/** The picture with its title and legend, which on the page are text. */
+function composed(source: HTMLCanvasElement, spec: PlotSpec): HTMLCanvasElement {
+  const unit = devicePixelRatio;
+  const canvas = document.createElement("canvas");
+  canvas.width = source.width;
+  canvas.height = source.height + 44 * unit;
+  const ctx = canvas.getContext("2d")!;
+  ctx.fillStyle = spec.dark ? "#1a1b1e" : "#ffffff";
+  ctx.fillRect(0, 0, canvas.width, canvas.height);
+  ctx.scale(unit, unit);
+  ctx.fillStyle = spec.dark ? "#d6dade" : "#24292e";
+  ctx.font = "600 13px system-ui, sans-serif";
+  ctx.fillText(spec.title, 10, 17);
+  ctx.font = FONT;
+  let x = 10;
+  for (const s of spec.series) {
+    ctx.strokeStyle = s.color;
+    ctx.globalAlpha = s.faint ? 0.4 : 1;
+    ctx.lineWidth = s.width ?? 1.5;
+    ctx.setLineDash(s.dash);
+    ctx.beginPath();
+    ctx.moveTo(x, 34);
+    ctx.lineTo(x + 26, 34);
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+    ctx.fillText(s.label, x + 31, 38);
+    x += 45 + ctx.measureText(s.label).width;
+  }
+  ctx.setTransform(1, 0, 0, 1, 0, 0);
+  ctx.drawImage(source, 0, 44 * unit);
+  return canvas;
+}

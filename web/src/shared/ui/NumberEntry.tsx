@@ -1,0 +1,67 @@
+import { TextInput, type TextInputProps } from "@mantine/core";
+import { useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { Scalar } from "@/shared/api/types";
+import { prettyUnit, withUnit } from "@/shared/units/format";
+import { readEntry } from "@/shared/units/number";
+
+const quantityText = ({ value, unit }: { value?: unknown; unit: unknown }) => `${String(value)} ${String(unit)}`;
+
+export function shownScalar(value: unknown): string {
+  if (value === undefined || value === null) return "";
+  if (typeof value === "object" && "unit" in value) return quantityText(value as { value?: unknown; unit: unknown });
+  return String(value);
+}
+
+interface Props extends Omit<TextInputProps, "value" | "onChange"> {
+  value: Scalar | undefined;
+  unit?: string;
+  onCommit(value: Scalar | undefined): void;
+  expressions?: boolean;
+  optional?: boolean;
+}
+
+/** A number with its unit, read when the entry is left or Enter is pressed: `2.4k`, `330 m`, `65 cm**2`, `=kp/20`. */
+export function NumberEntry({ value, unit = "", onCommit, expressions = false, optional = false, error, ...rest }: Props) {
+  const { t } = useTranslation();
+  const [text, setText] = useState(shownScalar(value));
+  const [wrong, setWrong] = useState(false);
+  const given = shownScalar(value);
+  useEffect(() => {
+    setText(given);
+    setWrong(false);
+  }, [given]);
+  const read = readEntry(text, unit);
+  const commit = () => {
+    if (text === given) return setWrong(false);
+    if (optional && text.trim() === "") return onCommit(undefined);
+    if (read.kind === "wrong" || (read.kind === "expression" && !expressions)) return setWrong(true);
+    setWrong(false);
+    if (read.kind === "number") onCommit(read.value);
+    else if (read.kind === "quantity") onCommit({ value: read.value, unit: read.unit });
+    else onCommit(read.text);
+  };
+  // What a prefix or comma was understood as is told before it counts.
+  const understood = text !== given && read.kind === "number" && String(read.value) !== text.trim() ? `= ${withUnit(read.value, unit)}` : undefined;
+  return (
+    <TextInput
+      {...rest}
+      value={text}
+      error={wrong ? t("number.wrong") : error}
+      description={rest.description ?? understood}
+      onChange={(event) => setText(event.currentTarget.value)}
+      onBlur={commit}
+      onKeyDown={(event) => {
+        if (event.key === "Enter") commit();
+        if (event.key === "Escape") setText(given);
+      }}
+      rightSection={unit && unit !== "1" ? <span style={{ fontSize: "0.75rem", paddingRight: 8, whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined}
+      rightSectionWidth={unit && unit !== "1" ? Math.max(28, prettyUnit(unit).length * 7 + 12) : undefined}
+      rightSectionPointerEvents="none"
+      classNames={{ input: "numbers" }}
+      inputMode="text"
+      spellCheck={false}
+      autoComplete="off"
+    />
+  );
+}

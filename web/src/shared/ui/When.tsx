@@ -1,0 +1,12 @@
+import { useTranslation } from "react-i18next";
+
+/** A moment, in the reader's language and time zone. */
+export function When({ at }: { at: string | null | undefined }) {
+  const { i18n } = useTranslation();
+  if (!at) return <>–</>;
+  return (
+    <time dateTime={at} className="numbers">
+      {new Intl.DateTimeFormat(i18n.language, { dateStyle: "medium", timeStyle: "short" }).format(new Date(at))}
+    </time>
+  );
+}

@@ -1,0 +1,39 @@
+import { describe, expect, it } from "vitest";
+import { formatMetric, formatNumber, formatQuantity, prettyUnit } from "./format";
+import { readEntry } from "./number";
+
+describe("entries", () => {
+  it.each([
+    ["2.4k", "ohm", 2400],
+    ["330 m", "ohm", 0.33],
+    ["330 mΩ", "ohm", 0.33],
+    ["1,5", "s", 1.5],
+    ["-3e-2", "", -0.03],
+    ["5 m", "m", 5],
+    ["5 mm", "m", 0.005],
+    ["7 µ", "F", 7e-6],
+    [".5", "", 0.5],
+  ])("%s of a value in %s", (text, unit, value) => expect(readEntry(text, unit)).toEqual({ kind: "number", value }));
+  it("leaves other units to the service", () => expect(readEntry("65 cm**2", "m**2")).toEqual({ kind: "quantity", value: 65, unit: "cm**2" }));
+  it("takes expressions", () => expect(readEntry(" =kp/20 ")).toEqual({ kind: "expression", text: "=kp/20" }));
+  it.each(["", "abc", "=", "3..2", "1 2", "1e999", "--1"])("refuses %j", (text) => expect(readEntry(text).kind).toBe("wrong"));
+});
+
+describe("shown values", () => {
+  it.each([
+    [0.0021, "s", "2.1", "ms"],
+    [1000, "s", "1000", "s"],
+    [0.33, "ohm", "330", "mΩ"],
+    [5e5, "Pa", "500", "kPa"],
+    [0.0065, "m**2", "0.0065", "m²"],
+    [0, "V", "0", "V"],
+  ])("%d %s", (value, unit, text, shown) => expect(formatQuantity(value, unit)).toEqual({ text, unit: shown }));
+  it("writes signs and exponents as a book does", () => expect(formatNumber(-1.25e-7)).toBe("−1.25e−7"));
+  it("names infinity", () => expect(formatNumber(Infinity)).toBe("∞"));
+  it("speaks of margins in degrees and decibel", () => {
+    expect(formatMetric("phase_margin", Math.PI / 3, "rad")).toEqual({ text: "60", unit: "°" });
+    expect(formatMetric("gain_margin", 10, "1")).toEqual({ text: "20", unit: "dB" });
+    expect(formatMetric("overshoot", 0.0873, "1")).toEqual({ text: "8.73", unit: "%" });
+  });
+  it("prints units", () => expect(prettyUnit("m**3/(s*Pa)")).toBe("m³/(s·Pa)"));
+});

@@ -1,0 +1,35 @@
+import { readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
+import { gzipSync } from "node:zlib";
+import react from "@vitejs/plugin-react";
+import { defineConfig, type Plugin } from "vitest/config";
+
+const OUT = "../api/static";
+
+/** Assets are compressed once, here: the service sends the .gz beside each file. */
+function precompress(): Plugin {
+  return {
+    name: "precompress",
+    apply: "build",
+    closeBundle() {
+      const assets = fileURLToPath(new URL(`${OUT}/assets/`, import.meta.url));
+      for (const name of readdirSync(assets)) {
+        if (/\.(js|css|svg)$/.test(name)) writeFileSync(`${assets}${name}.gz`, gzipSync(readFileSync(assets + name), { level: 9 }));
+      }
+    },
+  };
+}
+
+const service = process.env.SERVOTUNE_URL ?? "http://127.0.0.1:8000";
+
+export default defineConfig({
+  plugins: [react(), precompress()],
+  resolve: { alias: { "@": fileURLToPath(new URL("./src", import.meta.url)) } },
+  build: { outDir: OUT, emptyOutDir: true, target: "es2023", manifest: true, chunkSizeWarningLimit: 2000, assetsInlineLimit: 0 },
+  server: {
+    port: 5173,
+    // `make web-dev`: pages from here with hot reload, everything else from a running service.
+    proxy: Object.fromEntries(["/v1", "/openapi.json", "/docs", "/readyz", "/sign-in"].map((path) => [path, { target: service, ws: true }])),
+  },
+  test: { environment: "happy-dom", include: ["src/**/*.test.{ts,tsx}"] },
+});
