@@ -36,6 +36,6 @@ def test_the_distribution_is_installed_with_its_command() -> None:
 
 def test_every_subcommand_can_be_loaded() -> None:
     commands = importlib.metadata.entry_points(group="servotune.commands")
-    assert {"serve", "worker", "rig-simulator"} <= {command.name for command in commands}
+    assert {"serve", "worker", "agent", "rig-simulator"} <= {command.name for command in commands}
     for command in commands:
         assert callable(command.load()), command

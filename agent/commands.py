@@ -1,0 +1,65 @@
+"""`servotune agent`: the process on the lab PC."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def agent(argv: Sequence[str]) -> int:
+    """Measure on the rig of this PC for the service.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        Arguments after the command's name.
+
+    Returns
+    -------
+    int
+        Exit code: 2 for settings that make no sense.
+    """
+    parser = argparse.ArgumentParser(
+        prog="servotune agent",
+        description="Measure on the rig of this PC for the service. The key comes from SERVOTUNE_AGENT_KEY or a file.",
+    )
+    parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
+    parser.add_argument("--url", help="address of the service")
+    parser.add_argument("--rig", help="name of the rig")
+    parser.add_argument("--daq-server", help="address of an NI gRPC Device Server (default: the driver of this PC)")
+    parser.add_argument("--spool", help="folder where samples wait for the service")
+    parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
+    given = parser.parse_args(argv)
+
+    import logging
+    import signal
+    import socket
+
+    from agent.errors import SettingsError
+    from agent.process import Agent, Terminal
+    from agent.settings import read
+
+    logging.basicConfig(
+        level=given.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr
+    )
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+    chosen = {
+        "service.url": given.url,
+        "rig.name": given.rig,
+        "daq.server": given.daq_server,
+        "spool.folder": given.spool,
+    }
+    try:
+        settings = read(given.settings, os.environ, chosen)
+        settings.key()
+        process = Agent(settings, name=socket.gethostname(), confirm=Terminal(settings.rig.confirm_seconds))
+    except (SettingsError, OSError) as error:
+        sys.stderr.write(f"servotune agent: {error}\n")
+        return 2
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: process.stop())
+    process.run()
+    return 0

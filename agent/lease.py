@@ -1,0 +1,123 @@
+"""The right to move the rig, kept alive beside the measurement; by this PC's own steady clock, not by anybody's time of day."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+import time
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any, Self
+
+from agent.errors import AttemptError
+from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
+
+_log = logging.getLogger(__name__)
+_PREVIEW = 1.0
+"""s between two previews."""
+_MARGIN = 0.2
+"""Share of a lease that is left when the rig must begin to come to rest."""
+
+
+class Lease:
+    """The lease of one attempt; a thread of its own prolongs it.
+
+    Parameters
+    ----------
+    service : Service
+    agent : str
+    claim : mapping
+    """
+
+    def __init__(self, service: Service, agent: str, claim: Mapping[str, Any]) -> None:
+        self._service, self._agent, self._claim = service, agent, claim
+        self._seconds = float(claim["lease_seconds"])
+        self._until = time.monotonic() + self._seconds
+        self._lost: str | None = None
+        self._told: dict[str, Any] = {"status": "claimed"}
+        self._preview: dict[str, Any] | None = None
+        self._lock = threading.Lock()
+        self._over = threading.Event()
+        self._news = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.clock_offset = self.clock_uncertainty = 0.0
+        """s by which the service's clock is ahead of this PC's, and how far that is known."""
+
+    def __enter__(self) -> Self:
+        with contextlib.suppress(ServiceError):
+            self._beat()  # measures the clocks; whether it is lost is looked at where it matters
+        self._thread = threading.Thread(target=self._keep, name="lease", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._news.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def check(self) -> None:
+        """Make sure that the rig may move.
+
+        Raises
+        ------
+        AttemptError
+            `lease_lost`.
+        """
+        if self._lost is None and time.monotonic() > self._until - _MARGIN * self._seconds:
+            self._lost = "the service was not heard of in time"
+        if self._lost is not None:
+            raise AttemptError("lease_lost", f"the measurement was stopped: {self._lost}")
+
+    def tell(self, **values: Any) -> None:
+        """Say how far it is: ``status``, ``progress``, ``message``."""
+        with self._lock:
+            changed = values.get("status") != self._told.get("status")
+            self._told.update(values)
+        if changed:
+            self._news.set()
+
+    def show(self, preview: dict[str, Any]) -> None:
+        """Give the newest decimated samples; older ones that were not sent yet are dropped."""
+        with self._lock:
+            self._preview = preview
+
+    def now(self) -> datetime:
+        """Return the service's time."""
+        return datetime.now(UTC) + timedelta(seconds=self.clock_offset)
+
+    def _keep(self) -> None:
+        beaten = time.monotonic()
+        while not self._over.is_set():
+            self._news.wait(min(_PREVIEW, self._seconds / 3))
+            urgent = self._news.is_set()
+            self._news.clear()
+            due = time.monotonic() - beaten > self._seconds / 3
+            if self._over.is_set() or self._lost is not None or not (urgent or due or self._preview is not None):
+                continue
+            beaten = time.monotonic()
+            try:
+                self._beat()
+            except (KeyRefusedError, RefusedError) as error:
+                self._lost = str(error)
+                _log.warning("the lease is lost: %s", error)
+            except ServiceError as error:
+                _log.warning("no heartbeat: %s", error)
+
+    def _beat(self) -> None:
+        with self._lock:
+            document = {"agent": self._agent, **self._told}
+            if self._preview is not None:
+                document["preview"], self._preview = self._preview, None
+        began, wall = time.monotonic(), time.time()
+        try:
+            reply = self._service.heartbeat(self._claim, document)
+        except (KeyRefusedError, RefusedError) as error:
+            self._lost = str(error)
+            raise
+        took = time.monotonic() - began
+        self._seconds = float(reply["lease_seconds"])
+        self._until = began + self._seconds
+        self.clock_offset = datetime.fromisoformat(reply["time"]).timestamp() - (wall + took / 2)
+        self.clock_uncertainty = took / 2

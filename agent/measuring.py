@@ -1,0 +1,256 @@
+"""One attempt on the rig, from the claim to the last sample on disk; whatever happens, the output comes to rest."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from agent.drives import signal_of
+from agent.errors import AttemptError
+from agent.hardware import Hardware, Running
+from agent.lease import Lease
+from agent.safety import Drive
+from agent.settings import InputSettings, OutputSettings, Settings
+from agent.spool import Recorder, Run, Spool
+
+Samples = npt.NDArray[np.float64]
+
+_log = logging.getLogger(__name__)
+_STRETCHES = 20
+"""Of one preview."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Outcome:
+    """How an attempt went; ``resting`` is False where the output could not be brought to its safe value."""
+
+    error: AttemptError | None = None
+    resting: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What a claim asks of this rig."""
+
+    inputs: tuple[InputSettings, ...]
+    output: OutputSettings | None
+    sample_rate: float
+    duration: float
+    pre_trigger: float
+    averages: int
+    signal: Mapping[str, Any] | None
+    confirm: bool
+
+    @property
+    def seconds(self) -> float:
+        """Length of the recording."""
+        return self.pre_trigger + self.duration * self.averages
+
+
+def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
+    """Find the channels of a claim among those of the rig.
+
+    Raises
+    ------
+    AttemptError
+        `unknown_channel`.
+    """
+    request = claim["request"]
+    inputs = {entry.name: entry for entry in settings.inputs}
+    outputs = {entry.name: entry for entry in settings.outputs}
+    drive = request["drive"]
+    for name, known in [(name, inputs) for name in request["channels"]] + (
+        [(drive["output"], outputs)] if drive else []
+    ):
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise AttemptError("unknown_channel", f"channel must be one of the rig's ({there}), got {name}")
+    return Plan(
+        inputs=tuple(inputs[name] for name in request["channels"]),
+        output=outputs[drive["output"]] if drive else None,
+        sample_rate=float(request["sample_rate"]),
+        duration=float(request["duration"]),
+        pre_trigger=float(request["pre_trigger"]),
+        averages=int(request["averages"]),
+        signal=drive["signal"] if drive else None,
+        confirm=bool(request["confirm"]) or (drive is not None and settings.rig.confirm),
+    )
+
+
+class Measurement:
+    """One attempt.
+
+    Parameters
+    ----------
+    hardware, spool, settings
+    lease : Lease
+    claim : mapping
+    stop : threading.Event
+        Set when the agent is to end.
+    confirm : callable
+        Asks the person at the rig: (question) -> whether it may begin.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        spool: Spool,
+        settings: Settings,
+        *,
+        lease: Lease,
+        claim: Mapping[str, Any],
+        stop: threading.Event,
+        confirm: Callable[[str], bool],
+    ) -> None:
+        self._hardware, self._spool, self._settings = hardware, spool, settings
+        self._lease, self._claim, self._stop, self._confirm = lease, claim, stop, confirm
+        self._level: float | None = None
+        self._facts: dict[str, Any] = {"hardware": hardware.description}
+
+    def run(self, run: Run) -> Outcome:
+        """Measure, and put everything on disk; nothing is raised."""
+        outcome = Outcome()
+        plan: Plan | None = None
+        try:
+            plan = plan_of(self._claim, self._settings)
+            self._measure(run, plan)
+        except AttemptError as error:
+            outcome.error = error
+        except Exception as error:  # noqa: BLE001 - see below
+            # An error of this program must neither leave the rig moving nor the attempt without an end.
+            _log.exception("attempt %s failed", run.name)
+            outcome.error = AttemptError("internal", f"an error of the agent ({type(error).__name__}): see its log")
+        if plan is not None and plan.output is not None:
+            self._rest(plan.output, outcome)
+        self._lease.tell(status="uploading", message="on its way")
+        told = None if outcome.error is None else {"code": outcome.error.code, "detail": outcome.error.detail}
+        try:
+            run.write("end", {"facts": self._facts, "error": told})
+        except AttemptError as full:  # then the next start finds an attempt without an end
+            _log.error("%s", full)
+            outcome.error = outcome.error or full
+        return outcome
+
+    def _rest(self, output: OutputSettings, outcome: Outcome) -> None:
+        try:
+            self._hardware.rest(output, level=self._level)
+            self._facts["output_at_rest"] = True
+        except AttemptError as error:
+            outcome.resting = self._facts["output_at_rest"] = False
+            detail = f"the output {output.name} could not be brought to {output.safe:g} V: {error.detail}"
+            _log.error("%s", detail)
+            before = f"{outcome.error.detail}; moreover " if outcome.error else ""
+            outcome.error = AttemptError(outcome.error.code if outcome.error else error.code, before + detail)
+
+    def _measure(self, run: Run, plan: Plan) -> None:
+        size = int(plan.seconds * plan.sample_rate * 1.1) * len(plan.inputs) * 8
+        self._spool.admit(size)
+        self._facts["devices"] = self._hardware.check(self._settings.devices)
+        self._hardware.clean()
+        with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.seconds) as running:
+            rate = running.rate
+            wait, length = round(plan.pre_trigger * rate), max(round(plan.duration * rate), 1)
+            samples = wait + length * plan.averages
+            drive = self._drive(plan, rate=rate, wait=wait, length=length)
+            running.prepare(samples, drive)
+            self._facts |= {
+                "requested_rate": plan.sample_rate,
+                "actual_rate": rate,
+                "clock_offset": self._lease.clock_offset,
+                "clock_uncertainty": self._lease.clock_uncertainty,
+                "drive": self._claim["request"]["drive"],
+                "repeats": {"first": wait, "length": length, "count": plan.averages},
+            }
+            self._ask(plan)
+            self._lease.check()
+            run.write("begin", self._begin(plan, rate))
+            segment = max(self._settings.spool.segment, plan.seconds / 10_000)
+            recorder = Recorder(run, channels=len(plan.inputs), samples=int(segment * rate))
+            try:
+                self._record(plan, running, recorder, samples)
+            finally:
+                recorder.close()
+                self._facts |= {"samples": recorder.samples, "complete": recorder.samples == samples}
+
+    def _drive(self, plan: Plan, *, rate: float, wait: int, length: int) -> Drive | None:
+        if plan.output is None or plan.signal is None:
+            return None
+        drive = Drive(
+            signal=signal_of(plan.signal),
+            output=plan.output,
+            rate=rate,
+            wait=wait,
+            length=length,
+            repeats=plan.averages,
+        )
+        drive.check()
+        return drive
+
+    def _ask(self, plan: Plan) -> None:
+        if not plan.confirm:
+            return
+        what = f"drive {plan.output.name} for {plan.duration * plan.averages:g} s" if plan.output else "measure"
+        self._lease.tell(message="waits for the person at the rig")
+        if not self._confirm(f"{self._claim['name']}: may I {what}?"):
+            raise AttemptError("not_confirmed", "the person at the rig has not agreed")
+
+    def _begin(self, plan: Plan, rate: float) -> dict[str, Any]:
+        return {
+            "start_time": self._lease.now().isoformat(),
+            "sample_rate": rate,
+            "channels": [described(entry) for entry in plan.inputs],
+            "facts": self._facts,
+        }
+
+    def _record(self, plan: Plan, running: Running, recorder: Recorder, samples: int) -> None:
+        running.start()
+        self._lease.tell(status="running", progress=0.0, message="recording")
+        got = 0
+        try:
+            while got < samples:
+                if self._stop.is_set():
+                    raise AttemptError("stopped", "the agent was stopped")
+                self._lease.check()
+                block = running.read()
+                recorder.add(block)
+                self._show(plan.inputs, block, start=got, rate=running.rate)
+                got += block.shape[1]
+                self._lease.tell(status="running", progress=got / samples)
+        finally:
+            self._level = running.level()
+
+    def _show(self, inputs: Sequence[InputSettings], block: Samples, *, start: int, rate: float) -> None:
+        width = max(block.shape[1] // _STRETCHES, 1)
+        count = block.shape[1] // width
+        if not count:
+            return
+        stretches = block[:, : count * width].reshape(len(inputs), count, width)
+        low, high = stretches.min(axis=2), stretches.max(axis=2)
+        channels = {}
+        for entry, a, b in zip(inputs, low, high, strict=True):
+            ends = np.sort(np.stack([a, b]) / entry.sensitivity + entry.offset, axis=0)
+            channels[entry.name] = ends.T.tolist()
+        self._lease.show({"start": start / rate, "step": width / rate, "channels": channels})
+
+
+def described(entry: InputSettings) -> dict[str, Any]:
+    """Return a channel as a dataset has it: raw volts, and what turns them into the quantity."""
+    return {
+        "name": entry.name,
+        "quantity": entry.quantity or ("" if entry.kind == "voltage" else entry.kind),
+        "unit": entry.unit,
+        "scale": 1.0 / entry.sensitivity,
+        "offset": entry.offset,
+        "sensor": {
+            "model": entry.model,
+            "serial": entry.serial,
+            "calibrated_on": str(entry.calibration.get("calibrated_on", "")),
+            "certificate": str(entry.calibration.get("certificate", "")),
+        },
+    }

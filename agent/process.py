@@ -1,0 +1,230 @@
+"""The life of an agent: bring the rig to rest, register, then one measurement after the other until it is told to end."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from agent.errors import AttemptError, SettingsError
+from agent.hardware import Hardware
+from agent.lease import Lease
+from agent.measuring import Measurement
+from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
+from agent.settings import Settings
+from agent.spool import Spool
+from agent.uploading import Uploader
+
+_log = logging.getLogger(__name__)
+_PAUSE, _LONGEST_PAUSE = 0.5, 30.0
+_CLAIM_WAIT = 2.0
+"""s in one request; an agent that is told to end waits no longer."""
+_PATIENCE_AT_END = 10.0
+
+
+class Agent:
+    """An agent of one rig.
+
+    Parameters
+    ----------
+    settings : Settings
+    name : str
+        Of this PC.
+    confirm : callable
+        Asks the person at the rig.
+    """
+
+    def __init__(self, settings: Settings, *, name: str, confirm: Callable[[str], bool]) -> None:
+        self._settings, self._name, self._confirm = settings, name, confirm
+        self._stop = threading.Event()
+        self._spool = Spool(Path(settings.spool.folder), limit=settings.spool.limit, reserve=settings.spool.reserve)
+        self._service = Service(settings.service.url, key=settings.key, timeout=settings.service.timeout)
+        self._hardware = Hardware(settings.daq, rig=settings.rig.name)
+        self._uploader = Uploader(self._service, self._spool)
+
+    def stop(self) -> None:
+        """Let it come to an end: the rig to rest, the samples to disk."""
+        self._stop.set()
+
+    def run(self) -> None:
+        """Live until told to stop."""
+        self._end_what_was_interrupted()
+        self._uploader.start()
+        try:
+            self._rest_until_it_works()
+            while not self._stop.is_set():
+                agent = self._register()
+                if agent is not None:
+                    self._uploader.agent = agent
+                    self._serve(agent)
+        finally:
+            self._uploader.stop(patience=_PATIENCE_AT_END)
+            self._hardware.close()
+            self._service.close()
+
+    def _end_what_was_interrupted(self) -> None:
+        """Give every attempt that an earlier process left in the middle its end: what was recorded is sent."""
+        for run in self._spool.runs():
+            if not run.ended:
+                samples = sum(segment.samples for segment in run.segments())
+                begin = run.read("begin") or {}
+                facts = {**begin.get("facts", {}), "samples": samples, "complete": False}
+                detail = "the agent's process ended in the middle of it; what was on its disk is here"
+                run.write("end", {"facts": facts, "error": {"code": "agent_died", "detail": detail}})
+                _log.warning("%s was interrupted: %d samples of each channel are kept", run.name, samples)
+
+    def _rest_until_it_works(self) -> None:
+        """Clear what was left on the hardware and bring every output to its safe value, before anything else."""
+        self._until_it_works(self._rest, "the rig cannot be brought to rest")
+
+    def _rest(self) -> None:
+        self._hardware.check(self._settings.devices)
+        self._hardware.clean()
+        for output in self._settings.outputs:
+            self._hardware.rest(output)
+
+    def _until_it_works(self, work: Callable[[], None], what: str) -> None:
+        pause = _PAUSE
+        while not self._stop.is_set():
+            try:
+                work()
+            except AttemptError as error:
+                _log.error("%s, and nothing is measured before: %s", what, error)
+                self._stop.wait(pause)
+                pause = min(2 * pause, _LONGEST_PAUSE)
+            else:
+                return
+
+    def _register(self) -> str | None:
+        """Take the rig; None when it could not be taken yet."""
+        pause = _PAUSE
+        while not self._stop.is_set():
+            try:
+                reply = self._service.register(self._document())
+            except (ServiceError, AttemptError, SettingsError) as error:
+                _log.warning("not registered: %s", error)
+                if isinstance(error, RefusedError) and error.status != 409:
+                    pause = _LONGEST_PAUSE
+                self._stop.wait(pause)
+                pause = min(2 * pause, _LONGEST_PAUSE)
+            else:
+                _log.info("agent %s has the rig %s", reply["id"], reply["rig"])
+                return str(reply["id"])
+        return None
+
+    def _document(self) -> dict[str, Any]:
+        settings = self._settings
+        return {
+            "rig": settings.rig.name,
+            "instance": self._spool.instance(),
+            "name": self._name,
+            "version": _version(),
+            "document": {
+                "devices": self._hardware.devices(),
+                "inputs": [_told(entry, leave=("excitation",)) for entry in settings.inputs],
+                "outputs": [_told(entry) for entry in settings.outputs],
+                "daq": self._hardware.description,
+            },
+        }
+
+    def _serve(self, agent: str) -> None:
+        """Take one attempt after the other, until the service wants to be asked anew."""
+        pause = _PAUSE
+        while not self._stop.is_set():
+            try:
+                claim = self._service.claim(agent, wait=_CLAIM_WAIT)
+            except RefusedError as error:
+                _log.warning("to be registered again: %s", error)
+                self._stop.wait(_PAUSE)
+                return
+            except (ServiceError, SettingsError) as error:
+                _log.warning("no work in the next %g s: %s", pause, error)
+                self._stop.wait(pause)
+                longest = _LONGEST_PAUSE if isinstance(error, KeyRefusedError) else 5.0
+                pause = min(2 * pause, longest)
+                continue
+            pause = _PAUSE
+            if claim is not None:
+                self._measure(agent, claim)
+
+    def _measure(self, agent: str, claim: dict[str, Any]) -> None:
+        _log.info("attempt %s of %s: %s", claim["attempt"], claim["acquisition"], claim["name"])
+        try:
+            run = self._spool.open(claim)
+        except AttemptError as error:
+            document = {"agent": agent, "error": {"code": error.code, "detail": error.detail}}
+            with contextlib.suppress(ServiceError):  # then it is lost, which is true as well
+                self._service.finish(claim, document)
+            return
+        with Lease(self._service, agent, claim) as lease:
+            measurement = Measurement(
+                self._hardware,
+                self._spool,
+                self._settings,
+                lease=lease,
+                claim=claim,
+                stop=self._stop,
+                confirm=self._confirm,
+            )
+            outcome = measurement.run(run)
+        if outcome.error is not None:
+            _log.error("attempt %s of %s: %s", claim["attempt"], claim["acquisition"], outcome.error)
+        if not outcome.resting:
+            self._rest_until_it_works()
+
+
+def _told(entry: Any, *, leave: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return settings of a channel as the service has them; a limit that there is none of is left out."""
+    return {
+        key: value
+        for key, value in asdict(entry).items()
+        if key not in leave and not (isinstance(value, float) and math.isinf(value))
+    }
+
+
+def _version() -> str:
+    try:
+        return version("servotune")
+    except PackageNotFoundError:
+        return ""
+
+
+class Terminal:
+    """Asks whoever sits at the rig's terminal; nobody there is no.
+
+    Parameters
+    ----------
+    seconds : float
+        How long to wait for an answer.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._lines: list[str] = []
+        self._came = threading.Condition()
+        self._thread: threading.Thread | None = None
+
+    def __call__(self, question: str) -> bool:
+        """Ask a question."""
+        sys.stdout.write(f"{question} Type yes within {self._seconds:g} s: ")
+        sys.stdout.flush()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._listen, daemon=True)
+            self._thread.start()
+        with self._came:
+            self._lines.clear()  # what was typed before the question answers nothing
+            self._came.wait_for(lambda: bool(self._lines), self._seconds)
+            return bool(self._lines) and self._lines[-1].strip().lower() == "yes"
+
+    def _listen(self) -> None:
+        for line in sys.stdin:
+            with self._came:
+                self._lines.append(line)
+                self._came.notify_all()

@@ -1,0 +1,287 @@
+"""The settings of an agent: a TOML file, then environment variables, then arguments; the later one counts.
+
+::
+
+    [service]
+    url = "https://servotune.example"      # SERVOTUNE_AGENT_URL, --url
+    key_file = "/etc/servotune/key"        # SERVOTUNE_AGENT_KEY holds the key itself
+    [rig]
+    name = "bench-1"                       # SERVOTUNE_AGENT_RIG, --rig
+    [daq]
+    server = "127.0.0.1:31763"             # absent: the driver of this PC
+    [spool]
+    folder = "/var/lib/servotune-agent"    # SERVOTUNE_AGENT_SPOOL, --spool
+    [[inputs]]
+    name = "position"
+    channel = "cDAQ1Mod1/ai1"
+    [[outputs]]
+    name = "valve"
+    channel = "cDAQ1Mod2/ao0"
+    amplitude = 5.0
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from agent.errors import SettingsError
+
+KINDS = ("voltage", "acceleration", "force", "velocity", "bridge")
+Section = TypeVar("Section")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceSettings:
+    """Where the service is, and what opens it."""
+
+    url: str = "http://127.0.0.1:8000"
+    key: str = field(default="", repr=False)
+    key_file: str = ""
+    timeout: float = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigSettings:
+    """The rig; ``confirm`` lets a person at the terminal agree to every drive."""
+
+    name: str = ""
+    confirm: bool = False
+    confirm_seconds: float = 120.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DaqSettings:
+    """How the hardware is reached.
+
+    ``server`` is the address of an NI gRPC Device Server, empty for the driver of this PC. ``deadline`` is what a call may
+    take beyond its own timeout, ``chunk`` what is read in one go, both in s. ``clock`` and ``trigger`` are terminals that
+    outputs take their clock and start from; by default those of the first input's device.
+    """
+
+    server: str = ""
+    deadline: float = 10.0
+    chunk: float = 0.25
+    clock: str = ""
+    trigger: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpoolSettings:
+    """Where samples are kept until the service has them: at most ``limit`` bytes, ``reserve`` left free on the disk."""
+
+    folder: str = "servotune-spool"
+    limit: float = 50e9
+    reserve: float = 1e9
+    segment: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceSettings:
+    """A module that must be there; an empty model or serial is any."""
+
+    name: str
+    model: str = ""
+    serial: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputSettings:
+    """An input with its sensor: physical value = V / sensitivity + offset, in ``unit``."""
+
+    name: str
+    channel: str
+    kind: str = "voltage"
+    quantity: str = ""
+    unit: str = "V"
+    sensitivity: float = 1.0
+    offset: float = 0.0
+    range: float = 10.0
+    excitation: float = 0.0
+    model: str = ""
+    serial: str = ""
+    calibration: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputSettings:
+    """An output and the limits that no job can exceed: V, V/s, s."""
+
+    name: str
+    channel: str
+    amplitude: float
+    slew: float = math.inf
+    duration: float = math.inf
+    soft_start: float = 0.0
+    soft_stop: float = 0.0
+    safe: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """All of them."""
+
+    service: ServiceSettings
+    rig: RigSettings
+    daq: DaqSettings
+    spool: SpoolSettings
+    devices: tuple[DeviceSettings, ...] = ()
+    inputs: tuple[InputSettings, ...] = ()
+    outputs: tuple[OutputSettings, ...] = ()
+
+    def key(self) -> str:
+        """Return the key, read anew each time: a new one in the file is taken without a restart.
+
+        Raises
+        ------
+        SettingsError
+            When there is none.
+        """
+        if self.service.key:
+            return self.service.key
+        if not self.service.key_file:
+            raise SettingsError("a key must be given: SERVOTUNE_AGENT_KEY, or key_file in [service]")
+        try:
+            return Path(self.service.key_file).read_text(encoding="utf-8").strip()
+        except OSError as error:
+            raise SettingsError(f"key_file must be readable, got {self.service.key_file}: {error.strerror}") from error
+
+
+_VARIABLES = {
+    "SERVOTUNE_AGENT_URL": ("service", "url"),
+    "SERVOTUNE_AGENT_KEY": ("service", "key"),
+    "SERVOTUNE_AGENT_RIG": ("rig", "name"),
+    "SERVOTUNE_AGENT_DAQ_SERVER": ("daq", "server"),
+    "SERVOTUNE_AGENT_SPOOL": ("spool", "folder"),
+}
+
+
+def read(path: Path | None, environment: Mapping[str, str], arguments: Mapping[str, Any]) -> Settings:
+    """Return the settings.
+
+    Parameters
+    ----------
+    path : Path, optional
+        The TOML file.
+    environment : mapping
+        Of the process.
+    arguments : mapping
+        ``section.name`` -> value; None is not given.
+
+    Raises
+    ------
+    SettingsError
+        With the place of what is wrong.
+    """
+    tables = _tables(path)
+    for variable, (section, name) in _VARIABLES.items():
+        if environment.get(variable):
+            tables.setdefault(section, {})[name] = environment[variable]
+    for key, value in arguments.items():
+        if value is not None:
+            section, _, name = key.partition(".")
+            tables.setdefault(section, {})[name] = value
+    known = {"service", "rig", "daq", "spool", "devices", "inputs", "outputs"}
+    for section in tables:
+        if section not in known:
+            raise SettingsError(f"section must be one of {', '.join(sorted(known))}, got [{section}]")
+    settings = Settings(
+        service=_section(ServiceSettings, tables.get("service", {}), "service"),
+        rig=_section(RigSettings, tables.get("rig", {}), "rig"),
+        daq=_section(DaqSettings, tables.get("daq", {}), "daq"),
+        spool=_section(SpoolSettings, tables.get("spool", {}), "spool"),
+        devices=_list(DeviceSettings, tables, "devices"),
+        inputs=_list(InputSettings, tables, "inputs"),
+        outputs=_list(OutputSettings, tables, "outputs"),
+    )
+    _check(settings)
+    return settings
+
+
+def _tables(path: Path | None) -> dict[str, Any]:
+    if path is None:
+        return {}
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path} must be readable: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} must be TOML: {error}") from error
+
+
+def _list(kind: type[Section], tables: Mapping[str, Any], name: str) -> tuple[Section, ...]:
+    given = tables.get(name, [])
+    if not isinstance(given, list):
+        raise SettingsError(f"{name} must be written as [[{name}]], got [{name}]")
+    found = tuple(_section(kind, table, f"{name}[{i}]") for i, table in enumerate(given))
+    names = [entry.name for entry in found]  # type: ignore[attr-defined] # every one of them has a name
+    for entry in names:
+        if names.count(entry) > 1:
+            raise SettingsError(f"{name}: name must be different for each, got {entry!r} twice")
+    return found
+
+
+def _section(kind: type[Section], table: Any, place: str) -> Section:
+    if not isinstance(table, dict):
+        raise SettingsError(f"{place} must be a table, got {table!r}")
+    declared = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type] # they are all dataclasses
+    values: dict[str, Any] = {}
+    for name, value in table.items():
+        if name not in declared:
+            raise SettingsError(f"{place}: setting must be one of {', '.join(declared)}, got {name!r}")
+        values[name] = _checked(value, str(declared[name].type), f"{place}.{name}")
+    for name, entry in declared.items():
+        if name not in values and entry.default is MISSING and entry.default_factory is MISSING:
+            raise SettingsError(f"{place}.{name} must be given")
+    return kind(**values)
+
+
+def _checked(value: Any, type_: str, place: str) -> Any:
+    if type_ == "float" and isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value):
+        return float(value)
+    if (
+        (type_ == "str" and isinstance(value, str))
+        or (type_ == "bool" and isinstance(value, bool))
+        or (type_.startswith("Mapping") and isinstance(value, dict))
+    ):
+        return value
+    word = {"float": "a number", "str": "text", "bool": "true or false"}.get(type_, "a table")
+    raise SettingsError(f"{place} must be {word}, got {value!r}")
+
+
+def _check(settings: Settings) -> None:
+    if not settings.rig.name:
+        raise SettingsError("rig.name must be given (--rig)")
+    for name in ("deadline", "chunk"):
+        if not getattr(settings.daq, name) > 0.0:
+            raise SettingsError(f"daq.{name} must be > 0 s, got {getattr(settings.daq, name):g}")
+    for entry in settings.inputs:
+        _check_input(entry)
+    for output in settings.outputs:
+        _check_output(output)
+
+
+def _check_input(entry: InputSettings) -> None:
+    place = f"input {entry.name}"
+    if entry.kind not in KINDS:
+        raise SettingsError(f"{place}: kind must be one of {', '.join(KINDS)}, got {entry.kind!r}")
+    if entry.sensitivity == 0.0 or not math.isfinite(entry.sensitivity):
+        raise SettingsError(f"{place}: sensitivity must be finite and not 0, got {entry.sensitivity:g}")
+    if not 0.0 < entry.range < math.inf:
+        raise SettingsError(f"{place}: range must be > 0 V, got {entry.range:g}")
+
+
+def _check_output(output: OutputSettings) -> None:
+    place = f"output {output.name}"
+    for name in ("amplitude", "slew", "duration"):
+        if not getattr(output, name) > 0.0:
+            raise SettingsError(f"{place}: {name} must be > 0, got {getattr(output, name):g}")
+    for name in ("soft_start", "soft_stop"):
+        if not 0.0 <= getattr(output, name) < math.inf:
+            raise SettingsError(f"{place}: {name} must be >= 0 s, got {getattr(output, name):g}")
+    if not abs(output.safe) <= output.amplitude:
+        raise SettingsError(f"{place}: safe must be within {output.amplitude:g} V, got {output.safe:g}")
