@@ -28,7 +28,7 @@ from engine.spectra.crossed import Crossed, crossed
 from engine.spectra.doubts import delay_doubts, leakage_doubts, resonance_doubts
 from engine.spectra.fourier import Complex, Real
 from engine.spectra.frf import Doubt, Frf, check_pair
-from engine.spectra.sampled import Removal, WindowKind
+from engine.spectra.sampled import Removal, WindowKind, window_of
 
 Estimator = Literal["H1", "H2", "Hv"]
 
@@ -80,7 +80,8 @@ def averaged_frf(
         doubts += leakage_doubts(pairs, segment)
     doubts += resonance_doubts(frf)
     doubts += delay_doubts(found, segment / rate)
-    return replace(frf, doubts=tuple(doubts))
+    facts, _ = window_of(window, segment)
+    return replace(frf, line_width=facts.noise_bandwidth, doubts=tuple(doubts))
 
 
 def _estimate(found: Crossed, estimator: Estimator) -> Frf:

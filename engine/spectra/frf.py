@@ -47,6 +47,8 @@ class Frf:
         Independent segments that would be as certain.
     resolution : float or None
         Distance of lines, rad/s; None where they were chosen one by one.
+    line_width : float
+        Lines that share their random error: the noise bandwidth of a window, 1 without.
     doubts : tuple of Doubt
     """
 
@@ -59,6 +61,7 @@ class Frf:
     averages: int = 1
     effective_averages: float = 1.0
     resolution: float | None = None
+    line_width: float = 1.0
     doubts: tuple[Doubt, ...] = field(default=())
 
     def within(self, low: float, high: float) -> Frf:
