@@ -141,7 +141,7 @@ def iterate_bytes(session: Session, sha256: str) -> Iterator[bytes]:
         row = session.execute(
             select(BlobChunk.encoding, BlobChunk.data).where(BlobChunk.sha256 == sha256, BlobChunk.number == number)
         ).one()
-        yield _decode(row.encoding, row.data, min(CHUNK_SIZE, size - number * CHUNK_SIZE))
+        yield decode(row.encoding, row.data, min(CHUNK_SIZE, size - number * CHUNK_SIZE))
 
 
 def get_bytes(session: Session, sha256: str) -> bytes:
@@ -205,7 +205,7 @@ def _plane(content: bytes) -> bytes:
     return encoded if len(encoded) < len(content) else content
 
 
-def _decode(encoding: str, data: bytes, size: int) -> bytes:
+def decode(encoding: str, data: bytes, size: int) -> bytes:
     """Return the ``size`` bytes of a chunk; ``zlib/8`` is how samples were written before planes were told apart."""
     method, _, items = encoding.partition("/")
     if method == "raw":

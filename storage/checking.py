@@ -62,10 +62,11 @@ def _blob(connection: Connection, sha256: str, size: int) -> Iterator[str]:
     chunks = select(BlobChunk).where(BlobChunk.sha256 == sha256).order_by(BlobChunk.number)
     whole, length = hashlib.sha256(), 0
     try:
-        for row in connection.execution_options(yield_per=1).execute(chunks):
-            piece = decode(row.encoding, row.data, min(CHUNK_SIZE, size - row.number * CHUNK_SIZE))
-            whole.update(piece)
-            length += len(piece)
+        with connection.execution_options(yield_per=1).execute(chunks) as rows:
+            for row in rows:
+                piece = decode(row.encoding, row.data, min(CHUNK_SIZE, size - row.number * CHUNK_SIZE))
+                whole.update(piece)
+                length += len(piece)
     except (zlib.error, struct.error, ValueError, ArithmeticError) as error:
         yield f"blob {sha256} cannot be unpacked: {error}"
         return

@@ -132,9 +132,9 @@ def requeue(session: Session, enqueue: Callable[[Session, str], None]) -> int:
 
 def _rows(connection: Connection, table: Table) -> Iterator[list[dict[str, Any]]]:
     size = _BATCH_OF_CHUNKS if table.name == "blob_chunk" else _BATCH
-    found = connection.execution_options(yield_per=size).execute(select(table))
-    for batch in found.mappings().partitions():
-        yield [dict(row) for row in batch]
+    with connection.execution_options(yield_per=size).execute(select(table)) as found:
+        for batch in found.mappings().partitions():
+            yield [dict(row) for row in batch]
 
 
 class _Digest:
