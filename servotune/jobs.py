@@ -73,6 +73,16 @@ class Job(Generic[ResultT]):
         self.state = cast("JobState", self._transport.get(f"/v1/jobs/{self.id}"))
         return self
 
+    def pause(self) -> Job[ResultT]:
+        """Take the job from whoever computes it; it keeps its place until `resume`."""
+        self._transport.send("POST", f"/v1/jobs/{self.id}/pause")
+        return self.refresh()
+
+    def resume(self) -> Job[ResultT]:
+        """Let a paused job go on from where it was."""
+        self._transport.send("POST", f"/v1/jobs/{self.id}/resume")
+        return self.refresh()
+
     def cancel(self) -> Job[ResultT]:
         """Stop the computation. A job that has already ended stays as it is."""
         self._transport.send("POST", f"/v1/jobs/{self.id}/cancel")

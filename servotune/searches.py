@@ -30,6 +30,7 @@ class Searches:
         estimation: Sequence[float] | None = None,
         validation: Sequence[float] | None = None,
         split: float | None = None,
+        queue: Document | None = None,
     ) -> Job[Identification]:
         """Start the estimation of parameters from a recording.
 
@@ -45,6 +46,8 @@ class Searches:
             Parts of the recording (s).
         split : float, optional
             The first part of the recording that estimates, when no parts are given.
+        queue : mapping, optional
+            As for `optimize`.
         """
         body = given(
             system=system,
@@ -56,6 +59,7 @@ class Searches:
             estimation=estimation,
             validation=validation,
             split=split,
+            queue=queue,
         )
         return self._start("/v1/identifications", body)
 
@@ -73,6 +77,7 @@ class Searches:
         yield_samples: int | None = None,
         cross_check: Sequence[str] | None = None,
         alternatives: Sequence[Document] | None = None,
+        queue: Document | None = None,
     ) -> Job[Optimization]:
         """Start a search for the variables that serve the goals best in the worst of the scenarios.
 
@@ -102,6 +107,8 @@ class Searches:
             Other methods that solve it, too.
         alternatives : sequence of mappings, optional
             Structures to be compared, each a `system` or what it has to `add` and `remove`.
+        queue : mapping, optional
+            `{"priority": "low", "time_limit": 600}`: its turn among the workspace's jobs, and how long (s) it may take.
         """
         body = given(
             system=system,
@@ -115,6 +122,7 @@ class Searches:
             cross_check=cross_check,
             alternatives=alternatives,
             method=method,
+            queue=queue,
         )
         return self._start("/v1/optimizations", body)
 

@@ -1,4 +1,4 @@
-"""How much a workspace may have: systems, schedules, webhooks, stored bytes, unfinished jobs.
+"""How much a workspace may have: systems, schedules, webhooks, stored bytes, unfinished jobs, and how many of them at a time.
 
 What is counted is counted under a lock on the workspace's row, so that two requests at once cannot both take the last place.
 """
@@ -17,7 +17,14 @@ from storage.models import Job, JobStatus, Schedule, System, Webhook, Workspace
 
 #: The limits of a workspace that has none of its own.
 DEFAULTS: Mapping[str, int] = MappingProxyType(
-    {"systems": 10_000, "schedules": 10_000, "webhooks": 20, "stored_bytes": 100 * 2**30, "jobs": 1000}
+    {
+        "systems": 10_000,
+        "schedules": 10_000,
+        "webhooks": 20,
+        "stored_bytes": 100 * 2**30,
+        "jobs": 1000,
+        "running_jobs": 1000,
+    }
 )
 
 
@@ -50,6 +57,14 @@ def admit_job(session: Session, workspace_id: str) -> None:
     _check("jobs", limits, used=_jobs(session, workspace_id), more=1)
 
 
+def may_run(session: Session, workspace_id: str) -> bool:
+    """Tell whether one more job of a workspace may be computed now; where it has a limit of its own, under its lock."""
+    if "running_jobs" not in (session.scalar(select(Workspace.limits).where(Workspace.id == workspace_id)) or {}):
+        return True
+    limits = limits_of(_lock(session, workspace_id))
+    return running_jobs(session, workspace_id) < limits["running_jobs"]
+
+
 def add_bytes(session: Session, workspace_id: str, count: int, *, within_quota: bool = True) -> None:
     """Count ``count`` more bytes (fewer when negative) as stored; the caller's last statement, because it locks.
 
@@ -73,6 +88,7 @@ def usage(session: Session, workspace: Workspace) -> dict[str, int]:
         "webhooks": _webhooks(session, workspace.id),
         "stored_bytes": workspace.stored_bytes,
         "jobs": _jobs(session, workspace.id),
+        "running_jobs": running_jobs(session, workspace.id),
     }
 
 
@@ -108,8 +124,14 @@ def _webhooks(session: Session, workspace_id: str) -> int:
 
 
 def _jobs(session: Session, workspace_id: str) -> int:
-    alive = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
+    alive = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING)) & Job.parent_id.is_(None)
     return _count(session, select(func.count()).select_from(Job).where(Job.workspace_id == workspace_id, alive))
+
+
+def running_jobs(session: Session, workspace_id: str) -> int:
+    """Return how many jobs of a workspace are being computed; one that waits for its parts is not."""
+    computed = (Job.status == JobStatus.RUNNING) & Job.ticket.is_not(None)
+    return _count(session, select(func.count()).select_from(Job).where(Job.workspace_id == workspace_id, computed))
 
 
 def _count(session: Session, question: Any) -> int:

@@ -119,6 +119,22 @@ def cancel(identifier: str, caller: Runner, service: InstallationDep) -> Respons
     return respond(answer(body))
 
 
+@router.post("/jobs/{identifier}/pause", response_model=JobReply, summary="Pause a job")
+def pause(identifier: str, caller: Runner, service: InstallationDep) -> Response:
+    """Stop the computation within a second and keep its state, until the job is resumed; 409 for one that has ended."""
+    with service.database.session() as session:
+        body = jobs.pause(session, caller, identifier)
+    return respond(answer(body))
+
+
+@router.post("/jobs/{identifier}/resume", response_model=JobReply, summary="Resume a job")
+def resume(identifier: str, caller: Runner, service: InstallationDep) -> Response:
+    """Let a paused job go on from where it was; one that is not paused stays as it is."""
+    with service.database.session() as session:
+        body = jobs.resume(service, session, caller, identifier)
+    return respond(answer(body))
+
+
 def _existing(identifier: str, caller: Reader, service: InstallationDep) -> str:
     """Answer 404 before the stream begins."""
     with service.database.session() as session:

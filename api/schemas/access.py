@@ -60,6 +60,9 @@ class LimitsDocument(Document):
     webhooks: _Count | None = None
     stored_bytes: _Count | None = Field(default=None, description="documents, recordings and results, uncompressed")
     jobs: _Count | None = Field(default=None, description="queued or running")
+    running_jobs: Annotated[int, Field(ge=1, le=10**9)] | None = Field(
+        default=None, description="computed at the same time; the others wait"
+    )
 
 
 class WorkspaceRequest(Document):
@@ -70,13 +73,14 @@ class WorkspaceRequest(Document):
 
 
 class Amounts(Reply):
-    """Systems, schedules, webhooks, stored bytes and unfinished jobs."""
+    """Systems, schedules, webhooks, stored bytes, unfinished jobs, and those of them that are computed."""
 
     systems: int
     schedules: int
     webhooks: int
     stored_bytes: int
     jobs: int
+    running_jobs: int
 
 
 class WorkspaceHead(Reply):

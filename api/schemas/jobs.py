@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from api.schemas.queue import QueueDocument
 from api.schemas.systems import SystemRef
 from api.schemas.values import Document, Identifier, Name, Path, Quantity
 
@@ -43,3 +44,4 @@ class IdentificationRequest(Document):
     offsets: Literal["none", "estimate"] = "none"
     estimation: Window | None = None
     validation: Window | None = None
+    queue: QueueDocument | None = None

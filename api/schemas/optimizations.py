@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from api.schemas.methods import MethodDocument
+from api.schemas.queue import QueueDocument
 from api.schemas.signals import Inputs
 from api.schemas.systems import BlockDocument, ConnectionDocument, ParameterDocument, SystemRef
 from api.schemas.values import (
@@ -181,3 +182,4 @@ class OptimizationRequest(Document):
         description="structures to be compared; the best one's result is returned",
     )
     method: MethodDocument
+    queue: QueueDocument | None = None

@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 from api.convert.identifications import identification_from_wire, identified_to_wire
 from api.convert.studies import warnings_to_wire
 from api.schemas.jobs import IdentificationRequest
+from api.services import jobs
 from api.services.installation import Caller, Installation
-from api.services.jobs import job_to_wire
 from api.services.recordings import recording_of
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
@@ -45,11 +45,14 @@ def submit(
 ) -> dict[str, Any]:
     """Write the job down, in the caller's transaction, with the document revision it is about."""
     body = {
-        "request": {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document},
+        "request": {
+            **request.model_dump(by_alias=True, exclude_unset=True, exclude={"queue"}),
+            "system": subject.document,
+        },
         "system_reference": dict(subject.reference) if subject.reference else None,
         "warnings": subject.warnings(),
     }
-    return job_to_wire(service.queue.enqueue(session, kind=KIND, body=body, workspace_id=caller.workspace))
+    return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:

@@ -7,9 +7,11 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import Problem
-from api.services.installation import Caller
-from storage.models import Job, JobEvent, JobStatus
+from api.errors import Problem, invalid
+from api.schemas.queue import QueueDocument
+from api.services.installation import Caller, Installation
+from storage.models import Job, JobEvent, JobStatus, Priority
+from storage.models.base import utc_now
 from storage.repositories import JobRepository, ResultRepository
 
 
@@ -26,6 +28,11 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "finished_at": job.finished_at.isoformat() if job.finished_at else None,
         "result": f"/v1/jobs/{job.id}/result" if job.result_id else None,
         "error": job.error,
+        "paused": job.paused,
+        "priority": Priority(job.priority).name.lower(),
+        "time_limit": job.time_limit,
+        "deadline": job.deadline.isoformat() if job.deadline else None,
+        "attempts": job.attempts,
         "schedule": job.schedule_id,
         "system": job.body.get("system_reference"),
         "warnings": job.body.get("warnings", []),
@@ -66,6 +73,41 @@ def result(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
 def cancel(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     """Stop a job; one that has ended already stays as it is."""
     return job_to_wire(JobRepository(session, caller.workspace).cancel(identifier))
+
+
+def pause(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Stop a job where it is, until it is resumed; 409 for one that has ended."""
+    return job_to_wire(JobRepository(session, caller.workspace).pause(identifier))
+
+
+def resume(service: Installation, session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Let a paused job go on; 409 for one that has ended."""
+    return job_to_wire(service.queue.resume(session, caller.workspace, identifier))
+
+
+def enqueue(
+    service: Installation,
+    session: Session,
+    caller: Caller,
+    *,
+    kind: str,
+    body: dict[str, Any],
+    queue: QueueDocument | None,
+) -> dict[str, Any]:
+    """Write a job down in the caller's transaction; what it says about the queue is no part of what is computed."""
+    wanted = queue or QueueDocument()
+    if wanted.deadline is not None and wanted.deadline <= utc_now():
+        raise invalid(f"deadline must lie in the future, got {wanted.deadline.isoformat()}", "queue", "deadline")
+    job = service.queue.enqueue(
+        session,
+        kind=kind,
+        body=body,
+        workspace_id=caller.workspace,
+        priority=Priority[wanted.priority.upper()],
+        time_limit=wanted.time_limit,
+        deadline=wanted.deadline,
+    )
+    return job_to_wire(job)
 
 
 def events(session: Session, caller: Caller, identifier: str, *, after: int) -> Sequence[JobEvent]:

@@ -19,9 +19,9 @@ from api.errors import invalid
 from api.pointers import Place
 from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
+from api.services import jobs
 from api.services.datasets import reader_of
 from api.services.installation import Caller, Installation
-from api.services.jobs import job_to_wire
 from api.services.systems import Subject, compiled, document_of, subject_of
 from engine.errors import EngineError
 from engine.study import simulate
@@ -120,7 +120,7 @@ def submit(
 ) -> dict[str, Any]:
     """Write the job down, in the caller's transaction, with the document revision it is about."""
     subject = prepared.subject
-    asked = {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document}
+    asked = {**request.model_dump(by_alias=True, exclude_unset=True, exclude={"queue"}), "system": subject.document}
     if prepared.alternatives:
         asked["alternatives"] = list(prepared.alternatives)
     body = {
@@ -128,7 +128,7 @@ def submit(
         "system_reference": dict(subject.reference) if subject.reference else None,
         "warnings": subject.warnings(),
     }
-    return job_to_wire(service.queue.enqueue(session, kind=KIND, body=body, workspace_id=caller.workspace))
+    return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:

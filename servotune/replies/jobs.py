@@ -18,3 +18,8 @@ class JobState(TypedDict):
     finished_at: NotRequired[str | None]
     result: NotRequired[str | None]
     error: NotRequired[dict[str, Any] | None]
+    paused: NotRequired[bool]
+    priority: NotRequired[str]
+    time_limit: NotRequired[float | None]
+    deadline: NotRequired[str | None]
+    attempts: NotRequired[int]

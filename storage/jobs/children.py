@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from storage.jobs.compute import HEADER, ComputeJob, Frame, send
-from storage.jobs.zygote import COMMAND, EXITED, KILL, START
+from storage.jobs.zygote import COMMAND, EXITED, KILL, PREPARED, START
 
 _PIECE = 1 << 20
 
@@ -94,6 +94,8 @@ class Zygote:
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
         self._reader: threading.Thread | None = None
+        #: How long it took to load what computes, None until that is done.
+        self.warm_up_seconds: float | None = None
 
     def warm_up(self) -> None:
         """Begin to import the compute function; returns at once."""
@@ -178,6 +180,9 @@ class Zygote:
             if len(received) == EXITED.size:
                 number, status = EXITED.unpack(received)
                 received = b""
+                if number == PREPARED:
+                    self.warm_up_seconds = status / 1000
+                    continue
                 with self._lock:
                     self._forget(self._children.get(number), status)
         with self._lock:

@@ -2,7 +2,7 @@
 
 The function runs in a process of its own, which may be killed at any time::
 
-    def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]: ...
+    def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts: ...
 
 Its return value, JSON with numpy arrays anywhere in it, becomes the result of the job.
 """
@@ -15,12 +15,14 @@ import socket
 import struct
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 #: The shortest time (s) between two reports of progress, and between two messages once the first ones are spent.
 REPORT_INTERVAL = 0.1
+#: The shortest time (s) between two states that are kept.
+KEEP_INTERVAL = 1.0
 #: Messages that may follow each other at once.
 _BURST = 20
 
@@ -30,13 +32,19 @@ HEADER = struct.Struct("<Q")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComputeJob:
-    """What is to be computed; ``database_url`` is for those kinds that read recordings."""
+    """What is to be computed; ``database_url`` is for those kinds that read recordings.
+
+    ``state`` is what the computation last kept (`Reporter.keep`) before it was cut off. ``parts`` has the results of the
+    parts into which it was cut, by their numbers, and under -1 what it knew then.
+    """
 
     id: str
     kind: str
     body: dict[str, Any]
     workspace_id: str
     database_url: str = field(repr=False)
+    state: dict[str, Any] | None = None
+    parts: Mapping[int, dict[str, Any]] = field(default_factory=dict)
 
 
 class Refusal(Exception):  # noqa: N818 - it is no error of the software
@@ -47,7 +55,19 @@ class Refusal(Exception):  # noqa: N818 - it is no error of the software
         self.problem: dict[str, Any] = {"type": type, "title": title, "detail": detail, **more}
 
 
-Compute = Callable[[ComputeJob, "Reporter"], Mapping[str, Any]]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """Returned by the compute function in place of a result: these parts are to be computed first, by any worker.
+
+    Each is put under ``part`` into the body of a job like this one. Then the function is called again for the whole job, with
+    their results and with ``known`` in `ComputeJob.parts`.
+    """
+
+    documents: Sequence[dict[str, Any]]
+    known: Mapping[str, Any] | None = None
+
+
+Compute = Callable[[ComputeJob, "Reporter"], Mapping[str, Any] | Parts]
 
 
 # What a child tells its worker.
@@ -67,10 +87,17 @@ class Message:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """The result."""
+class Kept:
+    """Where the computation is: what it goes on from when it is cut off."""
 
-    result: Mapping[str, Any]
+    state: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The result, or the parts that must be computed first."""
+
+    result: Mapping[str, Any] | Parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +115,7 @@ class Crashed:
     traceback: str
 
 
-Frame = Progress | Message | Done | Refused | Crashed
+Frame = Progress | Message | Kept | Done | Refused | Crashed
 
 
 class Reporter:
@@ -97,6 +124,7 @@ class Reporter:
     def __init__(self, pipe: socket.socket) -> None:
         self._pipe = pipe
         self._next_progress = 0.0
+        self._next_keep = 0.0
         self._messages = float(_BURST)
         self._counted_at = time.monotonic()
 
@@ -115,6 +143,13 @@ class Reporter:
         if self._messages >= 1:
             self._messages -= 1
             send(self._pipe, Message(text))
+
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """Keep a state, JSON, to go on from when this process dies; at most every `KEEP_INTERVAL`."""
+        now = time.monotonic()
+        if now >= self._next_keep:
+            self._next_keep = now + KEEP_INTERVAL
+            send(self._pipe, Kept(dict(state)))
 
 
 def send(pipe: socket.socket, frame: ComputeJob | Frame) -> None:

@@ -7,21 +7,26 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any, NoReturn, TypeVar
 
 from sqlalchemy.orm import Session
 
 from storage.errors import UNAVAILABLE
 from storage.jobs.children import Child, ChildDied, Zygote
-from storage.jobs.compute import ComputeJob, Crashed, Done, Frame, Message, Progress, Refused
-from storage.models import Job, JobStatus
-from storage.models.base import Document
-from storage.repositories import jobs
+from storage.jobs.compute import ComputeJob, Crashed, Done, Frame, Kept, Message, Parts, Progress, Refused
+from storage.jobs.queue import JobQueue
+from storage.models import Job, JobState, JobStatus
+from storage.models.base import Document, utc_now
+from storage.repositories import jobs, parts
 from storage.repositories.results import ResultRepository
 from storage.session import Database
 
-#: How often a job may begin: a third worker that dies with it has had enough.
+#: How often a job may begin without getting further: a third worker that dies with it has had enough.
 MAX_ATTEMPTS = 3
+#: How often (s) a part tells its parent how far it is.
+_PART_INTERVAL = 1.0
 #: How often (s) a running job is asked whether it is still wanted.
 _LOOK_INTERVAL = 0.2
 #: The pauses (s) between two tries to write while the database is away, and the longest of them.
@@ -36,17 +41,34 @@ class Stopped(BaseException):
     """The worker stops: the job engine must keep the job for the next one, so this is no outcome of the job."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Begun:
+    """A job in the hands of this worker: what is computed, and how much time (s) it has."""
+
+    job: Job
+    state: JobState | None
+    parts: Mapping[int, Document]
+    seconds: float | None
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether it was begun too often since it last got further."""
+        return self.job.attempts - (0 if self.state is None else self.state.attempt) > MAX_ATTEMPTS
+
+
 class Supervisor:
     """Does the jobs that the engine hands to this worker, at most ``slots`` at a time."""
 
-    def __init__(self, database: Database, zygote: Zygote, *, worker: str, slots: int) -> None:
+    def __init__(self, database: Database, queue: JobQueue, zygote: Zygote, *, worker: str, slots: int) -> None:
         self._database = database
+        self._queue = queue
         self._zygote = zygote
         self._worker = worker
         self._slots = threading.Semaphore(slots)
         self._stopping = threading.Event()
         self._idle = threading.Condition()
         self._busy = 0
+        self._told: dict[str, float] = {}
 
     def stop(self, timeout: float) -> None:
         """Kill every child, give the jobs back, and wait until that is done."""
@@ -54,7 +76,7 @@ class Supervisor:
         with self._idle:
             self._idle.wait_for(lambda: self._busy == 0, timeout)
 
-    def run(self, job_id: str) -> None:
+    def run(self, job_id: str, ticket: str) -> None:
         """Do one job, or find that there is nothing to do any more.
 
         Raises
@@ -63,10 +85,12 @@ class Supervisor:
             When the worker stops first.
         """
         with self._counted(), self._slot():
-            job = self._write(lambda session: jobs.begin(session, job_id, worker=self._worker))
-            if job is None:
+            begun = self._write(lambda session: self._begin(session, job_id, ticket))
+            if begun is None:
                 return
-            if job.attempts > MAX_ATTEMPTS:
+            job = begun.job
+            _log.info("job %s (%s) begins, attempt %d", job.id, job.kind, job.attempts)
+            if begun.hopeless:
                 detail = f"the job was begun {MAX_ATTEMPTS} times, and each time its worker died or was cut off"
                 self._fail(job, "interrupted", "Interrupted too often", detail)
                 return
@@ -77,22 +101,43 @@ class Supervisor:
                     body=job.body,
                     workspace_id=job.workspace_id,
                     database_url=self._database.url,
+                    state=None if begun.state is None else begun.state.state,
+                    parts=begun.parts,
                 )
             )
             try:
-                self._follow(job, child)
+                self._follow(begun, child)
             except Exception as error:  # noqa: BLE001 - a result that is no JSON, or anything else: the job must end
                 _log.exception("job %s (%s) cannot be brought to its end", job.id, job.kind)
                 self._internal_error(job, type(error).__name__)
             finally:
                 child.kill()
+                self._told.pop(job.id, None)
+            self._write(lambda session: self._queue.release(session, job.workspace_id))
+            _log.info("job %s (%s) has been let go", job.id, job.kind)
 
-    def _follow(self, job: Job, child: Child) -> None:
-        look_at = 0.0
+    def _begin(self, session: Session, job_id: str, ticket: str) -> _Begun | None:
+        job = jobs.begin(session, job_id, worker=self._worker, ticket=ticket)
+        if job is None:
+            return None
+        return _Begun(
+            job=job,
+            state=jobs.state_of(session, job_id),
+            parts=parts.results(session, job),
+            seconds=_time_left(job),
+        )
+
+    def _follow(self, begun: _Begun, child: Child) -> None:
+        job, look_at = begun.job, 0.0
+        # What is left is measured by a clock that nobody sets.
+        ends_at = None if begun.seconds is None else time.monotonic() + begun.seconds
         ended = False
         while not ended:
             if self._stopping.is_set():
                 self._give_back(job)
+            if ends_at is not None and time.monotonic() >= ends_at:
+                self._fail(job, "overdue", "Out of time", overdue_detail(job))
+                return
             if time.monotonic() >= look_at:
                 look_at = time.monotonic() + _LOOK_INTERVAL
                 if not self._write(lambda session: jobs.is_wanted(session, job.id, attempt=job.attempts)):
@@ -108,17 +153,20 @@ class Supervisor:
         """Write down what the child tells; True when it was its last word."""
         match frame:
             case Progress(fraction, message):
-                self._write(
-                    lambda session: jobs.report(
-                        session, job.id, attempt=job.attempts, progress=fraction, message=message or None
-                    )
-                )
+                if job.parent_id is None:
+                    self._report(job, fraction, message or None)
+                else:
+                    self._report_part(job, job.parent_id, fraction)
             case Message(text):
-                self._write(
-                    lambda session: jobs.report(session, job.id, attempt=job.attempts, progress=None, message=text)
-                )
+                if job.parent_id is None:  # of a part nobody reads the lines
+                    self._report(job, None, text)
+            case Kept(state):
+                self._write(lambda session: jobs.keep_state(session, job.id, attempt=job.attempts, state=state))
             case Done(result):
-                self._succeed(job, result)
+                if isinstance(result, Parts):
+                    self._cut(job, result)
+                else:
+                    self._succeed(job, result)
                 return True
             case Refused(problem):
                 self._finish_failed(job, problem)
@@ -129,8 +177,43 @@ class Supervisor:
                 return True
         return False
 
+    def _report(self, job: Job, progress: float | None, message: str | None) -> None:
+        self._write(
+            lambda session: jobs.report(session, job.id, attempt=job.attempts, progress=progress, message=message)
+        )
+
+    def _report_part(self, job: Job, parent_id: str, fraction: float) -> None:
+        """Let the parent's progress be the mean of its parts', now and then."""
+        now = time.monotonic()
+        if now < self._told.get(job.id, 0.0):
+            return
+        self._told[job.id] = now + _PART_INTERVAL
+
+        def tell(session: Session) -> None:
+            if jobs.lock(session, parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
+                jobs.set_progress(session, job.id, fraction)
+                _, mean = parts.progress(session, parent_id)
+                jobs.append_event(session, parent_id, "progress", {"progress": mean}, progress=mean)
+
+        self._write(tell)
+
+    def _cut(self, job: Job, wanted: Parts) -> None:
+        """Put the parts of a job into the queue; the last of them to end brings the job back there."""
+
+        def cut(session: Session) -> None:
+            if jobs.lock(session, job.id, attempt=job.attempts):
+                rows = parts.create(session, _with_deadline(session, job), wanted.documents, wanted.known)
+                text = f"cut into {len(rows)} parts"
+                jobs.append_event(session, job.id, "message", {"message": text}, message=text, ticket=None, worker=None)
+                self._queue.carry(session, rows)
+
+        self._write(cut)
+
     def _succeed(self, job: Job, result: Mapping[str, Any]) -> None:
         def keep(session: Session) -> None:
+            parent = job.parent_id
+            if parent is not None and not jobs.lock(session, parent, attempt=None):
+                return
             if not jobs.lock(session, job.id, attempt=job.attempts):
                 return
             system = result.get("system")
@@ -139,13 +222,15 @@ class Supervisor:
             row = ResultRepository(session, job.workspace_id).create(
                 kind=job.kind,
                 body=result,
-                request=job.body,
+                request=job.body if parent is None else None,
                 system_id=system.get("id"),
                 system_revision=system.get("revision"),
                 versions=versions if isinstance(versions, Mapping) else None,
                 within_quota=False,
             )
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)
+            if parent is not None and parts.progress(session, parent)[0] == 0:
+                self._queue.carry(session, [session.get_one(Job, parent, populate_existing=True)])
 
         self._write(keep)
 
@@ -157,9 +242,14 @@ class Supervisor:
         self._finish_failed(job, {"type": f"urn:servotune:problem:{slug}", "title": title, "detail": detail})
 
     def _finish_failed(self, job: Job, problem: Document) -> None:
-        self._write(
-            lambda session: jobs.finish(session, job.id, status=JobStatus.FAILED, attempt=job.attempts, error=problem)
-        )
+        def fail(session: Session) -> None:
+            if job.parent_id is None:
+                jobs.finish(session, job.id, status=JobStatus.FAILED, attempt=job.attempts, error=problem)
+            elif jobs.lock(session, job.parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
+                # The whole fails with its part, and takes all the others with it.
+                jobs.finish(session, job.parent_id, status=JobStatus.FAILED, error=problem)
+
+        self._write(fail)
 
     def _give_back(self, job: Job) -> NoReturn:
         self._write(lambda session: jobs.give_back(session, job.id, attempt=job.attempts))
@@ -201,3 +291,36 @@ class Supervisor:
             yield
         finally:
             self._slots.release()
+
+
+def overdue_detail(job: Job) -> str:
+    """Return the sentence for a job that did not end in time."""
+    if job.time_limit is not None and (job.deadline is None or _limit_ends_first(job)):
+        return f"the job must be computed within its time_limit of {job.time_limit:g} s, got one that needs longer"
+    return f"the job must end before its deadline {job.deadline}, got one that does not"
+
+
+def _limit_ends_first(job: Job) -> bool:
+    assert job.time_limit is not None
+    assert job.deadline is not None
+    return job.started_at is not None and job.started_at + timedelta(seconds=job.time_limit) < job.deadline
+
+
+def _time_left(job: Job) -> float | None:
+    """Return how long (s) a job that has begun may still take; None without an end."""
+    now, ends = utc_now(), []
+    if job.time_limit is not None:
+        assert job.started_at is not None
+        ends.append(job.time_limit - (now - job.started_at).total_seconds())
+    if job.deadline is not None:
+        ends.append((job.deadline - now).total_seconds())
+    return min(ends) if ends else None
+
+
+def _with_deadline(session: Session, job: Job) -> Job:
+    """Return the present row of a job that is cut, its parts' deadline in it."""
+    row = session.get_one(Job, job.id, populate_existing=True)
+    left = _time_left(row)
+    if left is not None:
+        row.deadline = utc_now() + timedelta(seconds=left)
+    return row

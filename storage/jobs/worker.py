@@ -7,23 +7,33 @@ import os
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from dbos import DBOS, DBOSClient, DBOSConfig
+from sqlalchemy.orm import Session
 
 from storage import models
 from storage.errors import UNAVAILABLE, StateError
+from storage.jobs import reconciliation
 from storage.jobs.children import Zygote
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
-from storage.jobs.supervision import Supervisor
+from storage.jobs.pulse import Pulse
+from storage.jobs.queue import JobQueue
+from storage.jobs.supervision import Supervisor, overdue_detail
 from storage.models.base import utc_now
-from storage.repositories.workers import HEARTBEAT_INTERVAL, STALE_AFTER, WorkerRepository
+from storage.repositories import jobs
+from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
 
 #: How often (s) a worker asks for a job.
 _POLLING_INTERVAL = 0.1
+#: Heartbeats that may be missing.
+_PATIENCE = 5
+#: How often (s) a worker looks for jobs that nobody carries.
+_RECONCILE_INTERVAL = 60.0
 #: How long (s) a stopping worker waits for its children to be gone.
 _STOP_TIMEOUT = 10.0
 
@@ -32,13 +42,15 @@ _log = logging.getLogger(__name__)
 
 @DBOS.workflow(name=WORKFLOW, max_recovery_attempts=None)
 def _run_job(job_id: str) -> None:
-    _compute(job_id)
+    ticket = DBOS.workflow_id
+    assert ticket is not None
+    _compute(job_id, ticket)
 
 
 @DBOS.step(name="compute")
-def _compute(job_id: str) -> None:
+def _compute(job_id: str, ticket: str) -> None:
     assert Worker.current is not None
-    Worker.current.supervisor.run(job_id)
+    Worker.current.supervisor.run(job_id, ticket)
 
 
 class Worker:
@@ -52,16 +64,19 @@ class Worker:
         ``module:function`` of the function that computes, see `storage.jobs.compute`.
     slots : int
         How many jobs it does at a time.
+    heartbeat : float
+        How often (s) it shows that it lives; another worker that does not for five times as long is dead.
     """
 
     current: ClassVar[Worker | None] = None
 
-    def __init__(self, url: str, *, compute: str, slots: int = 1) -> None:
+    def __init__(self, url: str, *, compute: str, slots: int = 1, heartbeat: float = HEARTBEAT_INTERVAL) -> None:
         if slots < 1:
             raise ValueError(f"slots must be >= 1, got {slots}")
         self._url = url
         self._compute = compute
         self._slots = slots
+        self._heartbeat = heartbeat
         self._token = secrets.token_hex(8)
         self._ended = threading.Event()
         self._undo = ExitStack()
@@ -87,13 +102,17 @@ class Worker:
             zygote.warm_up()
             self.name = _claim_name(self._database, self._token, self._slots)
             undo.callback(self._retire)
-            self.supervisor = Supervisor(self._database, zygote, worker=self.name, slots=self._slots)
+            self._queue = JobQueue(self._database)
+            undo.callback(self._queue.close)
+            self.supervisor = Supervisor(
+                self._database, self._queue, zygote, worker=self.name, slots=self._slots
+            )  # fmt: skip
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
             self._launch()
             undo.callback(self.supervisor.stop, _STOP_TIMEOUT)
-            heart = threading.Thread(target=self._beat, name="worker-heart", daemon=True)
+            heart = threading.Thread(target=self._beat, args=[zygote], name="worker-heart", daemon=True)
             heart.start()
             undo.callback(heart.join)
             undo.callback(self._ended.set)
@@ -104,19 +123,23 @@ class Worker:
         self._undo.close()
 
     def run(self, stop: threading.Event) -> None:
-        """Work until ``stop`` is set, or until another process has taken this worker's name."""
-        self.start()
-        try:
-            while not stop.wait(0.2) and not self._ended.is_set():
-                pass
-        finally:
-            self.stop()
+        """Work until ``stop`` is set; a worker that was silent for so long that it lost its name begins again."""
+        while not stop.is_set():
+            self.start()
+            try:
+                while not stop.wait(0.2) and not self._ended.is_set():
+                    pass
+            finally:
+                self.stop()
 
     def _launch(self) -> None:
         engine = self._database.engine
         client = DBOSClient(system_database_engine=engine, serializer=SERIALIZER, application_name=APPLICATION)
-        # Before the launch, which would notice a new queue a second later.
-        client.register_queue(QUEUE, worker_concurrency=self._slots, polling_interval_sec=_POLLING_INTERVAL)
+        # Before the launch, which would notice a new queue a second later. A limit for each partition is what makes the
+        # engine ask them in turn.
+        client.register_queue(
+            QUEUE, worker_concurrency=1, partition_worker_concurrency=1, polling_interval_sec=_POLLING_INTERVAL
+        )
         client.destroy()
         config: DBOSConfig = {
             "name": APPLICATION,
@@ -127,9 +150,10 @@ class Worker:
             "log_level": "WARNING",
             "run_migrations": False,
         }
-        DBOS(config=config)
+        engine_instance = DBOS(config=config)
         DBOS.listen_queues([QUEUE])
         DBOS.launch()
+        _use_own_slots(engine_instance, self._slots)
 
     def _retire(self) -> None:
         try:
@@ -138,22 +162,56 @@ class Worker:
         except UNAVAILABLE as error:
             _log.warning("worker %s could not say that it stops: %s", self.name, error)
 
-    def _beat(self) -> None:
-        """Say that the worker lives, and look for those that do not."""
-        while not self._ended.wait(HEARTBEAT_INTERVAL):
+    def _beat(self, zygote: Zygote) -> None:
+        """Say that the worker lives, look for those that do not, and hand out what waits for nothing any more."""
+        pulse, looked, warm = Pulse(_PATIENCE * self._heartbeat), 0.0, False
+        while not self._ended.wait(self._heartbeat):
             try:
                 with self._database.session() as session:
                     workers = WorkerRepository(session)
                     if not workers.beat(self.name, self._token):
-                        _log.error("worker %s stops: another process has taken its name", self.name)
+                        _log.warning("worker %s begins again under another name: it was silent for too long", self.name)
                         self._ended.set()
                         return
-                    dead = workers.dead()
-                recover(dead)
+                    if not warm and zygote.warm_up_seconds is not None:
+                        workers.warmed_up(self.name, self._token, zygote.warm_up_seconds)
+                        warm = True
+                    dead = pulse.dead(workers.all())
+                self._take_over(dead)
                 with self._database.session() as session:
-                    WorkerRepository(session).forget()
+                    self._end_overdue(session)
+                    self._queue.release(session)
+                if time.monotonic() >= looked:
+                    looked = time.monotonic() + _RECONCILE_INTERVAL
+                    self._reconcile()
             except UNAVAILABLE as error:
                 _log.warning("worker %s cannot reach the database: %s", self.name, error)
+
+    def _take_over(self, dead: Sequence[models.Worker]) -> None:
+        """Put the jobs of dead workers back into the queue, and then forget these workers."""
+        if not dead:
+            return
+        _log.warning("the jobs of dead workers go on elsewhere: %s", ", ".join(worker.id for worker in dead))
+        recover([worker.id for worker in dead])
+        with self._database.session() as session:
+            for worker in dead:
+                WorkerRepository(session).bury(worker.id, token=worker.token, seen_at=worker.seen_at)
+
+    def _end_overdue(self, session: Session) -> None:
+        for identifier in jobs.overdue(session):
+            job = session.get_one(models.Job, identifier)
+            problem = {"type": "urn:servotune:problem:overdue", "title": "Out of time", "detail": overdue_detail(job)}
+            jobs.finish(session, identifier, status=models.JobStatus.FAILED, error=problem)
+
+    def _reconcile(self) -> None:
+        with self._database.session() as session:
+            strangers = reconciliation.strangers(session)
+        recover(strangers)
+        with self._database.session() as session:
+            lost = reconciliation.uncarried(session)
+            self._queue.carry(session, lost)
+        for job in lost:
+            _log.warning("job %s was carried by nobody and is in the queue again", job.id)
 
 
 def recover(dead: Sequence[str]) -> None:
@@ -164,6 +222,24 @@ def recover(dead: Sequence[str]) -> None:
     """
     if dead:
         DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001 - no public call; held by a test
+
+
+def _use_own_slots(engine: DBOS, slots: int) -> None:
+    """Let this process take as many jobs as it has slots.
+
+    The engine keeps one number for all workers in the database (1, until this is called), and reads it before it takes a
+    job; but workers have different numbers of slots.
+    """
+    database = engine._sys_db  # noqa: SLF001 - no public call; held by a test
+    read = database.get_queue
+
+    def get_queue(name: str, **more: Any) -> Any:
+        queue = read(name, **more)
+        if queue is not None and name == QUEUE:
+            queue._worker_concurrency = queue._partition_worker_concurrency = slots  # noqa: SLF001 - as above
+        return queue
+
+    database.get_queue = get_queue  # type: ignore[method-assign] # what the engine asks is answered here
 
 
 def _claim_name(database: Database, token: str, slots: int) -> str:
@@ -183,9 +259,11 @@ def _claim_name(database: Database, token: str, slots: int) -> str:
 
 
 def _is_alive(holder: models.Worker) -> bool:
-    """Tell whether another process of this host still holds a name: it exists, and its heartbeat is fresh."""
-    if holder.pid == os.getpid() or holder.seen_at <= utc_now() - STALE_AFTER:
+    """Tell whether another process still holds a name of this host: it exists."""
+    if holder.seen_at == RETIRED:
         return False
+    if holder.pid == os.getpid():  # of an earlier life, or of another container that calls itself the same
+        return holder.seen_at > utc_now() - STALE_AFTER
     try:
         os.kill(holder.pid, 0)
     except ProcessLookupError:

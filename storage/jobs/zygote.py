@@ -17,6 +17,8 @@ import signal
 import socket
 import struct
 import sys
+import time
+from contextlib import suppress
 from typing import NoReturn, cast
 
 from storage.jobs.compute import Compute, compute_one
@@ -26,6 +28,8 @@ COMMAND = struct.Struct("<cq")
 START, KILL = b"S", b"K"
 #: Zygote to worker: which child has ended, and its wait status.
 EXITED = struct.Struct("<qi")
+#: In place of a child: the zygote is prepared, after so many milliseconds.
+PREPARED = -1
 
 _PR_SET_PDEATHSIG = 1
 
@@ -43,9 +47,12 @@ def main(compute_path: str, control: socket.socket) -> NoReturn:
     home = importlib.import_module(module)
     compute = cast("Compute", getattr(home, function))
     # What takes long to load is loaded once, here, and shared by all children.
+    begun = time.monotonic()
     prepare = getattr(home, "prepare", None)
     if prepare is not None:
         prepare()
+    with suppress(BrokenPipeError):  # a worker that went meanwhile is noticed below
+        control.sendall(EXITED.pack(PREPARED, round(1000 * (time.monotonic() - begun))))
     gc.freeze()  # what is imported stays shared between the children
     children: dict[int, int] = {}  # process id by number
     with selectors.DefaultSelector() as selector:

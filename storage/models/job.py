@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from datetime import datetime
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 from typing import Any
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from storage.models.base import Base, Id, Word, utc_now
@@ -27,18 +27,31 @@ class JobStatus(StrEnum):
         return self in {JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED}
 
 
+class Priority(IntEnum):
+    """Which of a workspace's jobs go first, as the job engine counts: a low number before a high one."""
+
+    HIGH = 1
+    NORMAL = 2
+    LOW = 3
+
+
 class Job(Base):
     """Long work that was asked for.
 
     ``attempts`` counts how often a worker began it; ``worker`` is who has it now; ``error`` is a problem
     (type, title, detail). ``last_event`` numbers the events. ``schedule_id`` is the schedule that asked for it, which
     may be gone.
+
+    ``ticket`` is the job engine's workflow that carries the job, numbered by ``round``; a job without one waits: for being
+    resumed, for room in its workspace, or for its parts. A part is a job of its own, ``part`` of the job ``parent_id``, which
+    no user sees; those below 0 hold what the parent knew when it was cut.
     """
 
     __tablename__ = "job"
     __table_args__ = (
         Index(None, "workspace_id", "created_at", "id"),
         Index(None, "status"),
+        Index(None, "parent_id", "part"),
         CheckConstraint("status IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", name="status"),
     )
 
@@ -55,6 +68,14 @@ class Job(Base):
     worker: Mapped[str | None] = mapped_column(Word)
     last_event: Mapped[int] = mapped_column(default=0)
     schedule_id: Mapped[str | None] = mapped_column(Id, index=True)
+    ticket: Mapped[str | None] = mapped_column(Word)
+    round: Mapped[int] = mapped_column(default=0, server_default="0")
+    priority: Mapped[int] = mapped_column(default=Priority.NORMAL, server_default="2")
+    paused: Mapped[bool] = mapped_column(default=False, server_default=false())
+    time_limit: Mapped[float | None]
+    deadline: Mapped[datetime | None]
+    parent_id: Mapped[str | None] = mapped_column(Id)
+    part: Mapped[int | None]
     created_at: Mapped[datetime] = mapped_column(default=utc_now)
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
@@ -72,8 +93,33 @@ class JobEvent(Base):
     at: Mapped[datetime] = mapped_column(default=utc_now)
 
 
+class JobState(Base):
+    """Where the computation of a job was last: the document that it goes on from, and the attempt that wrote it."""
+
+    __tablename__ = "job_state"
+
+    job_id: Mapped[str] = mapped_column(ForeignKey("job.id", ondelete="CASCADE"), primary_key=True)
+    attempt: Mapped[int]
+    state: Mapped[dict[str, Any]]
+    at: Mapped[datetime] = mapped_column(default=utc_now)
+
+
+class JobTally(Base):
+    """How many jobs of a kind have ended so, and the seconds that they took: counters that only grow."""
+
+    __tablename__ = "job_tally"
+
+    kind: Mapped[str] = mapped_column(Word, primary_key=True)
+    status: Mapped[str] = mapped_column(Word, primary_key=True)
+    count: Mapped[int] = mapped_column(BigInteger, default=0)
+    seconds: Mapped[float] = mapped_column(default=0.0)
+
+
 class Worker(Base):
-    """A worker that lives as long as ``seen_at`` is fresh; ``token`` tells two holders of one name apart."""
+    """A worker that lives as long as ``seen_at`` changes; ``token`` tells two holders of one name apart.
+
+    ``warm_up`` is how long (s) it took to load what computes, None until that is done.
+    """
 
     __tablename__ = "worker"
 
@@ -82,5 +128,6 @@ class Worker(Base):
     host: Mapped[str]
     pid: Mapped[int]
     slots: Mapped[int]
+    warm_up: Mapped[float | None]
     started_at: Mapped[datetime]
     seen_at: Mapped[datetime] = mapped_column(index=True)

@@ -3,26 +3,31 @@
 ::
 
     queued -> running -> succeeded | failed | cancelled
-    queued -> cancelled,  running -> queued (given back by a worker that stops)
+    queued -> cancelled,  running -> queued (given back by a worker that stops, or paused)
+
+Rows are locked in the order parent, part, workspace: what is cut into parts is locked before any of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
-from sqlalchemy import select, update
+from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.errors import NotFoundError
+from storage.errors import NotFoundError, StateError
 from storage.ids import new_id
 from storage.imports import abandon
+from storage.insertion import insert_if_absent
 from storage.lineage import remember, sources_in
-from storage.models import Job, JobEvent, JobStatus
+from storage.models import Job, JobEvent, JobState, JobStatus, JobTally, Priority, Result
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
+from storage.repositories import parts
 from storage.repositories.webhooks import tell_end
 
 _ALIVE = (JobStatus.QUEUED, JobStatus.RUNNING)
@@ -35,8 +40,25 @@ class JobRepository:
         self._session = session
         self._workspace_id = workspace_id
 
-    def create(self, *, kind: str, body: Document) -> Job:
+    def create(
+        self,
+        *,
+        kind: str,
+        body: Document,
+        priority: Priority = Priority.NORMAL,
+        time_limit: float | None = None,
+        deadline: datetime | None = None,
+    ) -> Job:
         """Write down a queued job (`storage.jobs.queue.JobQueue.enqueue` also hands it to the workers).
+
+        Parameters
+        ----------
+        priority : Priority
+            Among the jobs of its workspace.
+        time_limit : float, optional
+            How long (s) it may take from its start.
+        deadline : datetime, optional
+            When it must have ended.
 
         Raises
         ------
@@ -44,7 +66,16 @@ class JobRepository:
             When the workspace has too many unfinished ones.
         """
         quotas.admit_job(self._session, self._workspace_id)
-        job = Job(id=new_id("job"), workspace_id=self._workspace_id, kind=kind, body=body, status=JobStatus.QUEUED)
+        job = Job(
+            id=new_id("job"),
+            workspace_id=self._workspace_id,
+            kind=kind,
+            body=body,
+            status=JobStatus.QUEUED,
+            priority=priority,
+            time_limit=time_limit,
+            deadline=deadline,
+        )
         self._session.add(job)
         self._session.flush()
         remember(self._session, self._workspace_id, job.id, sources_in(body))
@@ -56,7 +87,7 @@ class JobRepository:
     def get(self, identifier: str) -> Job:
         """Return a job as it is now; raise `NotFoundError` when it is not in this workspace."""
         job = self._session.get(Job, identifier, populate_existing=True)
-        if job is None or job.workspace_id != self._workspace_id:
+        if job is None or job.workspace_id != self._workspace_id or job.parent_id is not None:
             raise NotFoundError("job", identifier)
         return job
 
@@ -70,7 +101,7 @@ class JobRepository:
         limit: int = 100,
     ) -> Page[Job]:
         """Return the jobs of the workspace, newest first."""
-        rows = select(Job).where(Job.workspace_id == self._workspace_id)
+        rows = select(Job).where(Job.workspace_id == self._workspace_id, Job.parent_id.is_(None))
         if kind is not None:
             rows = rows.where(Job.kind == kind)
         if status is not None:
@@ -92,6 +123,26 @@ class JobRepository:
             record(self._session, self._workspace_id, "job.cancel", identifier)
         return self.get(identifier)
 
+    def pause(self, identifier: str) -> Job:
+        """Take an unfinished job from whoever computes it and keep it where it is, until it is resumed.
+
+        Raises
+        ------
+        StateError
+            When it has ended.
+        """
+        job = self.get(identifier)
+        if job.paused and not JobStatus(job.status).final:
+            return job
+        if not lock(self._session, identifier, attempt=None):
+            raise StateError(
+                f"job {identifier!r} must not have ended to be paused, it is {self.get(identifier).status}"
+            )
+        hold(self._session, identifier, paused=True)
+        parts.pause(self._session, identifier)
+        record(self._session, self._workspace_id, "job.pause", identifier)
+        return self.get(identifier)
+
 
 def append_event(session: Session, job_id: str, type_: str, payload: Document, **job_values: Any) -> int:
     """Append an event, change the job with it, and return the event's id.
@@ -110,12 +161,22 @@ def append_event(session: Session, job_id: str, type_: str, payload: Document, *
     return number
 
 
-def begin(session: Session, job_id: str, *, worker: str) -> Job | None:
-    """Begin (or, after its worker died, begin again) a job; None when there is nothing to do any more."""
+def begin(session: Session, job_id: str, *, worker: str, ticket: str | None = None) -> Job | None:
+    """Begin (or, after its worker died, begin again) a job; None when ``ticket`` has nothing to do any more.
+
+    A job whose workspace has as many running as it may have is put aside, see `storage.jobs.queue.JobQueue.release`.
+    """
+    found = session.get(Job, job_id, populate_existing=True)
+    if found is None:
+        return None
+    if found.status == JobStatus.QUEUED and not quotas.may_run(session, found.workspace_id):
+        if session.scalar(select(Job.id).where(Job.id == job_id, _carried_by(ticket))) is not None:
+            hold(session, job_id, paused=False)
+        return None
     begun = session.scalars(
         update(Job)
-        .where(Job.id == job_id, Job.status.in_(_ALIVE))
-        .values(status=JobStatus.RUNNING, worker=worker, attempts=Job.attempts + 1, progress=0.0, message="")
+        .where(Job.id == job_id, _carried_by(ticket))
+        .values(status=JobStatus.RUNNING, worker=worker, attempts=Job.attempts + 1, message="")
         .returning(Job.id)
         .execution_options(synchronize_session=False)
     ).one_or_none()
@@ -127,6 +188,34 @@ def begin(session: Session, job_id: str, *, worker: str) -> Job | None:
     append_event(session, job_id, "status", payload, started_at=started_at)
     session.refresh(job)
     return job
+
+
+def _carried_by(ticket: str | None) -> Any:
+    """Return the condition that a job is unfinished and that this ticket, of all that it ever had, is the valid one."""
+    return Job.status.in_(_ALIVE) & (Job.ticket.is_(None) if ticket is None else Job.ticket == ticket)
+
+
+def hold(session: Session, job_id: str, *, paused: bool) -> None:
+    """Take a job from the workers; the caller has locked it."""
+    payload: Document = {"status": JobStatus.QUEUED, **({"paused": True} if paused else {})}
+    append_event(
+        session, job_id, "status", payload, status=JobStatus.QUEUED, paused=paused, ticket=None, worker=None
+    )  # fmt: skip
+
+
+def keep_state(session: Session, job_id: str, *, attempt: int, state: Document) -> bool:
+    """Remember where the computation is; False when this attempt does not have the job any more."""
+    if not lock(session, job_id, attempt=attempt):
+        return False
+    values = {"attempt": attempt, "state": state, "at": utc_now()}
+    if not insert_if_absent(session, JobState, job_id=job_id, **values):
+        session.execute(update(JobState).where(JobState.job_id == job_id).values(**values))
+    return True
+
+
+def state_of(session: Session, job_id: str) -> JobState | None:
+    """Return where the computation of a job was last."""
+    return session.get(JobState, job_id, populate_existing=True)
 
 
 def report(session: Session, job_id: str, *, attempt: int, progress: float | None, message: str | None) -> bool:
@@ -142,6 +231,13 @@ def report(session: Session, job_id: str, *, attempt: int, progress: float | Non
     return True
 
 
+def set_progress(session: Session, job_id: str, fraction: float) -> None:
+    """Write down how far a part is, which nobody follows by its events."""
+    session.execute(
+        update(Job).where(Job.id == job_id).values(progress=fraction).execution_options(synchronize_session=False)
+    )
+
+
 def finish(
     session: Session,
     job_id: str,
@@ -154,15 +250,35 @@ def finish(
     """Bring a job to its end; False when it had ended before, or ``attempt`` does not have it any more."""
     if not lock(session, job_id, attempt=attempt):
         return False
-    values: Document = {"status": status, "finished_at": utc_now(), "error": error, "result_id": result_id}
+    now = utc_now()
+    values: Document = {
+        "status": status, "finished_at": now, "error": error, "result_id": result_id, "ticket": None, "paused": False,
+    }  # fmt: skip
     if status is JobStatus.SUCCEEDED:
         values["progress"] = 1.0
     payload: Document = {"status": status} if error is None else {"status": status, "error": error}
     append_event(session, job_id, "status", payload, **values)
     if status is not JobStatus.SUCCEEDED:
         abandon(session, job_id, error or {"title": "Cancelled", "detail": "the job that read the file was cancelled"})
-    tell_end(session, job_id)
+    parts.drop(session, job_id)
+    session.execute(delete(JobState).where(JobState.job_id == job_id))
+    job = session.get_one(Job, job_id, populate_existing=True)
+    if job.parent_id is None:
+        tell_end(session, job_id)
+        seconds = 0.0 if job.started_at is None else max((now - job.started_at).total_seconds(), 0.0)
+        _count(session, job.kind, status, seconds)
     return True
+
+
+def _count(session: Session, kind: str, status: JobStatus, seconds: float) -> None:
+    """Count an ended job; the last row that is locked, because everybody needs it."""
+    insert_if_absent(session, JobTally, kind=kind, status=status, count=0, seconds=0.0)
+    session.execute(
+        update(JobTally)
+        .where(JobTally.kind == kind, JobTally.status == status)
+        .values(count=JobTally.count + 1, seconds=JobTally.seconds + seconds)
+        .execution_options(synchronize_session=False)
+    )
 
 
 def give_back(session: Session, job_id: str, *, attempt: int) -> None:
@@ -174,8 +290,8 @@ def give_back(session: Session, job_id: str, *, attempt: int) -> None:
 
 def is_wanted(session: Session, job_id: str, *, attempt: int) -> bool:
     """Tell, without a lock, whether a job is running in the hands of ``attempt``."""
-    row = session.execute(select(Job.status, Job.attempts).where(Job.id == job_id)).one()
-    return (row.status, row.attempts) == (JobStatus.RUNNING, attempt)
+    row = session.execute(select(Job.status, Job.attempts).where(Job.id == job_id)).one_or_none()
+    return row is not None and (row.status, row.attempts) == (JobStatus.RUNNING, attempt)
 
 
 def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:
@@ -186,3 +302,31 @@ def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:
     return (
         session.scalars(held.returning(Job.id).execution_options(synchronize_session=False)).one_or_none() is not None
     )
+
+
+def overdue(session: Session, *, limit: int = 100) -> Sequence[str]:
+    """Return jobs that wait although the time by which they must have ended is over."""
+    rows = select(Job.id).where(Job.status == JobStatus.QUEUED, Job.deadline < utc_now(), Job.parent_id.is_(None))
+    return session.scalars(rows.limit(limit)).all()
+
+
+def forget(session: Session, *, before: datetime, limit: int = 200) -> int:
+    """Delete jobs that ended before, with their events and results; return how many, at most ``limit``."""
+    rows = select(Job).where(Job.finished_at < before, Job.parent_id.is_(None)).order_by(Job.finished_at)
+    jobs = session.scalars(rows.limit(limit)).all()
+    for job in jobs:
+        result = None if job.result_id is None else session.get(Result, job.result_id)
+        session.delete(job)
+        session.flush()
+        if result is not None:
+            parts.discard(session, result)
+    return len(jobs)
+
+
+def waiting(session: Session) -> Sequence[tuple[str, str, int, datetime]]:
+    """Return (kind, status, number, the oldest one's time) of the unfinished jobs, parts among them."""
+    rows = select(Job.kind, Job.status, func.count(), func.min(Job.created_at)).where(Job.status.in_(_ALIVE))
+    return [
+        (kind, status, count, oldest)
+        for kind, status, count, oldest in session.execute(rows.group_by(Job.kind, Job.status))
+    ]

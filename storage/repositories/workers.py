@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
@@ -16,8 +16,8 @@ from storage.models.base import utc_now
 HEARTBEAT_INTERVAL = 2.0
 #: ... and counts as dead when it has not for this long.
 STALE_AFTER = timedelta(seconds=10)
-#: A dead worker's row is kept this long.
-FORGOTTEN_AFTER = timedelta(days=1)
+#: The heartbeat of a worker that has stopped in good order: it is dead at once.
+RETIRED = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class WorkerRepository:
@@ -33,7 +33,9 @@ class WorkerRepository:
     def claim(self, identifier: str, *, token: str, replaces: str | None, host: str, pid: int, slots: int) -> bool:
         """Take a worker's name: a new one, or that of a dead worker whose token is ``replaces``."""
         now = utc_now()
-        values = {"token": token, "host": host, "pid": pid, "slots": slots, "started_at": now, "seen_at": now}
+        values = {
+            "token": token, "host": host, "pid": pid, "slots": slots, "warm_up": None, "started_at": now, "seen_at": now,
+        }  # fmt: skip
         if replaces is None:
             return insert_if_absent(self._session, Worker, id=identifier, **values)
         return self._update(identifier, replaces, **values)
@@ -42,9 +44,13 @@ class WorkerRepository:
         """Write a heartbeat; False when somebody else has taken the name."""
         return self._update(identifier, token, seen_at=utc_now())
 
+    def warmed_up(self, identifier: str, token: str, seconds: float) -> None:
+        """Write down how long (s) a worker took to load what computes."""
+        self._update(identifier, token, warm_up=seconds)
+
     def retire(self, identifier: str, token: str) -> None:
         """Say that the worker stops, so that its jobs are free at once."""
-        self._update(identifier, token, seen_at=utc_now() - STALE_AFTER)
+        self._update(identifier, token, seen_at=RETIRED)
 
     def alive(self) -> Sequence[Worker]:
         """Return the workers with a fresh heartbeat."""
@@ -54,13 +60,15 @@ class WorkerRepository:
         """Return the latest heartbeat of any worker, None when none has ever been here."""
         return self._session.scalar(select(Worker.seen_at).order_by(Worker.seen_at.desc()).limit(1))
 
-    def dead(self) -> Sequence[str]:
-        """Return the names of workers that have stopped or gone silent."""
-        return self._session.scalars(select(Worker.id).where(Worker.seen_at < utc_now() - STALE_AFTER)).all()
+    def all(self) -> Sequence[Worker]:
+        """Return every worker that is known, dead ones among them."""
+        return self._session.scalars(select(Worker).order_by(Worker.id)).all()
 
-    def forget(self) -> None:
-        """Delete what is left of workers that have been dead for a day; one that comes back then must stop."""
-        self._session.execute(delete(Worker).where(Worker.seen_at < utc_now() - FORGOTTEN_AFTER))
+    def bury(self, identifier: str, *, token: str, seen_at: datetime) -> None:
+        """Delete a dead worker, unless it has shown itself since; one that comes back later takes another name."""
+        self._session.execute(
+            delete(Worker).where(Worker.id == identifier, Worker.token == token, Worker.seen_at == seen_at)
+        )
 
     def _update(self, identifier: str, holder: str, **values: object) -> bool:
         updated = self._session.execute(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from typing import Any
 
 from storage import Database
@@ -23,8 +24,11 @@ class Desk:
         self.queue = JobQueue(database)
 
     def ask(self, kind: str, **body: Any) -> str:
+        return self.ask_in(DEFAULT_WORKSPACE, kind, **body)
+
+    def ask_in(self, workspace: str, kind: str, *, queue: dict[str, Any] | None = None, **body: Any) -> str:
         with self.database.session() as session:
-            return self.queue.enqueue(session, kind=kind, body=body, workspace_id=DEFAULT_WORKSPACE).id
+            return self.queue.enqueue(session, kind=kind, body=body, workspace_id=workspace, **(queue or {})).id
 
     def get(self, job_id: str) -> Job:
         with self.database.session() as session:
@@ -50,6 +54,14 @@ class Desk:
             time.sleep(0.01)
         return int(told[-1]["message"])
 
+    def pause(self, job_id: str) -> Job:
+        with self.database.session() as session:
+            return JobRepository(session, DEFAULT_WORKSPACE).pause(job_id)
+
+    def resume(self, job_id: str) -> Job:
+        with self.database.session() as session:
+            return self.queue.resume(session, DEFAULT_WORKSPACE, job_id)
+
     def cancel(self, job_id: str) -> Job:
         with self.database.session() as session:
             return JobRepository(session, DEFAULT_WORKSPACE).cancel(job_id)
@@ -67,4 +79,12 @@ def wait_until_gone(process: int, timeout: float) -> None:
     give_up_at = time.monotonic() + timeout
     while exists(process):
         assert time.monotonic() < give_up_at, f"process {process} still runs after {timeout} s"
+        time.sleep(0.01)
+
+
+def wait_for(found: Callable[[], bool], what: str, timeout: float = 20.0) -> None:
+    """Wait until something is so."""
+    give_up_at = time.monotonic() + timeout
+    while not found():
+        assert time.monotonic() < give_up_at, f"{what}: not after {timeout} s"
         time.sleep(0.01)

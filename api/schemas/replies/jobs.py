@@ -23,6 +23,11 @@ class JobReply(Reply):
     finished_at: datetime | None
     result: str | None
     error: dict[str, Any] | None
+    paused: bool = Field(description="it waits until it is resumed, and then goes on from where it was")
+    priority: Literal["high", "normal", "low"]
+    time_limit: float | None = Field(description="longest time of the computation, s")
+    deadline: datetime | None = Field(description="when it must have ended")
+    attempts: int = Field(description="how often a worker began it: more than once when one died")
     schedule: str | None = Field(default=None, description="id of the schedule that asked for it")
     system: SystemReference | None
     warnings: list[WarningReply]

@@ -4,11 +4,11 @@ from datetime import timedelta
 
 import pytest
 
+from storage.jobs.pulse import Pulse
 from storage.models import DEFAULT_WORKSPACE, JobStatus, Worker
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, WorkerRepository
 from storage.repositories import jobs as changes
-from storage.repositories.workers import FORGOTTEN_AFTER, STALE_AFTER
 
 HOLDER = {"host": "lab", "pid": 1, "slots": 1}
 
@@ -25,23 +25,42 @@ def test_a_name_has_one_holder(database):
         assert workers.get("lab-0").token == "c"
 
 
-def test_silence_is_death_and_is_forgotten(database):
+class Clock:
+    now = 50.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_silence_is_death_whatever_the_clocks_of_the_machines_say(database):
+    clock = Clock()
+    pulse = Pulse(10.0, clock=clock)
     with database.session() as session:
         workers = WorkerRepository(session)
         assert workers.last_seen() is None
-        ages = {"fresh": timedelta(0), "silent": STALE_AFTER, "old": FORGOTTEN_AFTER + timedelta(seconds=1)}
-        for name, age in ages.items():
+        for name, ahead in {"on time": 0, "fast": 3600, "slow": -3600}.items():
             workers.claim(name, token=name, replaces=None, **HOLDER)
-            session.get_one(Worker, name).seen_at = utc_now() - age
+            session.get_one(Worker, name).seen_at = utc_now() + timedelta(seconds=ahead)
         session.flush()
-        assert [worker.id for worker in workers.alive()] == ["fresh"]
-        assert set(workers.dead()) == {"silent", "old"}
-        workers.forget()
-        assert workers.dead() == ["silent"]
-        assert utc_now() - workers.last_seen() < timedelta(seconds=30)
-        workers.retire("fresh", "fresh")
-        assert workers.alive() == []
-        assert set(workers.dead()) == {"silent", "fresh"}
+        assert pulse.dead(workers.all()) == []
+        clock.now += 9.9
+        workers.beat("on time", "on time")
+        assert pulse.dead(workers.all()) == []
+        clock.now += 0.1
+        assert {worker.id for worker in pulse.dead(workers.all())} == {"fast", "slow"}
+        workers.retire("on time", "on time")
+        assert len(pulse.dead(workers.all())) == 3
+
+
+def test_a_dead_worker_is_buried_unless_it_shows_itself(database):
+    with database.session() as session:
+        workers = WorkerRepository(session)
+        workers.claim("lab-0", token="a", replaces=None, **HOLDER)
+        last_seen = workers.get("lab-0").seen_at
+        workers.bury("lab-0", token="a", seen_at=last_seen - timedelta(seconds=2))
+        assert workers.beat("lab-0", "a")
+        workers.bury("lab-0", token="a", seen_at=workers.get("lab-0").seen_at)
+        assert not workers.beat("lab-0", "a")
 
 
 @pytest.mark.parametrize("late", ["report", "finish", "give_back", "lock", "is_wanted"])

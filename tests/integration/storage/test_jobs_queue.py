@@ -1,0 +1,245 @@
+"""The order of jobs, and what makes them wait, go on, or end."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select, text, update
+
+from storage.errors import NotFoundError, StateError
+from storage.jobs.worker import Worker
+from storage.models import DEFAULT_WORKSPACE, Job, JobTally, Priority, Result, Workspace
+from storage.models.base import utc_now
+from storage.repositories import JobRepository, ResultRepository
+from storage.repositories import jobs as changes
+from tests.support.desk import COMPUTE, Desk, wait_for, wait_until_gone
+
+
+@pytest.fixture
+def desk(fresh_database) -> Iterator[Desk]:
+    desk = Desk(fresh_database)
+    yield desk
+    desk.queue.close()
+
+
+@pytest.fixture
+def worker(desk, database_url) -> Iterator[Worker]:
+    worker = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
+    yield worker
+    if Worker.current is worker:
+        worker.stop()
+
+
+def steps(log: Path) -> list[int]:
+    return [int(line) for line in log.read_text().split()] if log.exists() else []
+
+
+def order_of(desk: Desk, jobs: dict[str, str]) -> list[str]:
+    """Wait for all jobs, return their names in the order in which they began."""
+    begun = {name: desk.wait(job).started_at for name, job in jobs.items()}
+    return sorted(begun, key=begun.get)
+
+
+def test_priorities_decide_within_a_workspace_and_workspaces_take_turns(desk, worker):
+    with desk.database.session() as session:
+        session.add(Workspace(id="ws_small", name="small"))
+    quick = {"values": [1], "pause": 0}
+    jobs = {
+        f"low {n}": desk.ask_in(DEFAULT_WORKSPACE, "square", queue={"priority": Priority.LOW}, **quick)
+        for n in range(8)
+    }
+    jobs |= {
+        f"high {n}": desk.ask_in(DEFAULT_WORKSPACE, "square", queue={"priority": Priority.HIGH}, **quick)
+        for n in range(8)
+    }
+    jobs |= {f"small {n}": desk.ask_in("ws_small", "square", **quick) for n in range(3)}
+    with desk.database.session() as session:
+        assert {session.get_one(Job, job).priority for name, job in jobs.items() if "low" in name} == {Priority.LOW}
+    worker.start()
+    for name, job in jobs.items():
+        if "small" in name:
+            with desk.database.session() as session:
+                found = JobRepository(session, "ws_small")
+                wait_for(lambda f=found, j=job: f.get(j).status == "succeeded", "the small workspace's job", 40)
+    del jobs["small 0"], jobs["small 1"], jobs["small 2"]
+    order = order_of(desk, jobs)
+    assert all(name.startswith("high") for name in order[:8]), order
+    with desk.database.session() as session:
+        rank = dict(
+            session.execute(
+                select(Job.workspace_id, func.max(func.coalesce(Job.started_at, None))).group_by(Job.workspace_id)
+            ).all()
+        )
+    # Seventeen jobs were asked for before its last one, and it did not have to wait for them all (chance: 1 in 2**16).
+    assert rank["ws_small"] < rank[DEFAULT_WORKSPACE]
+
+
+def test_a_workspace_computes_as_many_jobs_at_a_time_as_it_may(desk, database_url):
+    with desk.database.session() as session:
+        session.execute(update(Workspace).values(limits={"running_jobs": 2}))
+    worker = Worker(database_url, compute=COMPUTE, slots=4, heartbeat=0.2)
+    worker.start()
+    jobs = [desk.ask("spin") for _ in range(4)]
+
+    def states() -> list[str]:
+        return sorted(desk.get(job).status for job in jobs)
+
+    wait_for(lambda: states() == ["queued", "queued", "running", "running"], "two run")
+    with desk.database.session() as session:
+        aside = select(func.count()).where(Job.ticket.is_(None))
+        wait_for(lambda: session.scalar(aside) == 2, "the others are put aside")
+    running = [job for job in jobs if desk.get(job).status == "running"]
+    for job in running:
+        desk.cancel(job)
+    wait_for(lambda: states() == ["cancelled", "cancelled", "running", "running"], "the others follow")
+    worker.stop()
+
+
+def test_a_paused_job_is_nowhere_and_goes_on_from_where_it_was(desk, worker, tmp_path):
+    log, hold = tmp_path / "log", tmp_path / "log.hold"
+    hold.touch()
+    job = desk.ask("climb", steps=3, log=str(log), pause=1.05)
+    worker.start()
+    wait_for(lambda: desk.get(job).progress > 0, "the first step")
+    paused = desk.pause(job)
+    assert (paused.status, paused.paused, paused.worker) == ("queued", True, None)
+    assert desk.pause(job).last_event == paused.last_event
+    assert desk.events(job)[-1][1:] == ("status", {"status": "queued", "paused": True})
+    hold.unlink()
+    other = desk.wait(desk.ask("square", values=[1], pause=0))  # the slot is free
+    assert other.status == "succeeded"
+    assert steps(log) == [0]
+    resumed = desk.resume(job)
+    assert (resumed.status, resumed.paused) == ("queued", False)
+    assert desk.resume(job).round == resumed.round
+    ended = desk.wait(job)
+    assert (ended.status, steps(log)) == ("succeeded", [0, 1, 2])
+    with pytest.raises(StateError, match="must not have ended"):
+        desk.pause(job)
+    with pytest.raises(StateError, match="must not have ended"):
+        desk.resume(job)
+
+
+def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
+    worker.start()
+    desk.wait(desk.ask("square", values=[1], pause=0))  # what computes is loaded
+    limited = desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"time_limit": 0.8})
+    process = desk.process_of(limited)
+    job = desk.wait(limited)
+    assert (job.status, job.error["type"]) == ("failed", "urn:servotune:problem:overdue")
+    assert "within its time_limit of 0.8 s" in job.error["detail"]
+    wait_until_gone(process, timeout=1.0)
+    blocker = desk.ask("spin")
+    desk.wait(blocker, "running")
+    late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))
+    assert (late.status, late.attempts) == ("failed", 0)
+    assert "before its deadline" in late.error["detail"]
+
+
+def test_parts_are_computed_by_anybody_and_put_together(desk, worker, tmp_path):
+    log = tmp_path / "log"
+    worker.start()
+    job = desk.wait(desk.ask("spread", count=5, log=str(log)))
+    with desk.database.session() as session:
+        results = ResultRepository(session, DEFAULT_WORKSPACE)
+        assert results.body(results.get(job.result_id)) == {"sum": 1000.0 + 0 + 1 + 4 + 9 + 16}
+        assert session.scalars(select(Job.id)).all() == [job.id]
+        assert session.scalar(select(func.count()).select_from(Result)) == 1
+        (tally,) = session.scalars(select(JobTally)).all()
+        own = session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes
+        assert own == results._size(results.get(job.result_id))
+    assert (tally.kind, tally.status, tally.count) == ("spread", "succeeded", 1)
+    assert sorted(steps(log)) == [0, 1, 2, 3, 4]
+    assert job.attempts == 2  # cut it, put it together
+    assert any(payload.get("message") == "cut into 5 parts" for _, _, payload in desk.events(job.id))
+
+
+def test_a_part_that_fails_ends_the_whole(desk, worker, tmp_path):
+    worker.start()
+    job = desk.wait(desk.ask("spread", count=4, log=str(tmp_path / "log"), fails=1))
+    assert (job.status, job.error["detail"]) == ("failed", "this part cannot be had")
+    with desk.database.session() as session:
+        assert session.scalars(select(Job.id)).all() == [job.id]
+        assert session.scalar(select(func.count()).select_from(Result)) == 0
+
+
+def test_a_job_in_parts_is_paused_resumed_and_cancelled_as_one(desk, worker, tmp_path):
+    log = tmp_path / "log"
+    job = desk.ask("spread", count=6, log=str(log), pause=0.2)
+    worker.start()
+    wait_for(lambda: len(steps(log)) >= 2, "the second part")
+    desk.pause(job)
+    begun = len(steps(log))
+    assert desk.wait(desk.ask("square", values=[1], pause=0)).status == "succeeded"
+    assert len(steps(log)) == begun
+    with desk.database.session() as session:
+        part = session.scalars(select(Job.id).where(Job.parent_id == job)).first()
+        with pytest.raises(NotFoundError):
+            JobRepository(session, DEFAULT_WORKSPACE).get(part)
+        page = JobRepository(session, DEFAULT_WORKSPACE).page()
+        assert {row.parent_id for row in page.items} == {None}
+    assert desk.resume(job).status == "running"
+    wait_for(lambda: len(steps(log)) > begun, "another part")
+    assert desk.cancel(job).status == "cancelled"
+    with desk.database.session() as session:
+        assert session.scalar(select(func.count()).where(Job.parent_id == job)) == 0
+    assert desk.wait(desk.ask("square", values=[1], pause=0)).status == "succeeded"
+    assert len(steps(log)) < 6 + 2
+
+
+def test_what_nobody_carries_is_found(desk, worker):
+    lost = desk.ask("square", values=[1], pause=0)
+    dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+    with desk.database.session() as session:
+        session.execute(text(f"DELETE FROM {dbos}workflow_status"))  # what a restored backup may lack
+    worker.start()
+    assert desk.wait(lost).status == "succeeded"
+
+
+def test_workers_take_as_many_jobs_as_they_have_slots(desk, database_url):
+    """The engine keeps one number of slots for all workers in the database: the last one that started says it."""
+    import subprocess
+
+    code = "import sys, threading; from storage.jobs.worker import Worker; Worker(sys.argv[1], compute=sys.argv[2], slots=1).run(threading.Event())"
+    worker = Worker(database_url, compute=COMPUTE, slots=3)
+    worker.start()
+    other = subprocess.Popen([sys.executable, "-c", code, database_url, COMPUTE])
+    with desk.database.session() as session:
+        wait_for(lambda: len(session.execute(text("SELECT id FROM worker")).all()) == 2, "the second worker")
+    jobs = [desk.ask("spin") for _ in range(6)]
+    wait_for(lambda: [desk.get(job).status for job in jobs].count("running") == 4, "four run")
+    with desk.database.session() as session:
+        held = dict(
+            session.execute(select(Job.worker, func.count()).where(Job.status == "running").group_by(Job.worker)).all()
+        )
+    assert held[worker.name] == 3
+    dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+    with desk.database.session() as session:
+        taken = session.scalar(text(f"SELECT count(*) FROM {dbos}workflow_status WHERE status = 'PENDING'"))
+    assert taken == 4  # nobody holds a job that another could compute
+    worker.stop()
+    other.kill()
+    other.wait()
+
+
+def test_old_jobs_are_forgotten_with_what_they_left(desk, worker):
+    worker.start()
+    old = desk.wait(desk.ask("square", values=[1, 2], pause=0))
+    young = desk.wait(desk.ask("square", values=[1], pause=0))
+    worker.stop()
+    with desk.database.session() as session:
+        assert changes.forget(session, before=young.finished_at) == 1
+    with desk.database.session() as session:
+        assert session.scalars(select(Job.id)).all() == [young.id]
+        assert session.scalars(select(Result.id)).all() == [young.result_id]
+        results = ResultRepository(session, DEFAULT_WORKSPACE)
+        assert session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes == results._size(results.get(young.result_id))
+    assert old.id != young.id
+    assert desk.queue.forget(before=utc_now() + timedelta(minutes=1)) == 2
+    dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+    with desk.database.session() as session:
+        assert session.scalar(text(f"SELECT count(*) FROM {dbos}workflow_status")) == 0
