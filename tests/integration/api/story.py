@@ -194,6 +194,8 @@ def _datasets(ask: Callable[..., Any]) -> str:
         body={"system": PLANT, "dataset": identifier, **RECORDED, "parameters": ["k", {"parameter": "tau", "upper": 1}],
               "offsets": "estimate"},
     )  # fmt: skip
+    ask("GET /v1/lineage/{identifier}", query={"direction": "down"}, identifier=identifier)
+    ask("GET /v1/lineage/{identifier}/bundle", identifier=identifier)
     other = ask("POST /v1/datasets", body=RAW)["id"]
     ask(f"DELETE {one}", headers={"If-Match": '"1"'}, identifier=other)
     return str(identifier)

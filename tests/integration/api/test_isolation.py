@@ -56,6 +56,7 @@ def things(client, service) -> Iterator[Things]:
         "acquisitions": acquisition["id"],
         "schedules": schedule["id"],
         "systems": system,
+        "lineage": system,
         "datasets": client.get("/v1/datasets").json()["items"][0]["id"],
         "results": kept["id"],
         "jobs": job["id"],
@@ -136,6 +137,7 @@ REFERRING: dict[str, list[Any]] = {
     "POST /v1/validations": [
         lambda t: {"system": t["systems"], **_recorded("ds_none")},
         lambda t: {"system": LAG, **_recorded(t["datasets"])},
+        lambda t: {"system": LAG, **_recorded("ds_none"), "identification": t["jobs"]},
     ],
     "POST /v1/identifications": [
         lambda t: {"system": t["systems"], **_recorded("ds_none"), "parameters": ["k"]},
