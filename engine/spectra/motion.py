@@ -14,7 +14,7 @@ from engine.spectra.frf import Frf
 Form = Literal["receptance", "mobility", "accelerance"]
 
 _DERIVATIVES: dict[Form, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
-_MOTIONS = {"m": 0, "m/s": 1, "m/s**2": 2, "rad": 0, "rad/s": 1, "rad/s**2": 2}
+MOTIONS = {"m": 0, "m/s": 1, "m/s**2": 2, "rad": 0, "rad/s": 1, "rad/s**2": 2}
 _UNITS = {"m": ("m", "m/s", "m/s**2"), "rad": ("rad", "rad/s", "rad/s**2")}
 
 
@@ -39,10 +39,10 @@ def in_form(frf: Frf, form: Form, *, unit: str) -> tuple[Frf, str]:
     SpectrumError
         For a response that is no motion.
     """
-    if unit not in _MOTIONS:
+    if unit not in MOTIONS:
         msg = f"output must be a displacement, velocity or acceleration for the form {form}, got one in {unit or 'no unit'}"
         raise SpectrumError(msg, at=("form",))
     power = _DERIVATIVES[form]
-    factor = (1j * frf.frequency) ** (power - _MOTIONS[unit])
+    factor = (1j * frf.frequency) ** (power - MOTIONS[unit])
     target = _UNITS["rad" if unit.startswith("rad") else "m"][power]
     return replace(frf, value=frf.value * factor), target

@@ -130,6 +130,9 @@ REFERRING: dict[str, list[Any]] = {
         }
     ],
     "POST /v1/processings": [lambda t: {"name": "mine", "sources": [t["datasets"]]}],
+    "POST /v1/frfs": [
+        lambda t: {"dataset": t["datasets"], "input": "u", "output": "y"},
+    ],
     "POST /v1/spectra": [
         lambda t: {"dataset": t["datasets"], "channel": "u"},
         lambda t: {**_simulation(t["systems"]), "output": "y"},

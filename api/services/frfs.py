@@ -1,0 +1,241 @@
+"""Frequency response functions of recordings, with what is held against them: bands, models, modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from api.convert.frfs import (
+    doubt_to_warning,
+    frf_to_wire,
+    modes_to_wire,
+    ratio_unit,
+    sensor_from_wire,
+    simulated_to_wire,
+    steps_from_wire,
+)
+from api.convert.recordings import Values
+from api.convert.recordings import window as part_of
+from api.convert.signals import check_name
+from api.convert.spectra import window_to_wire
+from api.convert.values import band_from_wire, number, numbers, optional_si, overrides_from_wire, si
+from api.errors import at, invalid
+from api.pointers import Place
+from api.schemas.frfs import FrfRequest
+from api.services.datasets import read_recording
+from api.services.installation import Caller, Installation
+from api.services.results import Study
+from api.services.systems import Subject, subject_of
+from api.units import UnitError, factor
+from engine.modal.modes import modes_of
+from engine.spectra.averaged import averaged_frf
+from engine.spectra.comparison import compared
+from engine.spectra.frf import Frf
+from engine.spectra.motion import MOTIONS, in_form
+from engine.spectra.multisine import multisine_frf
+from engine.spectra.sampled import window_of
+from engine.spectra.sensors import Sensor, correction
+from engine.spectra.stepped_sine import stepped_sine_frf
+from engine.study import frequency_response
+from storage.repositories import ProcessingRepository
+
+KIND = "frf"
+_SEGMENTS = 8
+"""Segments that a recording is cut into without overlap, unless the request says how long one is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Measured:
+    """Channels in SI, the experiments in them as (first, stop), their units."""
+
+    rate: float
+    channels: Mapping[str, Values]
+    units: Mapping[str, str]
+    spans: tuple[tuple[int, int], ...]
+
+    def pairs(self, first: str, second: str) -> list[tuple[Values, Values]]:
+        """Return two channels, experiment by experiment."""
+        return [(self.channels[first][a:b], self.channels[second][a:b]) for a, b in self.spans]
+
+
+def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study:
+    """Return the responses of the outputs to the input, line by line."""
+    names = request.output if isinstance(request.output, list) else [request.output]
+    if len(set(names)) < len(names):
+        raise invalid("output must name each channel once", "output")
+    measured = _read(service, caller, request, names)
+    sensors = _sensors(request, names)
+    subject = None if request.system is None else subject_of(service, caller, request.system)
+    if subject is not None:
+        _check_path(request, subject)
+    with service.computing.slot(), at():
+        found = {name: _frf(request, measured, name) for name in names}
+        band = band_from_wire(request.band, place=("band",))
+        if band is not None:
+            found = {name: frf.within(*band) for name, frf in found.items()}
+        found = {name: _corrected(frf, request.input, name, sensors) for name, frf in found.items()}
+        first = next(iter(found.values()))
+        service.computing.check_size(samples=first.frequency.size, curves=9 * len(names), variants=1)
+        outputs, warnings = {}, []
+        formed = {name: _formed(request, frf, measured.units[name]) for name, frf in found.items()}
+        for name, (frf, unit) in formed.items():
+            shown = ratio_unit(unit, measured.units[request.input])
+            outputs[name] = frf_to_wire(frf, unit=shown, level=request.confidence)
+            warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
+            if subject is not None:
+                _check_unit(request, subject, name, unit)
+                outputs[name]["simulated"] = _simulated(request, subject, frf)
+        modes = _modes(request, found, measured.units)
+    body = {
+        "dataset": request.dataset,
+        "input": request.input,
+        "estimator": request.estimator,
+        "form": request.form,
+        "frequency": numbers(first.frequency),
+        "resolution": number(first.resolution),
+        "averages": first.averages,
+        "effective_averages": number(first.effective_averages),
+        "confidence": request.confidence,
+        "window": _window(request, measured),
+        "outputs": outputs,
+        "modes": modes,
+        "system": dict(subject.reference) if subject is not None and subject.reference else None,
+        "warnings": warnings + ([] if subject is None else subject.warnings()),
+    }
+    reference = None if subject is None else subject.reference
+    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=reference)
+
+
+def _read(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> _Measured:
+    many = isinstance(request.output, list)
+    places: dict[Place, str] = {("input",): request.input}
+    places |= {("output", i) if many else ("output",): name for i, name in enumerate(names)}
+    recording = read_recording(service.database, caller.workspace, request.dataset, places)
+    for place, name in places.items():
+        if recording.channels[name].size != recording.channels[request.input].size:
+            sizes = recording.channels[request.input].size, recording.channels[name].size
+            raise invalid(f"channel {name!r} must have {sizes[0]} samples as the input has, got {sizes[1]}", *place)
+    samples = recording.channels[request.input].size
+    with service.database.session() as session:
+        counts = ProcessingRepository(session, caller.workspace).experiments(request.dataset) or (samples,)
+    rate = 1.0 / recording.sample_time
+    begin, end = part_of(request.part, length=samples / rate, name="part") or (0.0, samples / rate)
+    first, stop = round(begin * rate), round(end * rate)
+    ends = np.cumsum(counts)
+    spans = [(max(int(b) - count, first), min(int(b), stop)) for b, count in zip(ends, counts, strict=True)]
+    return _Measured(
+        rate=rate,
+        channels=recording.channels,
+        units=recording.units,
+        spans=tuple((a, b) for a, b in spans if b - a > 1),
+    )
+
+
+def _sensors(request: FrfRequest, names: list[str]) -> dict[str, Sensor | None]:
+    sensors = {}
+    for name, given in (request.corrections or {}).items():
+        if name not in {request.input, *names}:
+            known = ", ".join((request.input, *names))
+            raise invalid(f"corrections must be of channels used here ({known}), got {name!r}", "corrections", name)
+        sensors[name] = sensor_from_wire(given, place=("corrections", name))
+    return sensors
+
+
+def _check_path(request: FrfRequest, subject: Subject) -> None:
+    diagram = subject.diagram
+    check_name(str(request.source), diagram.inputs, name="from", what="the system's inputs", place=("from",))
+    check_name(str(request.target), diagram.outputs, name="to", what="the system's outputs", place=("to",))
+
+
+def _segment(request: FrfRequest, measured: _Measured) -> int:
+    longest = max((b - a for a, b in measured.spans), default=0)
+    seconds = optional_si(request.segment, "s", name="segment", place=("segment",))
+    return longest // _SEGMENTS if seconds is None else round(min(max(seconds * measured.rate, 0.0), 1e12))
+
+
+def _frf(request: FrfRequest, measured: _Measured, name: str) -> Frf:
+    pairs = measured.pairs(request.input, name)
+    if not pairs:
+        raise invalid("part must hold at least 2 samples", "part")
+    if request.estimator in ("H1", "H2", "Hv"):
+        return averaged_frf(
+            pairs,
+            measured.rate,
+            estimator=request.estimator,
+            segment=_segment(request, measured),
+            window=request.window,
+            overlap=request.overlap,
+            removal=request.removal,
+        )
+    if len(pairs) > 1:
+        detail = f"part must lie in one experiment for {request.estimator}, got {len(pairs)} of them"
+        raise invalid(detail, "part")
+    settle = si(request.settle, "s", name="settle", place=("settle",))
+    if request.estimator == "multisine":
+        period = si(request.period, "s", name="period", place=("period",))
+        return multisine_frf(*pairs[0], measured.rate, period=period, settle=settle)
+    return stepped_sine_frf(*pairs[0], measured.rate, steps_from_wire(request), settle=settle)
+
+
+def _corrected(frf: Frf, source: str, target: str, sensors: Mapping[str, Sensor | None]) -> Frf:
+    if not sensors:
+        return frf
+    for name in (source, target):
+        with at("corrections", name):
+            if (sensor := sensors.get(name)) is not None:
+                sensor.response(frf.frequency)
+    return frf.times(correction(frf.frequency, input=sensors.get(source), output=sensors.get(target)))
+
+
+def _formed(request: FrfRequest, frf: Frf, unit: str) -> tuple[Frf, str]:
+    return (frf, unit) if request.form is None else in_form(frf, request.form, unit=unit)
+
+
+def _check_unit(request: FrfRequest, subject: Subject, name: str, unit: str) -> None:
+    expected = subject.diagram.output_units.get(str(request.target), "")
+    try:
+        if expected and unit:
+            factor(unit, expected)
+    except UnitError as error:
+        detail = f"to must be an output in a unit of {name!r} ({unit}), got {request.target}, which is in {expected}"
+        raise invalid(detail, "to") from error
+
+
+def _simulated(request: FrfRequest, subject: Subject, frf: Frf) -> dict[str, Any]:
+    overrides = overrides_from_wire(request.parameters or {}, subject.diagram, place=("parameters",))
+    found = frequency_response(
+        subject.diagram,
+        overrides=overrides,
+        source=request.source,
+        target=request.target,
+        frequencies=frf.frequency,
+        metrics=(),
+    )
+    values = np.asarray(found.response, dtype=np.complex128)
+    return simulated_to_wire(values, compared(frf, values, level=request.confidence))
+
+
+def _modes(request: FrfRequest, found: Mapping[str, Frf], units: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return the modes that all outputs have in common; motions are looked at as displacements."""
+    if request.modes is None:
+        return None
+    motions = all(units[name] in MOTIONS for name in found)
+    frfs = {name: in_form(frf, "receptance", unit=units[name])[0] if motions else frf for name, frf in found.items()}
+    band = band_from_wire(request.modes.band, place=("modes", "band"))
+    with at("modes"):
+        if band is not None:
+            frfs = {name: frf.within(*band) for name, frf in frfs.items()}
+        fitted = modes_of(frfs, count=request.modes.count)
+    times = NormalDist().inv_cdf((1 + request.confidence) / 2)
+    return modes_to_wire(fitted, form="receptance" if motions else None, times=times)
+
+
+def _window(request: FrfRequest, measured: _Measured) -> dict[str, Any] | None:
+    if request.estimator not in ("H1", "H2", "Hv"):
+        return None
+    facts, _ = window_of(request.window, _segment(request, measured))
+    return window_to_wire(facts)
