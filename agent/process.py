@@ -73,6 +73,7 @@ class Agent:
         """Give every attempt that an earlier process left in the middle its end: what was recorded is sent."""
         for run in self._spool.runs():
             if not run.ended:
+                run.repair()
                 samples = sum(segment.samples for segment in run.segments())
                 begin = run.read("begin") or {}
                 facts = {**begin.get("facts", {}), "samples": samples, "complete": False}

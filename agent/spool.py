@@ -118,23 +118,27 @@ class Run:
         return Segment(path=path, sha256=digest, samples=samples, size=len(data))
 
     def segments(self) -> list[Segment]:
-        """Return the pieces in their order; one whose sidecar was not written any more gets it now."""
+        """Return the pieces in their order; one without its sidecar is still being written."""
         found = []
+        for path in sorted(self.folder.glob("[0-9]*.f64")):
+            sidecar = path.with_suffix(".json")
+            if sidecar.exists():
+                told: dict[str, Any] = json.loads(sidecar.read_bytes())
+                found.append(
+                    Segment(path=path, sha256=told["sha256"], samples=int(told["samples"]), size=int(told["size"]))
+                )
+        return found
+
+    def repair(self) -> None:
+        """Give a piece its sidecar that the process before was not able to write any more; the piece itself is whole."""
         begin = self.read("begin") or {}
         width = 8 * len(begin.get("channels", ())) or 8
         for path in sorted(self.folder.glob("[0-9]*.f64")):
-            told: dict[str, Any]
             sidecar = path.with_suffix(".json")
             if not sidecar.exists():
                 data = path.read_bytes()
-                told = {"sha256": hashlib.sha256(data).hexdigest(), "samples": len(data) // width, "size": len(data)}
-                write_json(sidecar, told)
-            else:
-                told = json.loads(sidecar.read_bytes())
-            found.append(
-                Segment(path=path, sha256=told["sha256"], samples=int(told["samples"]), size=int(told["size"]))
-            )
-        return found
+                digest = hashlib.sha256(data).hexdigest()
+                write_json(sidecar, {"sha256": digest, "samples": len(data) // width, "size": len(data)})
 
     def replace_spoilt(self, segment: Segment, *, channels: int) -> Segment:
         """Put missing values in the place of a piece that the disk has spoilt, and keep the spoilt one beside it."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -76,7 +78,9 @@ def test_a_preview_comes_while_it_runs(service, lab) -> None:
         assert lab.get(asked)["status"] == "running"
         lab.client.post(f"/v1/acquisitions/{asked}/cancel")
         lab.wait(asked, "cancelled")
-    assert '"position":[[' in seen[0]
+    preview = json.loads(seen[0].removeprefix("data: "))
+    assert set(preview["channels"]) == {"loopback", "position"}
+    assert all(low <= high for low, high in preview["channels"]["position"])
 
 
 def test_a_person_has_to_agree(lab) -> None:
