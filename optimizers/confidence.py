@@ -1,25 +1,25 @@
 """How sure least-squares estimates are when the residuals are not white.
 
-    cov p = (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹,    R_ts = w(t - s) c(t - s),   c: autocovariance of the residuals, w: Bartlett's window
+    cov p = (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹,    R_ts = c(t - s),   c: autocovariance of the autoregression fitted to the residuals
 
 White residuals give back s² (JᵀJ)⁻¹. What the data leave undetermined gets an enormous variance instead of an error.
 
 References
 ----------
-W. Newey, K. West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
-matrix", Econometrica 55 (1987) 703-708.
 L. Ljung, "System Identification: Theory for the User", 2nd ed., Prentice Hall 1999, section 9.3 (coloured residuals).
+D. Andrews, J. Monahan, "An improved heteroskedasticity and autocorrelation consistent covariance matrix estimator",
+Econometrica 60 (1992) 953-966 (why an autoregression: windowed sample autocovariances are too small in strong colour).
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from engine.fit import correlation
+from optimizers.noise import fitted
 
 Matrix = npt.NDArray[np.float64]
 
@@ -27,44 +27,46 @@ _UNDETERMINED = 1e-9
 """Directions of the (scaled) parameters that move the residuals less than this, relative to the strongest, are unseen."""
 
 
-def covariance(jacobian: Matrix, residuals: Matrix) -> Matrix:
+def covariance(jacobians: Sequence[Matrix] | Matrix, residuals: Sequence[Matrix] | Matrix) -> Matrix:
     """Return the covariance of least-squares estimates.
 
     Parameters
     ----------
-    jacobian : ndarray, shape (signals, samples, n)
+    jacobians : sequence of ndarray, each (samples, n)
         Derivatives of the residuals at the estimate, signal by signal.
-    residuals : ndarray, shape (signals, samples)
-        Of mean zero or not; different signals are taken to be uncorrelated.
+    residuals : sequence of ndarray, each (samples,)
+        Different signals are taken to be uncorrelated.
 
     Returns
     -------
     ndarray, shape (n, n)
     """
-    signals, samples, n = jacobian.shape
-    scale = np.linalg.norm(jacobian, axis=(0, 1))
+    lengths = [len(block) for block in jacobians]
+    joint = np.concatenate(list(jacobians))
+    samples, n = joint.shape
+    scale = np.linalg.norm(joint, axis=0)
     scale[scale == 0] = 1.0
-    left, strength, right = np.linalg.svd((jacobian / scale).reshape(signals * samples, n), full_matrices=False)
+    left, strength, right = np.linalg.svd(joint / scale, full_matrices=False)
     strength = np.maximum(strength, _UNDETERMINED * max(float(strength[0]), 1e-300))
     middle = np.zeros((n, n))
-    for block, residual in zip(left.reshape(signals, samples, n), residuals, strict=True):
+    for block, residual in zip(np.split(left, np.cumsum(lengths)[:-1]), residuals, strict=True):
         middle += block.T @ _coloured(block, residual)
-    middle *= signals * samples / max(signals * samples - n, 1)
+    middle *= samples / max(samples - n, 1)
     root = right.T / strength
     return np.asarray(root @ middle @ root.T / np.outer(scale, scale))
 
 
 def _coloured(columns: Matrix, residual: Matrix) -> Matrix:
-    """Return R times each column, R the banded Toeplitz matrix of the windowed autocovariance."""
+    """Return R times each column, R the Toeplitz matrix of the residuals' autocovariance."""
     n = residual.size
-    # wide enough for the slow errors of a model, narrow enough to average: grows slower than the samples
-    width = min(n, math.ceil(4 * math.sqrt(n)))
-    lag = np.arange(width)
-    autocovariance = correlation(residual, residual)[n - 1 : n - 1 + width] / n * (1 - lag / width)
-    size = scipy.fft.next_fast_len(n + width, real=True)
+    noise = fitted(residual)
+    if noise.order == 0:
+        return noise.variance * columns
+    autocovariance = noise.autocovariance(n)
+    size = scipy.fft.next_fast_len(2 * n, real=True)
     kernel = np.zeros(size)
-    kernel[:width] = autocovariance
-    kernel[size - width + 1 :] = autocovariance[:0:-1]
+    kernel[:n] = autocovariance
+    kernel[size - n + 1 :] = autocovariance[:0:-1]
     product = scipy.fft.rfft(kernel)[:, None] * scipy.fft.rfft(columns, size, axis=0)
     return np.asarray(scipy.fft.irfft(product, size, axis=0)[:n])
 

@@ -22,6 +22,7 @@ Samples = npt.NDArray[np.float64]
 Window = tuple[float, float]
 
 MIN_SAMPLES_PER_PARAMETER = 10
+MOST_STARTS = 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,26 +85,100 @@ class Unknown:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedExperiment:
+    """One recording with what is known of it alone, and the parts of it that estimate and validate.
+
+    Parameters
+    ----------
+    recording : Recording
+        Inputs of the diagram that were not recorded are 0.
+    name : str
+        Different for each of several.
+    values : mapping of str to float
+        Parameters (SI) that had another value in this experiment than the diagram says: a current, a load.
+    estimation, validation : (float, float), optional
+        Windows in s. Default: the first ``split`` of the recording estimates, the rest validates; with an estimation
+        window alone, the longer part beside it validates.
+    split : float
+        1: everything estimates; 0: everything validates.
+    at : tuple
+        Where the experiment stands in its document, for messages.
+    """
+
+    recording: Recording
+    name: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    estimation: Window | None = None
+    validation: Window | None = None
+    split: float = 0.5
+    at: Path = ()
+
+    @cached_property
+    def windows(self) -> tuple[Window | None, Window | None]:
+        """Estimation and validation windows in s; None for one that does not exist."""
+        end = self.recording.end
+        if self.estimation is None and self.split == 0:
+            return None, self.validation or (0.0, end)
+        estimation = self.estimation or (0.0, self.split * end)
+        if self.validation is not None:
+            return estimation, self.validation
+        rest = max((estimation[1], end), (0.0, estimation[0]), key=lambda window: window[1] - window[0])
+        return estimation, rest if rest[1] - rest[0] >= 0.02 * end else None
+
+    def check(self, diagram: Diagram) -> None:
+        """Refuse what cannot be compared with the diagram.
+
+        Raises
+        ------
+        ProblemError
+        """
+        _check_recording(diagram, self.recording, self.at)
+        for name, value in self.values.items():
+            place = (*self.at, "parameters", name)
+            if name not in diagram.parameters:
+                raise ProblemError(f"parameter must be one of the system's, got {name!r}", at=place)
+            if not math.isfinite(value):
+                raise ProblemError(f"{name} must be finite, got {value}", at=place)
+        if not 0 <= self.split <= 1:
+            raise ProblemError(f"split must be >= 0 and <= 1, got {self.split:g}", at=(*self.at, "split"))
+        end = self.recording.end
+        for key, window in (("estimation", self.estimation), ("validation", self.validation)):
+            # the last sample stands for the interval of which it is the beginning
+            if window is not None and not 0 <= window[0] < window[1] <= end + 1.000001 * self.recording.sample_time:
+                raise ProblemError(
+                    f"{key} must be [t0, t1] with 0 <= t0 < t1 <= {end:g} s, got {list(window)}", at=(*self.at, key)
+                )
+        if self.windows[0] is None:
+            return
+        part = self.recording.within(self.windows[0])
+        for name, measured in self.recording.outputs.items():
+            if part.stop > part.start and np.ptp(measured[part]) == 0:
+                raise ProblemError(
+                    f"output {name} must vary in the estimation window, got a constant",
+                    at=(*self.at, "outputs", name),
+                )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identification:
     """An identification that has been proven to make sense.
 
     Parameters
     ----------
     diagram : Diagram
-    recording : Recording
-        Inputs of the diagram that were not recorded are 0.
+    experiments : tuple of RecordedExperiment
+        At least one of them estimates.
     parameters : tuple of Variable
         The unknown ones. Bounds default to the parameter's own and may be infinite; ``start`` to its present value.
     offsets : bool
-        Whether each output has an unknown constant offset.
-    estimation, validation : (float, float), optional
-        Windows in s. Default: the first ``split`` of the recording estimates, the rest validates; with an estimation
-        window alone, the longer part beside it validates.
-    split : float
+        Whether each output has an unknown constant offset, in each experiment another.
+    initial_states : bool
+        Whether the state at the beginning of each recording is unknown, too. Otherwise the system has then been
+        at rest under the first values of its inputs, or starts from its own initial state where it cannot rest.
     starts : int
         How many starts: the given one, then random ones.
     max_evaluations : int
-        Simulations for each start.
+        Simulations of all experiments for each start.
 
     Raises
     ------
@@ -112,82 +187,92 @@ class Identification:
     """
 
     diagram: Diagram
-    recording: Recording
+    experiments: tuple[RecordedExperiment, ...]
     parameters: tuple[Variable, ...]
     offsets: bool = False
-    estimation: Window | None = None
-    validation: Window | None = None
-    split: float = 0.5
+    initial_states: bool = False
     starts: int = 1
     max_evaluations: int = 60
     unknowns: tuple[Unknown, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        _check_recording(self.diagram, self.recording)
+        if not self.experiments:
+            raise ProblemError("experiments must be at least one, got none", at=("experiments",))
+        for experiment in self.experiments:
+            experiment.check(self.diagram)
         if not self.parameters:
             raise ProblemError("parameters must be at least one, got none", at=("parameters",))
         names = [variable.parameter for variable in self.parameters]
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise ProblemError(f"parameter must be named once, got {name!r} twice", at=("parameters", index))
+            for experiment in self.experiments:
+                if name in experiment.values:
+                    raise ProblemError(
+                        f"{name} must be either estimated or known, got both", at=(*experiment.at, "parameters", name)
+                    )
         unknowns = tuple(_unknown(self.diagram, v, ("parameters", i)) for i, v in enumerate(self.parameters))
         object.__setattr__(self, "unknowns", unknowns)
-        if self.starts < 1:
-            raise ProblemError(f"starts must be >= 1, got {self.starts}", at=("starts",))
-        self._check_windows()
+        if not 1 <= self.starts <= MOST_STARTS:
+            raise ProblemError(f"starts must be >= 1 and <= {MOST_STARTS}, got {self.starts}", at=("starts",))
+        if self.max_evaluations < 1:
+            raise ProblemError(f"max_evaluations must be >= 1, got {self.max_evaluations}", at=("max_evaluations",))
+        self._check_names()
+        self._check_contents()
 
-    def _check_windows(self) -> None:
-        if not 0 < self.split <= 1:
-            raise ProblemError(f"split must be > 0 and <= 1, got {self.split:g}", at=("split",))
-        end = self.recording.end
-        for key, window in (("estimation", self.estimation), ("validation", self.validation)):
-            # the last sample stands for the interval of which it is the beginning
-            if window is not None and not 0 <= window[0] < window[1] <= end + 1.000001 * self.recording.sample_time:
+    @property
+    def estimating(self) -> tuple[RecordedExperiment, ...]:
+        """The experiments with an estimation window."""
+        return tuple(experiment for experiment in self.experiments if experiment.windows[0] is not None)
+
+    def _check_names(self) -> None:
+        names = [experiment.name for experiment in self.experiments]
+        for experiment in self.experiments:
+            if names.count(experiment.name) > 1:
                 raise ProblemError(
-                    f"{key} must be [t0, t1] with 0 <= t0 < t1 <= {end:g} s, got {list(window)}", at=(key,)
+                    f"name must be different for each experiment, got {experiment.name!r} twice",
+                    at=(*experiment.at, "name"),
                 )
-        part = self.recording.within(self.windows[0])
-        fewest = MIN_SAMPLES_PER_PARAMETER * (len(self.parameters) + 1)
-        if part.stop - part.start < fewest:
+
+    def _check_contents(self) -> None:
+        """Refuse an identification whose estimation windows hold too little."""
+        if not self.estimating:
+            raise ProblemError("at least one experiment must have an estimation window, got none", at=("experiments",))
+        slices = [(e, e.recording.within(e.windows[0])) for e in self.estimating if e.windows[0] is not None]
+        fewest, held = MIN_SAMPLES_PER_PARAMETER * (len(self.parameters) + 1), sum(s.stop - s.start for _, s in slices)
+        if held < fewest:
             raise ProblemError(
-                f"estimation must hold at least {fewest} samples, got {part.stop - part.start}", at=("estimation",)
+                f"estimation must hold at least {fewest} samples, got {held}: "
+                f"{MIN_SAMPLES_PER_PARAMETER} for each parameter, and as many for the model",
+                at=(*self.estimating[0].at, "estimation"),
             )
-        for name, measured in self.recording.outputs.items():
-            if np.ptp(measured[part]) == 0:
-                raise ProblemError(
-                    f"output {name} must vary in the estimation window, got a constant", at=("outputs", name)
-                )
-
-    @cached_property
-    def windows(self) -> tuple[Window, Window | None]:
-        """Estimation and validation windows in s; no validation window when nothing is left for it."""
-        end = self.recording.end
-        estimation = self.estimation or (0.0, self.split * end)
-        if self.validation is not None:
-            return estimation, self.validation
-        rest = max((estimation[1], end), (0.0, estimation[0]), key=lambda window: window[1] - window[0])
-        return estimation, rest if rest[1] - rest[0] >= 0.02 * end else None
+        moved = any(np.ptp(u[: part.stop]) > 0 for e, part in slices for u in e.recording.inputs.values())
+        if not moved and not self.initial_states:
+            raise ProblemError(
+                "inputs must vary: constant ones excite nothing (initial_states may be estimated from free motion)",
+                at=(*self.estimating[0].at, "inputs"),
+            )
 
 
-def _check_recording(diagram: Diagram, recording: Recording) -> None:
+def _check_recording(diagram: Diagram, recording: Recording, at: Path) -> None:
     if not (recording.sample_time > 0 and math.isfinite(recording.sample_time)):
-        raise ProblemError(f"sample_time must be > 0 s, got {recording.sample_time}", at=("dataset",))
+        raise ProblemError(f"sample_time must be > 0 s, got {recording.sample_time}", at=(*at, "dataset"))
     for key, signals, known in (
         ("inputs", recording.inputs, diagram.inputs),
         ("outputs", recording.outputs, diagram.outputs),
     ):
         if not signals:
-            raise ProblemError(f"{key} must name at least one recorded signal, got none", at=(key,))
+            raise ProblemError(f"{key} must name at least one recorded signal, got none", at=(*at, key))
         for name, signal in signals.items():
             if name not in known:
-                raise ProblemError(f"{key} must be among {', '.join(known)}, got {name!r}", at=(key, name))
+                raise ProblemError(f"{key} must be among {', '.join(known)}, got {name!r}", at=(*at, key, name))
             if signal.ndim != 1 or signal.size != recording.samples:
                 raise ProblemError(
                     f"{name} must have {recording.samples} samples as the first output has, got {signal.size}",
-                    at=(key, name),
+                    at=(*at, key, name),
                 )
             if not np.isfinite(signal).all():
-                raise ProblemError(f"{name} must be finite at every sample, got NaN or infinity", at=(key, name))
+                raise ProblemError(f"{name} must be finite at every sample, got NaN or infinity", at=(*at, key, name))
 
 
 def _unknown(diagram: Diagram, variable: Variable, at: Path) -> Unknown:

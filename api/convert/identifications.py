@@ -14,7 +14,7 @@ from api.schemas.jobs import IdentificationRequest, IdentifiedParameter
 from engine.diagram import Diagram
 from optimizers.identification import Identified
 from optimizers.problem import Variable
-from optimizers.recording import Identification, Recording
+from optimizers.recording import Identification, RecordedExperiment, Recording
 
 
 def identification_from_wire(document: IdentificationRequest, diagram: Diagram, recording: Recording) -> Identification:
@@ -29,12 +29,16 @@ def identification_from_wire(document: IdentificationRequest, diagram: Diagram, 
     """
     return Identification(
         diagram=diagram,
-        recording=recording,
+        experiments=(
+            RecordedExperiment(
+                recording=recording,
+                estimation=window(document.estimation, length=recording.end, name="estimation"),
+                validation=window(document.validation, length=recording.end, name="validation"),
+                split=document.split,
+            ),
+        ),
         parameters=tuple(_variable(choice, diagram, i) for i, choice in enumerate(document.parameters)),
         offsets=document.offsets == "estimate",
-        estimation=window(document.estimation, length=recording.end, name="estimation"),
-        validation=window(document.validation, length=recording.end, name="validation"),
-        split=document.split,
     )
 
 
@@ -54,7 +58,7 @@ def identified_to_wire(
     found: Identified, problem: Identification, *, system: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     """Return the body of a finished identification."""
-    estimation, validation = problem.windows
+    estimation, validation = problem.experiments[0].windows
     return {
         "status": str(found.status),
         "advice": found.advice,
@@ -91,7 +95,7 @@ def identified_to_wire(
             for output, tests in found.residuals.items()
         },
         "windows": {
-            "estimation": list(estimation),
+            "estimation": list(estimation) if estimation is not None else None,
             "validation": list(validation) if validation is not None else None,
         },
         "evaluations": found.evaluations,

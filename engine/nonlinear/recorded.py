@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,7 @@ def simulate_recorded(
     sample_time: float,
     *,
     outputs: Sequence[str] | None = None,
+    deviation: npt.NDArray[Any] | None = None,
     clock: Callable[[], float] = time.monotonic,
     wall_limit: float = WALL_LIMIT,
 ) -> tuple[Samples, Samples]:
@@ -51,6 +52,8 @@ def simulate_recorded(
         h in s.
     outputs : sequence of str, optional
         By default all of the system's.
+    deviation : ndarray, shape (lanes, states), optional
+        Added to the state from which the response starts; imaginary parts are its lanes.
     clock, wall_limit : callable, float
         The computation is given up when ``clock`` has gone on by ``wall_limit`` seconds.
 
@@ -73,10 +76,10 @@ def simulate_recorded(
         for name, row in zip(system.inputs, inputs, strict=True)
         if np.any(row)
     }
-    run = Integration(
-        system, given, tolerance=TOLERANCE, clock=clock, wall_limit=wall_limit,
-        state=point.x if point.rests else None, modes=point.modes if point.rests else None,
-    )  # fmt: skip
+    state, modes = (point.x, point.modes) if point.rests else (None, None)
+    if deviation is not None:
+        state, modes = (system.start if state is None else state) + deviation, None
+    run = Integration(system, given, tolerance=TOLERANCE, clock=clock, wall_limit=wall_limit, state=state, modes=modes)
     outcome = run.advance(float(instants[-1]))
     values = np.full((len(names), len(instants)), np.inf)
     tangents = np.zeros((system.lanes, *values.shape))

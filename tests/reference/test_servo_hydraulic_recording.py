@@ -22,7 +22,7 @@ from engine.linear.sampled import simulate_sampled
 from engine.linear.system import LinearSystem
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, Recording
+from optimizers.recording import Identification, RecordedExperiment, Recording
 from optimizers.result import Status
 
 FOLDER = Path(__file__).parents[2] / "examples" / "data" / "servo_hydraulic_actuator"
@@ -93,10 +93,16 @@ def identified(place: str, estimation: tuple[float, float], validation: tuple[fl
     return identify(
         Identification(
             diagram=diagram,
-            recording=Recording(
-                inputs={"reference": recording()["command"]},
-                outputs={"measured": recording()["position"]},
-                sample_time=H,
+            experiments=(
+                RecordedExperiment(
+                    recording=Recording(
+                        inputs={"reference": recording()["command"]},
+                        outputs={"measured": recording()["position"]},
+                        sample_time=H,
+                    ),
+                    estimation=estimation,
+                    validation=validation,
+                ),
             ),
             parameters=(
                 Variable(parameter="valve.flow_gain", lower=2e-5, upper=1e-3),
@@ -104,8 +110,6 @@ def identified(place: str, estimation: tuple[float, float], validation: tuple[fl
                 Variable(parameter="transport.time", lower=0.0, upper=0.02),
             ),
             offsets=True,
-            estimation=estimation,
-            validation=validation,
         ),
         rng=np.random.default_rng(0),
     )

@@ -11,7 +11,7 @@ from engine.nonlinear import integrate
 from engine.nonlinear.recorded import simulate_recorded
 from optimizers.identification import identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, Recording
+from optimizers.recording import Identification, RecordedExperiment, Recording
 from tests.unit.engine.diagrams import block, document
 
 H = 0.005
@@ -64,7 +64,7 @@ def test_friction_is_identified_from_a_recording():
         inputs={"u": inputs[0]}, outputs={"x": measured[0], "v": measured[1]}, sample_time=H,
     )  # fmt: skip
     problem = Identification(
-        diagram=made, recording=recording, split=0.8,
+        diagram=made, experiments=(RecordedExperiment(recording=recording, split=0.8),),
         parameters=(Variable(parameter="f.coulomb", lower=0.1, upper=1.25), Variable(parameter="f.viscous", lower=0.1)),
     )  # fmt: skip
     found = identify(problem, rng=np.random.default_rng(0))

@@ -1,0 +1,56 @@
+"""Answers of nonlinear diagrams on the exact path, event by event, with exact slopes: for laws that are no formula of the instant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.linear.tangent import INFINITESIMAL
+from engine.nonlinear.recorded import simulate_recorded
+from optimizers.identification.answers import Answer, Samples
+
+if TYPE_CHECKING:
+    from engine.diagram import Diagram
+    from engine.nonlinear.system import NonlinearSystem
+    from optimizers.recording import RecordedExperiment
+
+Array = npt.NDArray[Any]
+
+
+class ExactModel:
+    """A nonlinear diagram driven by one recording; ``initial`` tells whether its initial states are coordinates."""
+
+    def __init__(self, diagram: Diagram, experiment: RecordedExperiment, *, initial: bool) -> None:
+        recording = experiment.recording
+        self._diagram, self._known = diagram, dict(experiment.values)
+        self._outputs = tuple(recording.outputs)
+        self._h = recording.sample_time
+        self._inputs = np.zeros((len(diagram.inputs), recording.samples))
+        for name, signal in recording.inputs.items():
+            self._inputs[diagram.inputs.index(name)] = signal
+        self.states = diagram.laws(self._known).states if initial else 0
+
+    def shown(self, values: Mapping[str, float], deviation: Samples) -> Answer:
+        """Return the response without slopes."""
+        laws = self._diagram.laws({**self._known, **values})
+        found, _ = self._simulated(laws, deviation if self.states else None)
+        return Answer(values=found, slopes=np.zeros((len(values) + self.states, *found.shape)))
+
+    def answer(self, values: Mapping[str, float], deviation: Samples) -> Answer:
+        """Return the response with its slopes."""
+        given = {**self._known, **values}
+        laws = self._diagram.laws(given, dict.fromkeys(values, INFINITESIMAL))
+        if not self.states:
+            found, slopes = self._simulated(laws, None)
+            return Answer(values=found, slopes=slopes)
+        found, slopes = self._simulated(laws, np.broadcast_to(deviation, (laws.lanes, laws.states)))
+        still = self._diagram.laws(given, {next(iter(values)): 0.0})  # one lane, complex
+        moved = deviation + 1j * INFINITESIMAL * np.eye(self.states)
+        by_state = [self._simulated(still, row[None])[1][0] for row in moved]
+        return Answer(values=found, slopes=np.concatenate([slopes, np.array(by_state)]))
+
+    def _simulated(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples]:
+        return simulate_recorded(laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation)

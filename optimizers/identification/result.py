@@ -1,0 +1,98 @@
+"""What an identification says: estimates with their intervals, fits by name, and what the recordings cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.fit import Fit, ResidualTests
+from optimizers.result import Status
+
+Samples = npt.NDArray[np.float64]
+Fits = Mapping[str, Fit]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A parameter (SI) with its 95 % interval within its bounds; None where nothing limits it."""
+
+    value: float
+    unit: str
+    lower95: float | None
+    upper95: float | None
+    start: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """How the model stands to one experiment.
+
+    Attributes
+    ----------
+    offsets : mapping of output to float
+        Empty unless they were estimated.
+    initial_state : ndarray, shape (states,)
+        How far the state at the beginning was from rest, in the order of the system's state space; empty unless estimated.
+    estimation, validation : mapping of output to Fit
+        Simulation fits in either window; empty without it.
+    one_step : mapping of output to Fit
+        Fits of the one-step prediction in the validation window (the estimation window without one): the simulation plus
+        what an autoregression makes of the errors just measured. It is no simulation, and always looks better.
+    residuals : mapping of output to ResidualTests
+        In the estimation window.
+    """
+
+    name: str
+    offsets: Mapping[str, float]
+    initial_state: Samples
+    estimation: Fits
+    validation: Fits
+    one_step: Fits
+    residuals: Mapping[str, ResidualTests]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identified:
+    """Everything that a user needs to judge an identification.
+
+    Attributes
+    ----------
+    correlations : ndarray, shape (parameters, parameters)
+        Of the estimates, in the order of the parameters.
+    indistinguishable : tuple of str
+        Sentences on what the recordings cannot tell apart, or cannot tell at all.
+    estimation, validation : mapping of output to Fit
+        Simulation fits of the same model, offsets included, over all experiments together; empty without such windows.
+    one_step : mapping of output to Fit
+        Fits of the one-step prediction where the validation is (the estimation without one).
+    baselines : mapping of baseline to mapping of output to Fit
+        What models without dynamics reach where the validation is (the estimation without one).
+    experiments : tuple of Judged
+        One by one.
+    """
+
+    parameters: Mapping[str, Estimate]
+    correlations: Samples
+    indistinguishable: tuple[str, ...]
+    estimation: Fits
+    validation: Fits
+    one_step: Fits
+    baselines: Mapping[str, Fits]
+    experiments: tuple[Judged, ...]
+    status: Status
+    advice: str
+    evaluations: int
+    seconds: float
+
+    @property
+    def offsets(self) -> Mapping[str, float]:
+        """Offsets of the first experiment."""
+        return self.experiments[0].offsets
+
+    @property
+    def residuals(self) -> Mapping[str, ResidualTests]:
+        """Tests of the residuals of the first experiment that has some."""
+        return next((judged.residuals for judged in self.experiments if judged.residuals), {})

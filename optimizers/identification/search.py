@@ -1,0 +1,165 @@
+"""The errors of all experiments as least squares wants them, and the best point so far.
+
+    minimize over p   Σ_e Σ_o Σ_t (y_eo(t) - ŷ_eo(t; p))² / (n_e var y_eo),   t in the estimation windows
+
+Every output of every experiment counts alike, whatever its unit, its size and its length.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from engine.batch_nonlinear.signals import UnsuitableError
+from engine.errors import EngineError
+from optimizers.identification.answers import Answer, Model, Samples
+from optimizers.identification.comparison import Comparison, Errors
+from optimizers.identification.exact import ExactModel
+from optimizers.identification.linear import LinearModel
+from optimizers.identification.marched import MarchedModel, Structure
+from optimizers.methods.least_squares import Minimum
+
+if TYPE_CHECKING:
+    from optimizers.recording import Identification, RecordedExperiment
+    from optimizers.result import Monitor
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+class CancelledError(Exception):
+    """The monitor wants the search to end."""
+
+
+class Search:
+    """All experiments of an identification with their models."""
+
+    def __init__(self, problem: Identification, monitor: Monitor) -> None:
+        self.problem, self.monitor = problem, monitor
+        self.evaluations = 0
+        self.best: Minimum | None = None
+        build = _models(problem)
+        self.comparisons = [Comparison(e, build(e), offsets=problem.offsets) for e in problem.experiments]
+        self._estimating = [c for c in self.comparisons if c.experiment.windows[0] is not None]
+        self.parameters = len(problem.unknowns)
+        ends = np.cumsum([self.parameters, *(c.model.states for c in self._estimating)])
+        self._states = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.coordinates = int(ends[-1])
+        self._lock = threading.Lock()
+        self._pool: ThreadPoolExecutor | None = None
+
+    @contextmanager
+    def workers(self) -> Iterator[None]:
+        """Answer for several experiments at once, inside."""
+        count = min(len(os.sched_getaffinity(0)), len(self.comparisons))
+        if count < 2:
+            yield
+            return
+        with ThreadPoolExecutor(count) as self._pool:
+            yield
+        self._pool = None
+
+    def values(self, x: Samples) -> dict[str, float]:
+        """Return the parameters at coordinates."""
+        return {u.parameter: u.value(float(c)) for u, c in zip(self.problem.unknowns, x, strict=False)}
+
+    def errors(self, x: Samples) -> tuple[Samples, Samples]:
+        """Return residuals and Jacobian at the coordinates ``x``, infinite where the model has no usable response."""
+        self._check()
+        self.evaluations += 1
+        found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
+        size = sum(c.measured.shape[0] * self._length(c) for c in self._estimating)
+        if any(errors is None for errors in found):
+            return np.full(size, np.inf), np.zeros((size, len(x)))
+        residuals, jacobian = np.concatenate([e.residuals for e in found if e]), np.zeros((size, len(x)))
+        row = 0
+        for errors, states in zip(found, self._states, strict=True):
+            if errors is not None:
+                rows = slice(row, row + errors.residuals.size)
+                jacobian[rows, : self.parameters] = errors.jacobian[:, : self.parameters]
+                jacobian[rows, states] = errors.jacobian[:, self.parameters :]
+                row = rows.stop
+        scale = 1 / math.sqrt(sum(c.measured.shape[0] for c in self._estimating))
+        residuals, jacobian = residuals * scale, jacobian * scale
+        self._report(
+            Minimum(x=x.copy(), residuals=residuals, jacobian=jacobian, converged=False, evaluations=self.evaluations)
+        )
+        return residuals, jacobian
+
+    def answers(self, x: Samples) -> list[tuple[Answer, Samples] | None]:
+        """Return the answer of every experiment as it is shown, with its deviation from rest; None where there is none."""
+        values = self.values(x)
+
+        def answer(comparison: Comparison) -> tuple[Answer, Samples] | None:
+            deviation = np.zeros(comparison.model.states)
+            if comparison in self._estimating:
+                deviation = x[self._states[self._estimating.index(comparison)]]
+            try:
+                found = comparison.model.shown(values, deviation)
+            except EngineError:
+                return None
+            return (found, deviation) if np.isfinite(found.values).all() else None
+
+        return self._each(answer, self.comparisons)
+
+    def blocks(self, found: Minimum) -> tuple[list[Samples], list[Samples]]:
+        """Return Jacobian and residuals of a minimum, signal by signal."""
+        lengths = [self._length(c) for c in self._estimating for _ in c.measured]
+        cuts = np.cumsum(lengths)[:-1]
+        return np.split(found.jacobian, cuts), np.split(found.residuals, cuts)
+
+    def _length(self, comparison: Comparison) -> int:
+        window = comparison.experiment.windows[0]
+        part = comparison.part(window) if window is not None else slice(0, 0)
+        return part.stop - part.start
+
+    def _errors(self, place: int, x: Samples) -> Errors | None:
+        self._check()
+        comparison, states = self._estimating[place], x[self._states[place]]
+        unknowns = self.problem.unknowns
+        slope = np.array([u.slope(float(c)) for u, c in zip(unknowns, x, strict=False)] + [1.0] * states.size)
+        try:
+            answer = comparison.model.answer(self.values(x), states)
+        except EngineError:
+            return None  # an algebraic loop without a solution or a delay too short to follow: no model at these values
+        return comparison.errors(answer, slope)
+
+    def _each(self, function: Callable[[S], T], over: Iterable[S]) -> list[T]:
+        return list(map(function, over) if self._pool is None else self._pool.map(function, over))
+
+    def _check(self) -> None:
+        with self._lock:
+            if self.monitor.cancelled():
+                raise CancelledError
+
+    def _report(self, here: Minimum) -> None:
+        budget = self.problem.starts * self.problem.max_evaluations
+        # nobody knows how many steps are left: most searches need a quarter of their budget
+        done = self.evaluations / (self.evaluations + 0.25 * budget)
+        self.monitor.progress(
+            done,
+            f"simulation {self.evaluations}: rms error {100 * math.sqrt(2 * here.cost):.3f} % of the output's spread",
+        )
+        if self.best is None or here.cost < self.best.cost:
+            self.best = here
+            self.monitor.best(self.evaluations, here.cost, 0.0, self.values(here.x))
+
+
+def _models(problem: Identification) -> Callable[[RecordedExperiment], Model]:
+    """Return what makes the model of an experiment."""
+    diagram, initial = problem.diagram, problem.initial_states
+    if not diagram.nonlinear:
+        return lambda experiment: LinearModel(diagram, experiment, initial=initial)
+    try:
+        structure = Structure(diagram, problem.unknowns, problem.experiments)
+    except UnsuitableError:
+        return lambda experiment: ExactModel(diagram, experiment, initial=initial)
+    return lambda experiment: MarchedModel(structure, experiment, initial=initial)
