@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections.abc import Callable
+from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import Depends, Request
@@ -20,7 +21,9 @@ from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import KNOWN, Problem, problem_of
+from api.guesses import Guesses
 from api.handlers import problem_response
+from api.presence import POLICY_VIOLATION, Stay
 from api.rates import Allowance, Rates
 from api.services.installation import Caller
 from api.services.keys import caller_of
@@ -34,19 +37,26 @@ CSRF_HEADER = "X-CSRF-Token"
 
 #: Methods that change nothing (RFC 9110, 9.2.1).
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
-#: Close code of a WebSocket whose opener may not come in (RFC 6455, 7.4.1: policy violation).
-_POLICY_VIOLATION = 1008
 
 #: Declares the scheme in the OpenAPI document; the check itself is the middleware's.
 bearer = HTTPBearer(auto_error=False, description="an API key, `Authorization: Bearer <key>`")
 
 
 class Authentication:
-    """ASGI middleware: 401 without a valid key, whatever the path, method or body below /v1; 429 for one that comes too often."""
+    """ASGI middleware: 401 without a valid key, whatever the path, method or body below /v1; 429 for one that comes too often.
 
-    def __init__(self, app: ASGIApp, *, rates: Rates) -> None:
+    Parameters
+    ----------
+    rates : Rates
+        Requests of each caller.
+    failures : Rates
+        Wrong keys of each address; beyond them only keys that have opened before are looked up.
+    """
+
+    def __init__(self, app: ASGIApp, *, rates: Rates, failures: Rates) -> None:
         self.app = app
         self._rates = rates
+        self._guesses = Guesses(failures)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through with its caller in ``scope["state"]``, or refuse it."""
@@ -54,7 +64,7 @@ class Authentication:
             await self.app(scope, receive, send)
             return
         try:
-            caller = await run_in_threadpool(_caller, scope["app"].state.installation.database, scope)
+            caller = await self._admit(scope)
             allowance = self._rates.take(caller.principal)
             if allowance is not None and allowance.wait > 0.0:
                 raise _too_often(allowance)
@@ -67,9 +77,35 @@ class Authentication:
         state["caller"] = caller
         acting = ACTOR.set(Actor(principal=caller.principal, request_id=state.get("request_id")))
         try:
-            await self.app(scope, receive, send if allowance is None else _telling(allowance, send))
+            database: Database = scope["app"].state.installation.database
+            answer = send if allowance is None else _telling(allowance, send)
+            await Stay(database, caller, answer).serve(self.app, scope, receive)
         finally:
             ACTOR.reset(acting)
+
+    async def _admit(self, scope: Scope) -> Caller:
+        address, secret = _address(scope), _secret(scope)
+        self._guesses.check(address, secret)
+        try:
+            caller = await run_in_threadpool(_caller, scope["app"].state.installation.database, scope)
+        except Problem as error:
+            if error.status == HTTPStatus.UNAUTHORIZED and secret:
+                self._guesses.failed(address)
+            raise
+        self._guesses.opened(secret)
+        return caller
+
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return str(client[0]) if client else ""
+
+
+def _secret(scope: Scope) -> str:
+    """Return what a caller shows, whether it opens or not; empty for one who shows nothing."""
+    headers = Headers(scope=scope)
+    ticket = QueryParams(scope["query_string"]).get("ticket", "") if scope["type"] == "websocket" else ""
+    return headers.get("authorization") or cookie_of(headers) or ticket
 
 
 def _caller(database: Database, scope: Scope) -> Caller:
@@ -127,7 +163,7 @@ def _telling(allowance: Allowance, send: Send) -> Send:
 async def _refuse(problem: Problem, scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "websocket":
         await receive()  # the handshake
-        await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": problem.detail})
+        await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": problem.detail})
         return
     await problem_response(problem)(scope, receive, send)
 

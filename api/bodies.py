@@ -10,6 +10,7 @@ import asyncio
 import json
 import math
 from collections.abc import Callable, Coroutine
+from http import HTTPStatus
 from typing import Any
 
 from fastapi import HTTPException, Request, Response
@@ -149,13 +150,25 @@ async def _read(request: Request, limit: int) -> bytes | None:
 
 
 class DocumentRoute(APIRoute):
-    """A route whose JSON body is read by :func:`parse`."""
+    """A route whose JSON body is read by :func:`parse`, and whose answer is not sent to somebody who has it."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return the handler that sees a strict request."""
         handle = super().get_route_handler()
 
         async def strict(request: Request) -> Response:
-            return await handle(_StrictRequest(request.scope, request.receive))
+            response = await handle(_StrictRequest(request.scope, request.receive))
+            return _unless_known(request, response)
 
         return strict
+
+
+def _unless_known(request: Request, response: Response) -> Response:
+    """Return 304 in place of a document whose tag the caller names in ``If-None-Match`` (RFC 9110, 13.1.2)."""
+    tag, known = response.headers.get("ETag"), request.headers.get("If-None-Match")
+    if request.method != "GET" or tag is None or known is None:
+        return response
+    tags = {part.strip().removeprefix("W/") for part in known.split(",")}
+    if not tags & {tag, "*"}:
+        return response
+    return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": tag})

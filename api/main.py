@@ -154,6 +154,8 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     app.include_router(SIGN_IN)
     app.include_router(live.router)
     app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
-    app.add_middleware(Authentication, rates=Rates(chosen.requests_per_minute))
+    app.add_middleware(
+        Authentication, rates=Rates(chosen.requests_per_minute), failures=Rates(chosen.wrong_keys_per_minute)
+    )
     app.encrypted = chosen.encrypted
     return app

@@ -55,6 +55,13 @@ class Rates:
 
     def take(self, caller: str) -> Allowance | None:
         """Take a token for one request; None where nothing is counted."""
+        return self._count(caller, 1.0)
+
+    def look(self, caller: str) -> Allowance | None:
+        """Tell what `take` would, and take nothing."""
+        return self._count(caller, 0.0)
+
+    def _count(self, caller: str, cost: float) -> Allowance | None:
         if self._quota == 0:
             return None
         rate = self._quota / WINDOW
@@ -63,7 +70,7 @@ class Rates:
             tokens, counted_at = self._buckets.pop(caller, (float(self._quota), now))
             tokens = min(self._quota, tokens + (now - counted_at) * rate)
             allowed = tokens >= 1.0
-            tokens -= allowed
+            tokens -= cost * allowed
             self._buckets[caller] = (tokens, now)  # the callers stand in the order of their last request
             if len(self._buckets) > _MOST_BUCKETS:
                 del self._buckets[next(iter(self._buckets))]

@@ -7,6 +7,7 @@
 | ``SERVOTUNE_PUBLIC_URL`` | (that of the request) | address under which browsers reach the service |
 | ``SERVOTUNE_SIGN_IN_HOURS`` | 12 | how long a browser stays signed in, h |
 | ``SERVOTUNE_REQUESTS_PER_MINUTE`` | 30000 | requests of one key or browser, for each process; 0: no limit |
+| ``SERVOTUNE_WRONG_KEYS_PER_MINUTE`` | 60 | wrong keys of one address, for each process; 0: no limit |
 | ``SERVOTUNE_OIDC_ISSUER`` | (none) | OpenID provider through which people sign in |
 | ``SERVOTUNE_OIDC_CLIENT_ID`` | (none) | name of this service at the provider |
 | ``SERVOTUNE_OIDC_CLIENT_SECRET`` | (none) | its secret there, for a provider that wants one |
@@ -58,6 +59,7 @@ class Settings(BaseSettings):
     public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")
     sign_in_hours: float = Field(default=12.0, gt=0, le=8760)
     requests_per_minute: int = Field(default=30_000, ge=0)
+    wrong_keys_per_minute: int = Field(default=60, ge=0)
     oidc_issuer: str | None = Field(default=None, pattern="^https?://[^?#]+$")
     oidc_client_id: str | None = Field(default=None, min_length=1)
     oidc_client_secret: SecretStr | None = None

@@ -30,6 +30,12 @@ def holder_of(database: Database, ticket: str) -> Caller | None:
         return _caller(SignInRepository(session).redeem(ticket), ends=False)
 
 
+def is_in(database: Database, caller: Caller) -> bool:
+    """Return whether a caller who was let in would be let in again."""
+    with database.session() as session:
+        return SignInRepository(session).is_in(caller.principal)
+
+
 def _caller(visitor: Visitor | None, *, ends: bool) -> Caller | None:
     if visitor is None:
         return None

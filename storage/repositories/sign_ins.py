@@ -81,6 +81,18 @@ class SignInRepository:
             expires_at=row.expires_at,
         )
 
+    def is_in(self, principal: str) -> bool:
+        """Return whether a sign-in or a key, by its id, (still) opens."""
+        key_id: str | None = principal
+        row = self._session.get(SignIn, principal, populate_existing=True)
+        if row is not None:
+            if row.expires_at <= utc_now():
+                return False
+            key_id = row.key_id
+            if key_id is None:
+                return True
+        return self._session.scalar(select(ApiKey.id).where(ApiKey.id == key_id, *opens())) is not None
+
     def close(self, identifier: str) -> None:
         """Sign a browser out; nothing happens when it is out."""
         row = self._session.get(SignIn, identifier)
