@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Any, Self, cast
 
 from servotune.access import Keys, Workspaces
+from servotune.acquisitions import Acquisitions
 from servotune.catalog import Catalog
 from servotune.datasets import Datasets
 from servotune.errors import ApiError, ServiceUnreachableError
@@ -33,6 +34,8 @@ class Client(Studies, Searches):
         Long work.
     lineage : Lineage
         What was made from what; one file that repeats it elsewhere.
+    acquisitions : Acquisitions
+        Measurements on rigs.
     schedules : Schedules
         Jobs that are run again and again.
     webhooks, alerts : Webhooks, Alerts
@@ -50,6 +53,7 @@ class Client(Studies, Searches):
         self.jobs = Jobs(transport)
         self.lineage = Lineage(transport)
         self.schedules = Schedules(transport)
+        self.acquisitions = Acquisitions(transport)
         self.webhooks = Webhooks(transport)
         self.alerts = Alerts(transport)
         self.catalog = Catalog(transport)

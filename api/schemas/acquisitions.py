@@ -149,8 +149,8 @@ class FollowUpDocument(Document):
     """A step that begins when the recording is there, and the steps before it have succeeded.
 
     `average`: the mean of the repetitions, a dataset of its own that the later steps use. `identification`,
-    `validation`: their bodies without `dataset`; a validation without `parameters` takes those that the identification
-    before it found. A validation whose verdict is `fail` ends the chain: an `alert` is what it is then told by.
+    `validation`: their bodies without `dataset`; a validation takes what the identification before it found. A
+    validation whose verdict is `fail` ends the chain, and raises an alert as every validation by a worker does.
     """
 
     kind: Literal["average", "identification", "validation"]

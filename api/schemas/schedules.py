@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from api.schemas.acquisitions import AcquisitionRequest
 from api.schemas.jobs import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import Reply
@@ -35,6 +36,13 @@ class ScheduledValidation(Document):
     body: ValidationRequest
 
 
+class ScheduledAcquisition(Document):
+    """The body of `POST /v1/acquisitions`; what follows its recording is in its `then`."""
+
+    kind: Literal["acquisition"]
+    body: AcquisitionRequest
+
+
 class ScheduleRequest(Document):
     """A job, and when it is run."""
 
@@ -43,7 +51,10 @@ class ScheduleRequest(Document):
         max_length=200, description="minute, hour, day of month, month, day of week", examples=["30 2 * * mon-fri"]
     )
     time_zone: str = Field(default="UTC", max_length=64, description="IANA name", examples=["Europe/Bucharest"])
-    job: Annotated[ScheduledOptimization | ScheduledIdentification | ScheduledValidation, Field(discriminator="kind")]
+    job: Annotated[
+        ScheduledOptimization | ScheduledIdentification | ScheduledValidation | ScheduledAcquisition,
+        Field(discriminator="kind"),
+    ]
     overlap: Literal["skip", "queue", "cancel_previous"] = Field(
         default="skip", description="when the job before has not ended"
     )

@@ -112,9 +112,7 @@ def _body(session: Session, step: FollowUp, attempt: AcquisitionAttempt) -> dict
         if earlier.kind == "average":
             body["dataset"] = result["dataset"]
         elif earlier.kind == "identification" and step.kind == "validation":
-            body["parameters"] = result["parameters"]
-            if result.get("offsets"):
-                body["offsets"] = result["offsets"]
+            body["identification"] = earlier.job_id
     return {**body, **step.body}
 
 

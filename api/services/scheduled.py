@@ -9,11 +9,13 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from api.errors import invalid
+from api.schemas.acquisitions import AcquisitionRequest
 from api.schemas.jobs import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.validations import ValidationRequest
-from api.services import identifications, optimizations, validations
+from api.services import acquisitions, identifications, optimizations, validations
 from api.services.installation import Caller, Installation
+from storage.repositories.acquisitions import KIND
 
 Submit = Callable[[Session], str]
 """Writes a job down in a transaction and returns its id."""
@@ -52,8 +54,14 @@ def _validation(service: Installation, caller: Caller, body: Mapping[str, Any]) 
     return lambda session: str(validations.submit(service, session, caller, request, subject)["id"])
 
 
+def _acquisition(service: Installation, caller: Caller, body: Mapping[str, Any]) -> Submit:
+    prepared = acquisitions.prepare(service, caller, AcquisitionRequest.model_validate(body))
+    return lambda session: str(acquisitions.submit(session, caller, prepared)["job"])
+
+
 _KINDS: Mapping[str, Callable[[Installation, Caller, Mapping[str, Any]], Submit]] = {
     optimizations.KIND: _optimization,
     identifications.KIND: _identification,
     validations.KIND: _validation,
+    KIND: _acquisition,
 }
