@@ -37,13 +37,22 @@ _CAUSES = {
 """Kind of a doubt -> the setting that removes it."""
 
 
+def named(unit: str) -> str:
+    """Return an SI unit by its own name where it has one.
+
+    >>> named("kg*m/s**2"), named("m/s")
+    ('N', 'm/s')
+    """
+    return _NAMED.get(unit, unit)
+
+
 def ratio_unit(output: str, input: str) -> str:  # noqa: A002 - the contract's word
     """Return the unit of a response over an input, both in SI.
 
     >>> ratio_unit("m", "kg*m/s**2"), ratio_unit("m", "m"), ratio_unit("m", ""), ratio_unit("", "kg*m**2/s**2")
     ('m/N', '1', 'm', '1/(N*m)')
     """
-    above, below = (_NAMED.get(unit, unit) or "1" for unit in (output, input))
+    above, below = named(output) or "1", named(input) or "1"
     if above == below:
         return "1"
     if below == "1":
@@ -87,12 +96,13 @@ def _points(given: list[Any] | None, unit: str, name: str) -> Any:
     return np.array([si(value, unit, name=name, place=(name, i)) for i, value in enumerate(given)])
 
 
-def frf_to_wire(frf: Frf, *, unit: str, level: float) -> dict[str, Any]:
-    """Return one measured response."""
+def frf_to_wire(frf: Frf, *, output: str, input: str, level: float) -> dict[str, Any]:  # noqa: A002 - as above
+    """Return one measured response; ``output`` and ``input`` are the SI units of both channels."""
     band = confidence(frf, level)
     bounds = ("magnitude_lower", "magnitude_upper", "phase_lower", "phase_upper")
     return {
-        "unit": unit,
+        "unit": ratio_unit(output, input),
+        "response_unit": named(output),
         "magnitude": numbers(np.abs(frf.value)),
         "phase": numbers(unwrapped(frf.value)),
         "real": numbers(frf.value.real),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from fastapi import APIRouter, Response
+from fastapi.responses import PlainTextResponse
 
-from api.auth import Runner
+from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
 from api.calls import CreationDep, InstallationDep
 from api.schemas.frfs import FrfReply, FrfRequest
-from api.services import frfs
+from api.services import frf_files, frfs
 
 router = APIRouter(prefix="/v1/frfs", tags=["studies"], route_class=DocumentRoute)
 
@@ -17,3 +18,16 @@ router = APIRouter(prefix="/v1/frfs", tags=["studies"], route_class=DocumentRout
 def frf(request: FrfRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
     """Averaged, of a multisine or of stepped sines; coherence, confidence bands, sensor corrections, modes, a model beside it."""
     return creation.study(caller, frfs.KIND, lambda: frfs.run_frf(service, caller, request), kept=request.keep)
+
+
+@router.get(
+    "/{identifier}/uff",
+    response_class=PlainTextResponse,
+    summary="Frequency response functions as a universal file",
+)
+def universal_file(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+    """Return a kept reply as datasets 58 in text: every response and its coherence, lines in Hz."""
+    with service.database.session() as session:
+        content = frf_files.universal_file(session, caller, identifier)
+    headers = {"Content-Disposition": f'attachment; filename="{identifier}.uff"'}
+    return PlainTextResponse(content, headers=headers)

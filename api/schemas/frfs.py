@@ -133,6 +133,7 @@ class FrfOutput(Reply):
     """One response over the input; phases unwrapped, rad; bounds hold the truth line by line."""
 
     unit: str
+    response_unit: str
     magnitude: Curve
     phase: Curve
     real: Curve
@@ -179,6 +180,7 @@ class FrfReply(StudyReply):
 
     dataset: str
     input: str
+    input_unit: str
     estimator: str
     form: str | None
     frequency: Curve

@@ -13,7 +13,7 @@ from api.convert.frfs import (
     doubt_to_warning,
     frf_to_wire,
     modes_to_wire,
-    ratio_unit,
+    named,
     sensor_from_wire,
     simulated_to_wire,
     steps_from_wire,
@@ -83,8 +83,8 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
         outputs, warnings = {}, []
         formed = {name: _formed(request, frf, measured.units[name]) for name, frf in found.items()}
         for name, (frf, unit) in formed.items():
-            shown = ratio_unit(unit, measured.units[request.input])
-            outputs[name] = frf_to_wire(frf, unit=shown, level=request.confidence)
+            source = measured.units[request.input]
+            outputs[name] = frf_to_wire(frf, output=unit, input=source, level=request.confidence)
             warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
             if subject is not None:
                 _check_unit(request, subject, name, unit)
@@ -93,6 +93,7 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     body = {
         "dataset": request.dataset,
         "input": request.input,
+        "input_unit": named(measured.units[request.input]),
         "estimator": request.estimator,
         "form": request.form,
         "frequency": numbers(first.frequency),

@@ -184,11 +184,12 @@ def _datasets(ask: Callable[..., Any]) -> str:
         {"kind": "differentiate", "channel": "y", "name": "velocity"},
     ]
     ask("POST /v1/processings", body={"name": "lag, filtered", "sources": [identifier], "steps": steps})
-    ask(
+    frf = ask(
         "POST /v1/frfs",
-        body={"dataset": identifier, "input": "u", "output": "y", "segment": 0.5,
+        body={"dataset": identifier, "input": "u", "output": "y", "segment": 0.5, "keep": True,
               "system": PLANT, "from": "u", "to": "y", "parameters": {"k": 3, "tau": 0.05}},
     )  # fmt: skip
+    ask("GET /v1/frfs/{identifier}/uff", identifier=frf["id"])
     ask("POST /v1/spectra", body={"dataset": identifier, "channel": "y", "window": "hann", "segment": 0.5})
     ask(
         "POST /v1/validations",

@@ -207,6 +207,42 @@ def test_a_merged_recording_is_averaged_without_its_joint(client, shaken) -> Non
     assert split.json()["errors"][0]["detail"] == "part must lie in one experiment for multisine, got 2 of them"
 
 
+def test_a_kept_response_leaves_as_a_universal_file(client, shaken) -> None:
+    body = good(ask(client, shaken, output=["displacement", "acceleration"], keep=True, **BAND))
+    reply = client.get(f"/v1/frfs/{body['id']}/uff")
+    assert reply.headers["Content-Type"].startswith("text/plain")
+    blocks = reply.text.split("    -1\n    58\n")[1:]
+    assert len(blocks) == 4  # two responses, each with its coherence
+    lines = blocks[0].splitlines()
+    function, _, count, _, start, step = (*lines[5].split()[:2], *lines[6].split()[1:5])
+    assert function == "4"  # a frequency response
+    assert int(count) == len(body["frequency"])
+    assert float(start) == pytest.approx(body["frequency"][0] / HZ, rel=1e-5)
+    assert float(step) == pytest.approx(1 / 8, rel=1e-5)
+    numbers = np.array(" ".join(lines[11:-1]).split(), dtype=float)
+    found = body["outputs"]["displacement"]
+    assert numbers[0::2] == pytest.approx(found["real"], rel=1e-11)
+    assert numbers[1::2] == pytest.approx(found["imag"], rel=1e-11)
+    assert lines[8].split()[0] == "8"  # displacement
+    assert "displacement" in lines[8]
+    assert lines[9].split()[0] == "13"  # force
+    simulation = client.post(
+        "/v1/simulations",
+        json={"system": MODEL, "input": {"port": "force", "signal": {"kind": "step"}}, "keep": True, "duration": 1},
+    )
+    assert client.get(f"/v1/frfs/{simulation.json()['id']}/uff").status_code == 404
+
+
+def test_uneven_lines_do_not_leave_as_a_universal_file(client) -> None:
+    time = np.arange(int(RATE)) / RATE
+    sines = stored(client, np.concatenate([np.sin(HZ * f * time) for f in (10, 20, 50)]), noise=0.0)
+    steps = [{"frequency": HZ * f, "start": s, "end": s + 1} for f, s in ((10, 0), (20, 1), (50, 2))]
+    body = good(ask(client, sines, estimator="stepped_sine", steps=steps, keep=True))
+    reply = client.get(f"/v1/frfs/{body['id']}/uff")
+    assert reply.status_code == 409
+    assert "evenly spaced" in reply.json()["detail"]
+
+
 def test_a_kept_response_can_be_read_again(client, shaken) -> None:
     identifier = good(ask(client, shaken, keep=True, **BAND))["id"]
     kept = client.get(f"/v1/results/{identifier}").json()

@@ -59,6 +59,7 @@ def things(client, service) -> Iterator[Things]:
         "lineage": system,
         "datasets": client.get("/v1/datasets").json()["items"][0]["id"],
         "results": kept["id"],
+        "frfs": kept["id"],
         "jobs": job["id"],
         "keys": key["id"],
         "workspaces": "ws_default",
