@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.convert.fits import fit_to_wire, measures_to_wire, one_step_to_wire, residuals_to_wire
+from api.convert.frequency_domain import frequency_domain_to_wire
 from api.convert.values import number, numbers
 from engine.diagram import Diagram
 from engine.fit import DEFINITIONS
@@ -21,6 +22,8 @@ Samples = npt.NDArray[np.float64]
 Intervals = Mapping[str, tuple[float | None, float | None]]
 
 _SENTENCES = 3
+_NEAR = 0.7
+"""Of the error: when so much of it is out of reach of any linear model, that is worth saying."""
 
 
 def validation_to_wire(
@@ -37,7 +40,7 @@ def validation_to_wire(
     remarks = [sentence for output in found.outputs.values() for sentence in output.remarks]
     return {
         "outputs": {
-            name: _output(output, unit=diagram.output_units.get(name, ""), time=time, stride=stride)
+            name: _output(output, unit=diagram.output_units.get(name, ""), time=time, stride=stride, points=points)
             for name, output in found.outputs.items()
         },
         "verdict": "fail" if found.grade is Grade.FAIL else "pass",
@@ -51,7 +54,7 @@ def validation_to_wire(
     }
 
 
-def _output(output: Output, *, unit: str, time: Samples, stride: int) -> dict[str, Any]:
+def _output(output: Output, *, unit: str, time: Samples, stride: int, points: int | None) -> dict[str, Any]:
     comparison = output.comparison
     begin, end = output.worst_interval
     return {
@@ -61,6 +64,7 @@ def _output(output: Output, *, unit: str, time: Samples, stride: int) -> dict[st
         "baselines": {kind: fit_to_wire(fit) for kind, fit in output.baselines.items()},
         "residuals": residuals_to_wire(output.residuals, comparison.sample_time),
         "one_step_prediction": one_step_to_wire(output.one_step),
+        "frequency_domain": None if output.frequency is None else frequency_domain_to_wire(output.frequency, points),
         "offset": number(output.offset),
         "unit": unit,
         "curves": {
@@ -157,15 +161,30 @@ def _advice(found: Validated) -> str:
         for remedies in found.diagnosis.remedies.values()
         for remedy in remedies
     ]
-    steps = found.diagnosis.steps
-    if steps is not None:
-        said += _moves(steps, found.checks)
-    if not said and found.grade is Grade.FAIL:
+    if found.diagnosis.steps is not None:
+        said += _moves(found.diagnosis.steps, found.checks)
+    sentences = [sentence for _, sentence in sorted(said)[:_SENTENCES]]
+    sentences += [_limit(name, output) for name, output in found.outputs.items() if _is_near_its_limit(output)]
+    if not sentences and found.grade is Grade.FAIL:
         return (
             "Nothing simple explains the error: look at the worst interval, and at whether the model's structure "
             "(a nonlinearity, a mode, another input) is that of the machine."
         )
-    return " ".join(sentence for _, sentence in sorted(said)[:_SENTENCES])
+    return " ".join(sentences)
+
+
+def _is_near_its_limit(output: Output) -> bool:
+    error = output.fit.relative_error_percent
+    limit = None if output.frequency is None else output.frequency.unexplained_percent
+    return error is not None and limit is not None and limit > _NEAR * error
+
+
+def _limit(name: str, output: Output) -> str:
+    assert output.frequency is not None
+    return (
+        f"No linear model of this input alone goes below {output.frequency.unexplained_percent:.3g} % for {name}: the rest is "
+        "noise, another input, or nonlinear."
+    )
 
 
 def _moves(steps: Steps, checks: Mapping[str, Check]) -> list[tuple[float, str]]:

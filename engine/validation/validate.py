@@ -13,6 +13,7 @@ from engine.fit import Fit, ResidualTests, baselines, compare, examine_residuals
 from engine.validation.comparison import Comparison
 from engine.validation.diagnosis import Diagnosis
 from engine.validation.prediction import OneStep, one_step
+from engine.validation.spectrum import FrequencyDomain, frequency_domain
 from engine.validation.verdict import Grade, grade, remarks
 
 Samples = npt.NDArray[np.float64]
@@ -58,6 +59,7 @@ class Output:
     worst_interval: tuple[float, float]
     residuals: ResidualTests
     one_step: OneStep | None
+    frequency: FrequencyDomain | None
     remarks: tuple[str, ...]
 
 
@@ -165,6 +167,7 @@ def validate(compared: Compared, *, limit_percent: float) -> Validated:
             worst_interval=worst_interval(measured, model, sample_time=compared.sample_time),
             residuals=examine_residuals(measured - model, inputs),
             one_step=one_step(comparison),
+            frequency=frequency_domain(comparison),
             remarks=remarks(name, fit, trivial),
         )
     return Validated(outputs=outputs, grade=grade({name: o.fit for name, o in outputs.items()}, limit_percent))

@@ -47,6 +47,46 @@ class OneStepReply(Reply):
     order: int
 
 
+class PolarCurve(Reply):
+    """Magnitude (ratio) and unwrapped phase (rad)."""
+
+    magnitude: Curve
+    phase: Curve
+
+
+class BoundsReply(Reply):
+    """What holds the truth of the measured response, line by line, with this probability."""
+
+    confidence: float
+    magnitude_lower: Curve
+    magnitude_upper: Curve
+    phase_lower: Curve
+    phase_upper: Curve
+
+
+class FrequencyDomainReply(Reply):
+    """Measured and simulated frequency responses where the recording tells something; rad/s, deviations in dB."""
+
+    input: str
+    estimator: str
+    averages: int
+    lines: int = Field(description="whose coherence is at least 0.7, of an input that is there")
+    lines_of: int
+    frequency: Curve
+    coherence: Curve | None
+    measured: PolarCurve
+    simulated: PolarCurve
+    bounds: BoundsReply | None
+    relative_error_percent: Number
+    median_deviation: Number
+    worst_deviation: Number
+    worst_frequency: Number
+    within_percent: Number = Field(description="lines at which the model lies within the bounds")
+    unexplained_percent: Number = Field(
+        description="relative error that no linear model of this input goes below: noise, another input, nonlinear"
+    )
+
+
 class ValidatedOutput(FitReply):
     """One output; its measures are those of a simulation."""
 
@@ -55,6 +95,9 @@ class ValidatedOutput(FitReply):
     baselines: dict[str, FitReply]
     residuals: ResidualReply
     one_step_prediction: OneStepReply | None
+    frequency_domain: FrequencyDomainReply | None = Field(
+        description="null for several inputs, a short window, or where nothing is coherent"
+    )
     offset: Number
     unit: str
     curves: ValidationCurves

@@ -68,6 +68,10 @@ def test_every_measure_has_a_name_a_definition_and_company(client, recording) ->
     assert len(residuals["lags"]) == len(residuals["cross_correlation"][0]) == 51
     assert residuals["lags"][0] == -0.025
     assert residuals["autocorrelation_bound"] == pytest.approx(2.576 / np.sqrt(SAMPLES))
+    response = y["frequency_domain"]
+    assert response["input"] == "u"
+    assert len(response["frequency"]) == len(response["bounds"]["magnitude_lower"]) == response["lines"]
+    assert response["relative_error_percent"] < 5
     # the last sample repeated looks excellent, and says nothing
     assert y["one_step_prediction"]["last_sample"]["fit_percent"] > 90
 

@@ -1,0 +1,125 @@
+"""The same comparison in the frequency domain: measured and simulated responses to the recorded input, line by line.
+
+    unexplained = 100 sqrt(Σ (1 - γ²) S_yy n / (n - 1) / Σ S_yy · var y / mean y²)
+
+Both responses are estimated in the same way from the same input (averaged H1), so that what the estimator does to one it does
+to the other; a nonlinear model is compared at the amplitudes of the recording. Only lines count about which the recording
+tells something: a coherence of at least 0.7, and an input within 50 dB of its strongest line. What no linear model of this input explains is noise, another input, or
+nonlinear; a model that misses no more than that cannot be made better by other values of its parameters.
+
+References
+----------
+J. S. Bendat, A. G. Piersol, "Random Data", 4th ed., Wiley 2010, sections 6.1 (coherent output) and 9.2 (errors).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from engine.spectra import comparison as spectra
+from engine.spectra.averaged import averaged_frf
+from engine.spectra.crossed import Crossed, crossed
+from engine.spectra.fourier import Complex
+from engine.spectra.frf import Confidence, Frf, confidence
+from engine.validation.comparison import Comparison
+
+SEGMENTS = 8
+LEVEL = 0.95
+_COHERENT = 0.7
+_DRIVEN = 1e-5
+"""Of the power of the strongest line of the input: among thousands of lines of noise some look coherent by chance."""
+_SHORTEST = 512
+"""Samples of a window below which eight segments hold too few lines."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrequencyDomain:
+    """Measured and simulated frequency responses where the recording tells something.
+
+    Attributes
+    ----------
+    source : str
+        The input.
+    measured : Frf
+        Its lines of enough coherence.
+    bounds : Confidence or None
+        Of the measured one.
+    simulated : ndarray of complex, shape (lines,)
+    comparison : engine.spectra.comparison.Comparison
+    lines : int
+        Of all coherences.
+    unexplained_percent : float or None
+        Relative error that no linear model of this input goes below.
+    """
+
+    source: str
+    measured: Frf
+    bounds: Confidence | None
+    simulated: Complex
+    comparison: spectra.Comparison
+    lines: int
+    unexplained_percent: float | None
+
+
+def frequency_domain(comparison: Comparison) -> FrequencyDomain | None:
+    """Return the comparison of the frequency responses.
+
+    None for several inputs (each would be the other one's noise), a short window, a channel that does not change, or where no
+    line is coherent.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    n = comparison.measured.size
+    if len(comparison.inputs) != 1 or n < _SHORTEST:
+        return None
+    ((source, u),) = comparison.inputs.items()
+    if not all(_changes(signal) for signal in (u, comparison.measured, comparison.simulated)):
+        return None
+    rate, segment = 1.0 / comparison.sample_time, n // SEGMENTS
+    frf = averaged_frf([(u, comparison.measured)], rate, segment=segment)
+    model = averaged_frf([(u, comparison.simulated)], rate, segment=segment)
+    if frf.coherence is None:
+        return None
+    powers = crossed([(u, comparison.measured)], rate, segment=segment)
+    told = np.isfinite(frf.value) & np.isfinite(model.value) & (powers.xx >= _DRIVEN * powers.xx.max())
+    told &= frf.coherence >= _COHERENT
+    if not told.any():
+        return None
+    assert frf.magnitude_error is not None
+    assert frf.phase_error is not None
+    measured = replace(
+        frf,
+        frequency=frf.frequency[told],
+        value=frf.value[told],
+        coherence=frf.coherence[told],
+        magnitude_error=frf.magnitude_error[told],
+        phase_error=frf.phase_error[told],
+    )
+    simulated = model.value[told]
+    return FrequencyDomain(
+        source=source,
+        measured=measured,
+        bounds=confidence(measured, LEVEL),
+        simulated=simulated,
+        comparison=spectra.compared(measured, simulated, level=LEVEL),
+        lines=frf.frequency.size,
+        unexplained_percent=_unexplained(comparison, powers),
+    )
+
+
+def _changes(signal: np.ndarray[tuple[int], np.dtype[np.float64]]) -> bool:
+    return bool(np.ptp(signal) > 1e-12 * np.abs(signal).max())
+
+
+def _unexplained(comparison: Comparison, found: Crossed) -> float | None:
+    n = found.effective_averages
+    if n <= 1.5:
+        return None
+    lost = np.where(np.isfinite(found.coherence), 1.0 - np.clip(found.coherence, 0.0, 1.0), 1.0)
+    share = min(float((lost * found.yy).sum() / found.yy.sum()) * n / (n - 1.0), 1.0)
+    y = comparison.measured
+    return float(100 * np.sqrt(share * y.var() / np.mean(y**2)))
