@@ -18,6 +18,7 @@ export const router = createBrowserRouter([
         children: [
           { index: true, element: <Navigate to="panel" replace /> },
           { path: "panel", lazy: async () => ({ Component: (await import("@/features/panel/PanelPage")).PanelPage }) },
+          { path: "diagram", lazy: async () => ({ Component: (await import("@/features/diagram/DiagramPage")).DiagramPage }) },
           { path: "revisions", lazy: async () => ({ Component: (await import("@/features/systems/RevisionsPage")).RevisionsPage }) },
         ],
       },

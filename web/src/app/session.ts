@@ -41,8 +41,8 @@ export function useSigning() {
     async signOut(): Promise<void> {
       await must(api.DELETE("/v1/session"));
       setCsrfToken(null);
-      queries.clear();
       queries.setQueryData(KEY, null);
+      queries.removeQueries({ predicate: (query) => query.queryKey[0] !== KEY[0] });
     },
   };
 }

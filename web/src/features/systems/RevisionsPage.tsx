@@ -5,7 +5,7 @@ import { useParams, useSearchParams } from "react-router";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
 import { revisionQuery, revisionsQuery, saveSystem, systemQuery } from "@/shared/api/systems";
-import { differences } from "./difference";
+import { differences } from "@/shared/systems/difference";
 
 const COLORS = { added: "green", removed: "red", changed: "blue" } as const;
 

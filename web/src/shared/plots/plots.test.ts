@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { csvOf } from "./export";
-import { clamped, equalRanges, extent, padded } from "./ranges";
+import { clamped, equalRanges, extent, padded, tickTexts } from "./ranges";
 
 describe("ranges", () => {
   it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
@@ -23,4 +23,14 @@ describe("CSV", () => {
     const text = csvOf({ x: { label: "time", unit: "s" }, y: { label: "speed", unit: "rad/s" }, series: [{ label: 'R "a"', color: "", dash: [] }] }, [{ x: [0, 1], y: [2, NaN] }]);
     expect(text).toBe('"R ""a"": time [s]","R ""a"": speed [rad/s]"\n0,2\n1,\n');
   });
+});
+
+describe("ticks", () => {
+  it.each([
+    [[0, 0.0002, 0.0004], 0.0002, ["0", "2e-4", "4e-4"]],
+    [[0, 0.25, 0.5], 0.25, ["0.00", "0.25", "0.50"]],
+    [[-10, 0, 10], 10, ["-10", "0", "10"]],
+    [[0, 2e-6, 4e-6], 2e-6, ["0", "2e-6", "4e-6"]],
+    [[0, 2.5e6], 2.5e6, ["0", "2.5e6"]],
+  ])("%j", (splits, step, texts) => expect(tickTexts(splits, step)).toEqual(texts));
 });

@@ -49,3 +49,16 @@ export function planeOf(curves: Curve[], keep: [number, number][], limits?: Rang
     y: clip(extent([...curves.map((c) => c.y), keep.map((p) => p[1])])),
   };
 }
+
+/** Tick labels with as many digits as the steps between them need: 0.0005 and not 0.001 twice. */
+export function tickTexts(splits: readonly (number | null)[], step: number): string[] {
+  const size = Math.max(...splits.map((v) => Math.abs(v ?? 0)));
+  const power = Math.floor(Math.log10(step) + 1e-9);
+  // A step of 2.5 needs one digit more than one of 2.
+  const more = Math.abs(step / 10 ** power - Math.round(step / 10 ** power)) > 1e-6 ? 1 : 0;
+  if (size !== 0 && (power < -3 || size >= 1e6)) {
+    const kept = Math.max(0, Math.floor(Math.log10(size)) - power) + more;
+    return splits.map((v) => (v === null ? "" : v === 0 ? "0" : v.toExponential(kept).replace("e+", "e")));
+  }
+  return splits.map((v) => (v === null ? "" : v.toFixed(Math.max(0, more - power)).replace(/^-(0(\.0*)?)$/, "$1")));
+}

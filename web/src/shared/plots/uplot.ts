@@ -1,6 +1,6 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { clamped, equalRanges, extent, padded, planeOf, type Range } from "./ranges";
+import { clamped, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
 import type { Curve, LivePlot, PlotSpec, Series } from "./types";
 
 const FONT = "11px system-ui, sans-serif";
@@ -112,7 +112,8 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     labelGap: 0,
     size,
     label: label(own),
-    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? String(Number(v.toPrecision(6))) : "")) } : {}),
+    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? String(Number(v.toPrecision(6))) : "")) } 
+      : { values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => tickTexts(splits, step) }),
   });
   const yRange = (): Range => clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]])])), spec.clamp);
   const series: unknown[] = spec.equal
@@ -133,7 +134,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     scales: spec.equal
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
       : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
-    axes: [axis(spec.x, 34), axis(spec.y, 52)],
+    axes: [axis(spec.x, 34), axis(spec.y, 58)],
     series: series as uPlot.Series[],
     hooks: {
       drawAxes: [drawMarks(spec)],

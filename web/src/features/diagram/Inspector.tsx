@@ -1,0 +1,233 @@
+import { ActionIcon, Button, Group, NativeSelect, Select, Stack, Text, TextInput, Title } from "@mantine/core";
+import { useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { Problem } from "@/shared/api/problem";
+import type { Block, ParameterDocument, Scalar, SystemDocument } from "@/shared/api/types";
+import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { connect, connectionsOf, disconnect, endOf, freeName, NAME, portsOf, removeBlocks, renameBlock, textOf, type Catalogue } from "./model";
+import { ValueEntry } from "./ValueEntry";
+
+interface Props {
+  document: SystemDocument;
+  catalogue: Catalogue;
+  selected: string | null;
+  problem: Problem | null;
+  /** Where this document stands in what the service was asked. */
+  pointer: string;
+  onEdit(document: SystemDocument): void;
+  onSelect(name: string | null): void;
+  onEnter(name: string): void;
+}
+
+/** What is selected, with everything that can be said about it; the whole system when nothing is. */
+export function Inspector(props: Props) {
+  const block = props.selected ? props.document.blocks[props.selected] : undefined;
+  return block ? <BlockPart key={props.selected} {...props} name={props.selected!} block={block} /> : <SystemPart {...props} />;
+}
+
+function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit, onSelect, onEnter }: Props & { name: string; block: Block }) {
+  const { t } = useTranslation();
+  const entry = catalogue.get(block.kind);
+  const ports = portsOf(block, catalogue);
+  const here = `${pointer}/blocks/${name}`;
+  const set = (key: string, value: unknown) => {
+    const next = { ...block };
+    if (value === undefined) delete next[key];
+    else next[key] = value;
+    onEdit({ ...document, blocks: { ...document.blocks, [name]: next } });
+  };
+  const sources = Object.entries(document.blocks).flatMap(([other, found]) => portsOf(found, catalogue).outputs.map((port) => textOf({ block: other, port }, document, catalogue, "outputs")));
+  const sourceOf = (port: string): string => {
+    const wire = connectionsOf(document).find((w) => {
+      const end = endOf(w.to, document, catalogue, "inputs");
+      return end.block === name && end.port === port;
+    });
+    return wire ? textOf(endOf(wire.from, document, catalogue, "outputs"), document, catalogue, "outputs") : "";
+  };
+  return (
+    <Stack gap="xs">
+      <Title order={2} fz="sm">
+        {entry?.title ?? block.kind}
+      </Title>
+      <NameEntry
+        label={t("diagram.blockName")}
+        value={name}
+        taken={Object.keys(document.blocks)}
+        onCommit={(next) => {
+          onEdit(renameBlock(document, name, next));
+          onSelect(next);
+        }}
+      />
+      {problem?.at(here) && (
+        <Text fz="xs" c="var(--mantine-color-error)" role="alert">
+          {problem.at(here)}
+        </Text>
+      )}
+      {block.system && (
+        <Button variant="light" onClick={() => onEnter(name)}>
+          {t("diagram.enter")}
+        </Button>
+      )}
+      {entry?.parameters.map((parameter) => (
+        <ValueEntry key={parameter.name} parameter={parameter} value={block[parameter.name]} error={problem?.at(`${here}/${parameter.name}`)} onCommit={(value) => set(parameter.name, value)} />
+      ))}
+      {ports.inputs.length > 0 && (
+        <Title order={3} fz="xs" mt={4}>
+          {t("diagram.signals")}
+        </Title>
+      )}
+      {ports.inputs.map((port) => (
+        <NativeSelect
+          key={port}
+          size="xs"
+          label={t("diagram.fromTo", { port })}
+          value={sourceOf(port)}
+          data={["", ...sources]}
+          onChange={(event) => {
+            const to = { block: name, port };
+            const from = event.currentTarget.value;
+            onEdit(from ? connect(document, catalogue, endOf(from, document, catalogue, "outputs"), to) : disconnect(document, catalogue, to));
+          }}
+        />
+      ))}
+      {ports.outputs.length > 0 && (
+        <Group gap={6}>
+          {ports.outputs.map((port) => (
+            <Button
+              key={port}
+              variant="default"
+              size="compact-xs"
+              onClick={() => onEdit({ ...document, outputs: { ...document.outputs, [freeName(port === "out" ? name : port, Object.keys(document.outputs))]: textOf({ block: name, port }, document, catalogue, "outputs") } })}
+            >
+              {t("diagram.makeOutput", { port })}
+            </Button>
+          ))}
+        </Group>
+      )}
+      {entry?.equation && (
+        <Text fz="xs" c="dimmed" className="numbers">
+          {entry.equation}
+        </Text>
+      )}
+      <Button
+        variant="subtle"
+        color="red"
+        onClick={() => {
+          onEdit(removeBlocks(document, new Set([name])));
+          onSelect(null);
+        }}
+      >
+        {t("diagram.removeBlock", { name })}
+      </Button>
+    </Stack>
+  );
+}
+
+function SystemPart({ document, catalogue, problem, pointer, onEdit }: Props) {
+  const { t } = useTranslation();
+  const parameters = document.parameters ?? {};
+  const setParameter = (name: string, parameter: ParameterDocument | undefined) => {
+    const next = { ...parameters };
+    if (parameter) next[name] = parameter;
+    else delete next[name];
+    onEdit({ ...document, parameters: next });
+  };
+  const sources = Object.entries(document.blocks).flatMap(([other, found]) => portsOf(found, catalogue).outputs.map((port) => textOf({ block: other, port }, document, catalogue, "outputs")));
+  return (
+    <Stack gap="xs">
+      <Title order={2} fz="sm">
+        {t("diagram.system")}
+      </Title>
+      <TextEntry label={t("systems.name")} value={document.name ?? ""} onCommit={(name) => onEdit({ ...document, name })} />
+      <Title order={3} fz="xs" mt={4}>
+        {t("diagram.parameters")}
+      </Title>
+      <Text fz="xs" c="dimmed">
+        {t("diagram.parametersDoc")}
+      </Text>
+      {Object.entries(parameters).map(([name, parameter]) => {
+        const part = (key: "value" | "lower" | "upper", label: string) => (
+          <NumberEntry
+            label={label}
+            value={parameter[key]}
+            expressions={key === "value"}
+            optional={key !== "value"}
+            error={problem?.at(`${pointer}/parameters/${name}/${key}`)}
+            onCommit={(value: Scalar | undefined) => {
+              const next = { ...parameter };
+              if (value === undefined) delete next[key];
+              else Object.assign(next, { [key]: value });
+              setParameter(name, next);
+            }}
+          />
+        );
+        return (
+          <Group key={name} gap={4} align="flex-end" wrap="nowrap">
+            {part("value", parameter.unit ? `${name} [${parameter.unit}]` : name)}
+            {part("lower", "≥")}
+            {part("upper", "≤")}
+            <ActionIcon variant="subtle" color="gray" aria-label={t("diagram.removeParameter", { name })} onClick={() => setParameter(name, undefined)}>
+              ×
+            </ActionIcon>
+          </Group>
+        );
+      })}
+      <Adder label={t("diagram.newParameter")} taken={Object.keys(parameters)} onAdd={(name) => setParameter(name, { value: 1 })} />
+      <Title order={3} fz="xs" mt={4}>
+        {t("diagram.outputs")}
+      </Title>
+      {Object.entries(document.outputs).map(([name, end]) => (
+        <Group key={name} gap={4} align="flex-end" wrap="nowrap">
+          <Select label={name} value={textOf(endOf(end, document, catalogue, "outputs"), document, catalogue, "outputs")} data={[...new Set(sources)]} onChange={(value) => value && onEdit({ ...document, outputs: { ...document.outputs, [name]: value } })} error={problem?.at(`${pointer}/outputs/${name}`)} />
+          <ActionIcon
+            variant="subtle"
+            color="gray"
+            aria-label={t("diagram.removeOutput", { name })}
+            onClick={() => onEdit({ ...document, outputs: Object.fromEntries(Object.entries(document.outputs).filter(([key]) => key !== name)) })}
+          >
+            ×
+          </ActionIcon>
+        </Group>
+      ))}
+      <Text fz="xs" c="dimmed" mt="sm">
+        {t("diagram.keys")}
+      </Text>
+    </Stack>
+  );
+}
+
+function TextEntry({ label, value, onCommit }: { label: string; value: string; onCommit(value: string): void }) {
+  const [text, setText] = useState(value);
+  useEffect(() => setText(value), [value]);
+  const commit = () => text !== value && onCommit(text);
+  return <TextInput label={label} value={text} maxLength={200} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} />;
+}
+
+function NameEntry({ label, value, taken, onCommit }: { label: string; value: string; taken: string[]; onCommit(value: string): void }) {
+  const { t } = useTranslation();
+  const [text, setText] = useState(value);
+  useEffect(() => setText(value), [value]);
+  const wrong = text !== value && (!NAME.test(text) ? t("diagram.badName") : taken.includes(text) ? t("diagram.takenName") : undefined);
+  const commit = () => {
+    if (text !== value && !wrong) onCommit(text);
+  };
+  return <TextInput label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong} spellCheck={false} classNames={{ input: "numbers" }} />;
+}
+
+function Adder({ label, taken, onAdd }: { label: string; taken: string[]; onAdd(name: string): void }) {
+  const { t } = useTranslation();
+  const [text, setText] = useState("");
+  const wrong = text !== "" && (!NAME.test(text) ? t("diagram.badName") : taken.includes(text) ? t("diagram.takenName") : undefined);
+  return (
+    <form
+      onSubmit={(event) => {
+        event.preventDefault();
+        if (text === "" || wrong) return;
+        onAdd(text);
+        setText("");
+      }}
+    >
+      <TextInput label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} error={wrong} placeholder="kp" spellCheck={false} />
+    </form>
+  );
+}

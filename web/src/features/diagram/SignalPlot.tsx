@@ -1,0 +1,30 @@
+import { useComputedColorScheme } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import { api, must } from "@/shared/api/client";
+import type { components } from "@/shared/api/schema";
+import type { SystemDocument } from "@/shared/api/types";
+import { stroke } from "@/shared/plots/palette";
+import { Plot } from "@/shared/plots/Plot";
+import type { PlotSpec } from "@/shared/plots/types";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+
+/** What travels along a connection when the first input makes a step. */
+export function SignalPlot({ document, from }: { document: SystemDocument; from: string }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const port = Object.keys(document.blocks).find((name) => document.blocks[name]!.kind === "input");
+  const reply = useQuery({
+    queryKey: ["signal", from, JSON.stringify(document)],
+    enabled: port !== undefined,
+    retry: false,
+    queryFn: () =>
+      must(api.POST("/v1/simulations", { body: { system: { ...document, outputs: { signal: from } }, input: { port, signal: { kind: "step" } }, samples: 500, metrics: [] } as unknown as components["schemas"]["SimulationRequest"] })),
+  });
+  const spec = useMemo<PlotSpec>(() => ({ title: t("diagram.signalOf", { from }), x: { label: t("panel.time"), unit: "s" }, y: { label: from, unit: "" }, series: [{ label: from, ...stroke(0, dark), width: 2 }], dark }), [from, dark, t]);
+  const variant = reply.data?.variants[0];
+  const curves = useMemo(() => (variant ? [{ x: Float64Array.from(variant.time as number[]), y: Float64Array.from((variant.outputs.signal ?? []) as (number | null)[], (v) => v ?? NaN) }] : undefined), [variant]);
+  if (reply.isError) return <ProblemAlert error={reply.error} />;
+  return curves ? <Plot spec={spec} curves={curves} height={180} summary={t("diagram.signalOf", { from })} /> : null;
+}
