@@ -92,6 +92,10 @@ def _dataset(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping
     return parsing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
 
 
+def _preview(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
+    return parsing.look(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
+
+
 def _processing(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     return processing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
 
@@ -101,6 +105,7 @@ _RUN = {
     identifications.KIND: _identification,
     validations.KIND: _validation,
     datasets.PARSING: _dataset,
+    datasets.PREVIEW: _preview,
     processing.KIND: _processing,
 }
 

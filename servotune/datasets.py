@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import quote, urlencode
 
 from servotune.errors import ConflictError
 from servotune.jobs import Jobs
@@ -20,6 +21,8 @@ SEGMENT_BYTES = 8 * 1024 * 1024
 """Largest segment that the service takes."""
 
 _FLOAT64_BYTES = 8
+_LONGEST_SILENCE = 600.0
+"""s before a file that is exported must have begun: HDF5 is written as a whole first."""
 _COMMIT_ROUNDS = 3
 
 
@@ -33,7 +36,14 @@ class Datasets:
         """Announce a recording (name, format, channels or import description) and return it, still empty."""
         return cast("Dataset", self._transport.post("/v1/datasets", document, creates=True))
 
-    def send(self, dataset: str, content: Path | bytes, *, progress: Observer | None = None) -> Dataset:
+    def send(
+        self,
+        dataset: str,
+        content: Path | bytes,
+        *,
+        document: Mapping[str, Any] | None = None,
+        progress: Observer | None = None,
+    ) -> Dataset:
         """Send the content of a dataset: only what the service does not have yet, then commit it and wait until it is read.
 
         Call it again after a failure, even from another process: the segments that have arrived are not sent twice.
@@ -44,6 +54,8 @@ class Datasets:
             Id of the dataset, from `create`.
         content : pathlib.Path or bytes
             The file; or raw samples, little-endian float64, all channels of a sample together.
+        document : mapping, optional
+            How a file is read, in place of what `create` was told.
         progress : callable, optional
             Told the fraction sent and a message.
 
@@ -57,7 +69,9 @@ class Datasets:
         for piece in _pieces(content, segment_bytes):
             digests.append(hashlib.sha256(piece).hexdigest())
             whole.update(piece)
-        manifest = {"segments": digests, "sha256": whole.hexdigest()}
+        manifest: dict[str, Any] = {"segments": digests, "sha256": whole.hexdigest()}
+        if document is not None:
+            manifest["import"] = document
         for round_ in range(1, _COMMIT_ROUNDS + 1):
             self._send_missing(dataset, content, digests, segment_bytes, progress)
             try:
@@ -110,7 +124,79 @@ class Datasets:
         """Return a channel's physical values between two times (s), thinned out for plots when `points` are fewer."""
         asked = {"start": start, "end": end, "points": points}
         params = {key: value for key, value in asked.items() if value is not None}
-        return cast("ChannelData", self._transport.get(f"/v1/datasets/{dataset}/channels/{name}", params=params))
+        return cast(
+            "ChannelData", self._transport.get(f"/v1/datasets/{dataset}/channels/{quote(name, safe='')}", params=params)
+        )
+
+    def preview(
+        self, dataset: str, content: Path | bytes, *, document: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Send the content of a file and return how the service would read it, with the first samples of each channel.
+
+        Parameters
+        ----------
+        dataset : str
+            Id of the dataset, from `create`.
+        content : pathlib.Path or bytes
+            The file; what has arrived is not sent again.
+        document : mapping, optional
+            An import description to try, in place of the one from `create`.
+
+        Returns
+        -------
+        dict
+            ``import`` is the proposal: change what is wrong, and hand it to `send`. ``remarks`` are to be read first.
+        """
+        digests = [hashlib.sha256(piece).hexdigest() for piece in _pieces(content, SEGMENT_BYTES)]
+        self._send_missing(dataset, content, digests, SEGMENT_BYTES, None)
+        body = {"segments": digests, **({} if document is None else {"import": document})}
+        response = self._transport.send("POST", f"/v1/datasets/{dataset}/preview", json=body)
+        job = response.headers["Location"].rpartition("/")[2]
+        return cast("dict[str, Any]", Jobs(self._transport).get(job).wait(progress=False))
+
+    def export(
+        self,
+        dataset: str,
+        target: Path,
+        *,
+        format: str | None = None,  # noqa: A002 - the contract's word
+        channels: Sequence[str] = (),
+        start: float | None = None,
+        end: float | None = None,
+    ) -> Path:
+        """Write a recording, calibrated, into a file that other programs read, and return its path.
+
+        Parameters
+        ----------
+        dataset : str
+        target : pathlib.Path
+            Written as a whole or not at all.
+        format : str, optional
+            "csv", "mat", "parquet" or "hdf5"; told from the name of ``target`` unless given.
+        channels : sequence of str, optional
+            Those to write; all unless given.
+        start, end : float, optional
+            Between two times, s.
+        """
+        endings = {".csv": "csv", ".mat": "mat", ".parquet": "parquet", ".h5": "hdf5", ".hdf5": "hdf5"}
+        chosen = format or endings.get(target.suffix.lower())
+        if chosen is None:
+            raise ValueError(
+                f"target must end in one of {', '.join(endings)} where no format is given, got {target.name!r}"
+            )
+        asked = {"format": chosen, "channel": list(channels) or None, "start": start, "end": end}
+        query = urlencode({key: value for key, value in asked.items() if value is not None}, doseq=True)
+        part = target.with_name(f"{target.name}.part")
+        try:
+            path = f"/v1/datasets/{dataset}/export?{query}"
+            opened = self._transport.stream(path, headers={"Accept": "*/*"}, silence=_LONGEST_SILENCE)
+            with opened as response, part.open("wb") as file:
+                for piece in response.iter_bytes():
+                    file.write(piece)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+        return target
 
     def original(self, dataset: str) -> bytes:
         """Return the bytes as they were sent."""

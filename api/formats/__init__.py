@@ -19,6 +19,9 @@ MOST_CHANNELS = 500
 MOST_VALUES = 2_000_000_000
 """Samples times channels of one recording: 16 GB before compression."""
 
+TIME_OF_DAY = "time of day"
+"""Quantity of instants that begin again at midnight."""
+
 
 class FormatError(ValueError):
     """A file that cannot be read as its description says.

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from api.formats import FormatError, Recording, Series, Values
+from api.formats import TIME_OF_DAY, FormatError, Recording, Series, Values
 from api.formats.clock import Clock, Order, is_stamp
 from api.formats.guess import Guess, guess
 from api.formats.txt import TextLayout, lines_of, read
@@ -94,7 +94,8 @@ def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[S
         Series(
             name=names[i],
             index=i,
-            unit="" if i == found.time and found.clock else found.units.get(i, ""),
+            unit="s" if i == found.time and found.clock else found.units.get(i, ""),
+            quantity=TIME_OF_DAY if i == found.time and found.clock == Clock() else "",
             sample_rate=None,
             start_time=start,
             role="time" if i == time else "counter" if i == found.counter else "channel",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -23,9 +23,9 @@ from api.calls import (
     expected_revision,
     respond,
 )
-from api.schemas.datasets import CommitRequest, DatasetRequest
-from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, Page, SegmentReply
-from api.services import datasets
+from api.schemas.datasets import CommitRequest, DatasetRequest, PreviewRequest
+from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, Page, PreviewReply, SegmentReply
+from api.services import datasets, recorded_exports
 from api.services.installation import Caller, Installation
 from storage.repositories import Answer
 
@@ -131,10 +131,26 @@ def commit(
     return creation.create(work)
 
 
+@router.post(
+    "/{identifier}/preview", status_code=202, response_model=PreviewReply, summary="Look at a file before it is read"
+)
+def preview(
+    identifier: str, request: PreviewRequest, caller: Uploader, service: InstallationDep, creation: CreationDep
+) -> Response:
+    """Start a job whose result is the import description that the service proposes, with the first samples of each channel."""
+
+    def work(session: Session) -> Answer:
+        body = datasets.preview(service, session, caller, identifier, request)
+        headers = {"Location": f"/v1/jobs/{body['job']['id']}", "Retry-After": "1"}
+        return answer(body, status=202, headers=headers)
+
+    return creation.create(work)
+
+
 Seconds = Annotated[float | None, Query(allow_inf_nan=False, description="s from the beginning of the recording")]
 
 
-@router.get("/{identifier}/channels/{name}", response_model=ChannelReply, summary="Read a channel")
+@router.get("/{identifier}/channels/{name:path}", response_model=ChannelReply, summary="Read a channel")
 def channel(
     identifier: str,
     name: str,
@@ -149,6 +165,32 @@ def channel(
     """Calibrated values in the channel's unit, or their envelope where there are more than `points`."""
     body = datasets.channel(service, caller, identifier, name, start=start, end=end, points=points)
     return respond(answer(body))
+
+
+FILE = {"schema": {"type": "string", "format": "binary"}}
+
+
+@router.get(
+    "/{identifier}/export",
+    summary="Get a recording as a file of another program",
+    response_class=StreamingResponse,
+    responses={200: {"content": {media_type: FILE for _, media_type, _ in recorded_exports.WRITERS.values()}}},
+)
+def export(
+    identifier: str,
+    caller: Reader,
+    service: InstallationDep,
+    file_format: Annotated[Literal["csv", "mat", "parquet", "hdf5"], Query(alias="format")] = "csv",
+    channel: Annotated[list[str] | None, Query(max_length=500, description="all unless given; may be repeated")] = None,
+    start: Seconds = None,
+    end: Seconds = None,
+) -> Response:
+    """Return calibrated samples with their times, units and names, as they are read: a recording of any length needs little memory."""
+    found = recorded_exports.export(
+        service, caller, identifier, format_=file_format, channels=channel, start=start, end=end
+    )
+    headers = {"Content-Disposition": f'attachment; filename="{found.filename}"'}
+    return StreamingResponse(found.pieces, media_type=found.media_type, headers=headers)
 
 
 @router.get(

@@ -33,26 +33,64 @@ class ChannelDocument(Document):
 
 
 class ColumnDocument(ChannelDocument):
-    """A column of a text file, counted from 0."""
+    """A column of a text table, or a channel of another file, that becomes a channel of the recording."""
 
-    index: int = Field(ge=0, le=10_000)
+    index: int | None = Field(default=None, ge=0, le=100_000, description="its place in the file, from 0")
+    source: ChannelName | None = Field(default=None, description="its name in the file, instead of `index`")
+
+
+class TimeDocument(Document):
+    """The column or channel that holds the instants of the samples."""
+
+    index: int | None = Field(default=None, ge=0, le=100_000)
+    source: ChannelName | None = None
+    unit: str | None = Field(default=None, min_length=1, max_length=64, description="of time; s unless the file says")
+    order: Literal["ymd", "mdy", "dmy"] | None = Field(default=None, description="of year, month and day in dates")
 
 
 class ImportDocument(Document):
-    """How a text file is read."""
+    """How a file is read; what is left out is found out from the file, and reported.
 
-    delimiter: str = Field(default=",", min_length=1, max_length=4)
-    decimal: Literal[".", ","] = "."
-    header_lines: int = Field(default=0, ge=0, le=10_000)
-    sample_rate: float = Field(gt=0.0, description="samples per second")
-    columns: list[ColumnDocument] = Field(min_length=1, max_length=500)
+    A `txt` file whose columns are all given by `index` is read without finding out anything: "," between cells, "." for
+    decimals and no header where nothing else is said.
+    """
+
+    delimiter: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4,
+        description="text tables; a blank stands for any run of blanks and tabs",
+    )
+    decimal: Literal[".", ","] | None = Field(default=None, description="text tables")
+    header_lines: int | None = Field(default=None, ge=0, le=10_000, description="text tables")
+    missing: list[Annotated[str, Field(max_length=40)]] | None = Field(
+        default=None, max_length=20, description="text tables: cells that stand for a missing sample"
+    )
+    sample_rate: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="samples per second; the instants of the samples are not looked at unless `time` says so",
+    )
+    time: TimeDocument | None = Field(default=None, description="where the instants of the samples are")
+    gaps: Literal["fill", "close"] | None = Field(
+        default=None, description="gaps in time are filled with missing samples (default), or closed"
+    )
+    time_zone: str | None = Field(
+        default=None, max_length=80, description="of instants without one, such as Europe/Bucharest; UTC unless given"
+    )
+    columns: list[ColumnDocument] | None = Field(
+        default=None, min_length=1, max_length=500, description="all that are numbers unless given"
+    )
+
+
+Format = Literal["raw", "txt", "csv", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf"]
 
 
 class DatasetRequest(Document):
-    """A recording: raw samples with their channels, or a file with its description."""
+    """A recording: raw samples with their channels, or a file, whose description may be left to the service."""
 
     name: str = Field(min_length=1, max_length=200)
-    format: Literal["raw", "txt"]
+    format: Format
     start_time: AwareDatetime | None = Field(default=None, strict=False, description="RFC 3339 with a time zone")
     sample_rate: float | None = Field(default=None, gt=0.0, description="samples per second; raw only")
     channels: list[ChannelDocument] | None = Field(default=None, min_length=1, max_length=500, description="raw only")
@@ -60,8 +98,18 @@ class DatasetRequest(Document):
     origin: dict[str, Any] | None = Field(default=None, description="where it comes from, kept as given")
 
 
+class PreviewRequest(Document):
+    """The segments of a file in order, and how it would be read."""
+
+    segments: list[Sha256] = Field(min_length=1, max_length=15_000)
+    import_: ImportDocument | None = Field(default=None, alias="import")
+
+
 class CommitRequest(Document):
-    """The segments in order, and the checksum of the whole."""
+    """The segments in order, and the checksum of the whole; for a file also how it is read."""
 
     segments: list[Sha256] = Field(min_length=1, max_length=15_000)
     sha256: Sha256
+    import_: ImportDocument | None = Field(
+        default=None, alias="import", description="files only: replaces what was said when the recording was opened"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +11,16 @@ from sqlalchemy.orm import Session
 
 from api.convert.recordings import Values, envelope, in_si, physical
 from api.convert.signals import Channel, ReadChannel
-from api.convert.values import check_unit, numbers
+from api.convert.values import check_unit, numbers, si
 from api.errors import Problem, invalid
+from api.formats import FormatError
 from api.pointers import Place
-from api.schemas.datasets import CommitRequest, DatasetRequest
+from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest, ImportDocument, PreviewRequest
+from api.services.importing import zone_of
 from api.services.installation import Caller, Installation
 from api.services.jobs import job_to_wire
 from api.services.lineage import check_free
+from api.services.quality import ChannelQuality, remarks
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
 from storage.repositories import DatasetRepository
@@ -25,18 +28,20 @@ from storage.session import Database
 
 PARSING = "dataset"
 """Kind of the job that parses a file."""
+PREVIEW = "preview"
+"""Kind of the job that looks at a file."""
 
 
 def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[str, Any]:
     """Open a recording for its segments."""
     _check(request)
     document = request.model_dump(by_alias=True, exclude_unset=True, mode="json")
-    channels = document.get("channels") or document["import"]["columns"]
+    described = document.get("import") or {}
     row = DatasetRepository(session, caller.workspace).create(
         name=request.name,
         format=request.format,
-        channels=channels,
-        sample_rate=request.sample_rate or (request.import_.sample_rate if request.import_ else None),
+        channels=document.get("channels") or described.get("columns") or [],
+        sample_rate=request.sample_rate or described.get("sample_rate"),
         start_time=request.start_time,
         description=document,
         origin=request.origin,
@@ -46,29 +51,47 @@ def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[st
 
 def _check(request: DatasetRequest) -> None:
     raw = request.format == "raw"
-    needed = (
-        (("channels", request.channels), ("sample_rate", request.sample_rate))
-        if raw
-        else (("import", request.import_),)
-    )
-    refused = (
-        (("import", request.import_),)
-        if raw
-        else (("channels", request.channels), ("sample_rate", request.sample_rate))
-    )
-    for name, value in needed:
-        if value is None:
+    given = {"channels": request.channels, "sample_rate": request.sample_rate, "import": request.import_}
+    for name, value in given.items():
+        if raw and name != "import" and value is None:
             raise invalid(f"{name} must be given for the format {request.format}", name)
-    for name, value in refused:
-        if value is not None:
+        if raw == (name == "import") and value is not None:
             raise invalid(f"{name} must be left out for the format {request.format}", name)
-    if request.import_ is not None and request.import_.delimiter == request.import_.decimal:
-        raise invalid(
-            f"delimiter must differ from decimal, got {request.import_.delimiter!r} for both", "import", "delimiter"
-        )
-    place: Place = ("channels",) if raw else ("import", "columns")
+    if request.channels:
+        _check_channels(request.channels, ("channels",))
+    if request.import_ is not None:
+        check_import(request.import_)
+
+
+def check_import(document: ImportDocument) -> None:
+    """Refuse an import description that no file can satisfy.
+
+    Raises
+    ------
+    Problem
+        422 with the place.
+    """
+    if document.delimiter is not None and document.delimiter == document.decimal:
+        raise invalid(f"delimiter must differ from decimal, got {document.delimiter!r} for both", "import", "delimiter")
+    handles = [(("columns", i), column.index, column.source) for i, column in enumerate(document.columns or ())]
+    time = [(("time",), document.time.index, document.time.source)] if document.time else []
+    for place, index, source in (*handles, *time):
+        if (index is None) == (source is None):
+            raise invalid("one of index and source must be given, got both or none", "import", *place, "index")
+    if document.columns:
+        _check_channels(document.columns, ("import", "columns"))
+    if document.time is not None and document.time.unit is not None:
+        si({"value": 1.0, "unit": document.time.unit}, "s", name="unit of time", place=("import", "time", "unit"))
+    if document.time_zone is not None:
+        try:
+            zone_of(document.time_zone)
+        except FormatError as error:
+            raise invalid(error.message, "import", "time_zone") from error
+
+
+def _check_channels(channels: Sequence[ChannelDocument], place: Place) -> None:
     seen: set[str] = set()
-    for i, channel in enumerate(request.channels or (request.import_.columns if request.import_ else ())):
+    for i, channel in enumerate(channels):
         if channel.name in seen:
             raise invalid(f"name must be different for each channel, got {channel.name!r} twice", *place, i, "name")
         seen.add(channel.name)
@@ -94,6 +117,7 @@ def to_wire(row: Dataset) -> dict[str, Any]:
         "size": row.size,
         "sha256": row.sha256,
         "error": row.error,
+        "report": row.report,
     }
 
 
@@ -167,16 +191,60 @@ def commit(
 ) -> Committed:
     """Close a recording: raw samples are ready at once, a file is parsed by a job."""
     repository = DatasetRepository(session, caller.workspace)
-    before = repository.get(identifier).status
-    row = repository.commit(identifier, segments=request.segments, sha256=request.sha256)
+    before = repository.get(identifier)
+    status, description = before.status, None
+    if request.import_ is not None:
+        if before.format == "raw":
+            raise invalid("import must be left out for the format raw", "import")
+        check_import(request.import_)
+        described = request.import_.model_dump(by_alias=True, exclude_unset=True, mode="json")
+        description = {**(before.description or {}), "import": described}
+    row = repository.commit(identifier, segments=request.segments, sha256=request.sha256, description=description)
     if row.status != DatasetStatus.PARSING:
         return Committed(dataset=to_wire(row), job=None)
     if row.format == "raw":
-        return Committed(dataset=to_wire(repository.ingest_raw(identifier)), job=None)
-    if before == DatasetStatus.PARSING:
+        return Committed(dataset=to_wire(_ingest(repository, row)), job=None)
+    if status == DatasetStatus.PARSING:
         return Committed(dataset=to_wire(row), job=None)
     job = service.queue.enqueue(session, kind=PARSING, body={"dataset": identifier}, workspace_id=caller.workspace)
+    row.job_id = job.id
+    session.flush()
     return Committed(dataset=to_wire(row), job=job_to_wire(job))
+
+
+def _ingest(repository: DatasetRepository, row: Dataset) -> Dataset:
+    """Read raw samples, and notice what there is to notice in them."""
+    qualities = [ChannelQuality() for _ in row.channels]
+    names = [str(channel["name"]) for channel in row.channels]
+
+    def watch(samples: Values) -> None:
+        for quality, values in zip(qualities, samples.T, strict=True):
+            quality.add(np.ascontiguousarray(values))
+
+    def report() -> dict[str, Any]:
+        noticed = {name: quality.document() for name, quality in zip(names, qualities, strict=True)}
+        said = [line for name, one in noticed.items() for line in remarks(name, one, qualities[0].count)]
+        return {"channels": noticed, "remarks": said}
+
+    return repository.ingest_raw(row.id, watch=watch, report=report)
+
+
+def preview(
+    service: Installation, session: Session, caller: Caller, identifier: str, request: PreviewRequest
+) -> dict[str, Any]:
+    """Let a worker look at a file that need not be committed yet, and propose how it is read."""
+    repository = DatasetRepository(session, caller.workspace)
+    row = repository.get(identifier)
+    if row.format == "raw":
+        raise Problem(409, "conflict", f"dataset {identifier!r} must be a file to be looked at, it is raw")
+    repository.received(identifier, request.segments)
+    given = row.description.get("import") if row.description else None
+    if request.import_ is not None:
+        check_import(request.import_)
+        given = request.import_.model_dump(by_alias=True, exclude_unset=True, mode="json")
+    body = {"dataset": identifier, "segments": request.segments, "import": given}
+    job = service.queue.enqueue(session, kind=PREVIEW, body=body, workspace_id=caller.workspace)
+    return {"dataset": identifier, "job": job_to_wire(job)}
 
 
 def original(service: Installation, caller: Caller, identifier: str) -> Iterator[bytes]:
@@ -207,10 +275,10 @@ def channel(
     with service.database.session() as session:
         repository = DatasetRepository(session, caller.workspace)
         row = repository.get(identifier)
-        described = _channel_of(row, name)
+        described = channel_of(row, name)
         assert row.sample_count is not None
         rate = row.sample_rate or 1.0
-        first, stop = _stretch(row.sample_count, rate, start, end)
+        first, stop = stretch(row.sample_count, rate, start, end)
         count = stop - first
         if points is not None and count > points:
             found = repository.read_decimated(identifier, name, first, stop, points=points)
@@ -225,7 +293,8 @@ def channel(
     return {"unit": described.get("unit", ""), "sample_rate": rate, **curves}
 
 
-def _channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
+def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
+    """Return what is known of a channel; 404 for one that is not there, 409 while the recording is not ready."""
     if row.status != DatasetStatus.READY:
         raise Problem(409, "conflict", f"dataset {row.id!r} must be ready, it is {row.status}")
     for described in row.channels:
@@ -235,7 +304,7 @@ def _channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
     raise NotFoundError("channel", name)
 
 
-def _stretch(count: int, rate: float, start: float | None, end: float | None) -> tuple[int, int]:
+def stretch(count: int, rate: float, start: float | None, end: float | None) -> tuple[int, int]:
     """Return the samples first <= i < stop whose times lie in start ... end (s)."""
     first = 0 if start is None else int(np.ceil(min(max(start * rate, 0.0), count) - 1e-9))
     stop = count if end is None else int(np.floor(min(max(end * rate, -1.0), count - 1) + 1e-9)) + 1
@@ -285,7 +354,7 @@ def read_recording(
         units: dict[str, str] = {}
         for where, name in names.items():
             try:
-                described = _channel_of(row, name)
+                described = channel_of(row, name)
                 raw = repository.read_channel(identifier, name)
             except NotFoundError as error:
                 known = ", ".join(str(entry["name"]) for entry in row.channels)

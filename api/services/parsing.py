@@ -1,16 +1,29 @@
-"""Parsing of uploaded files (by a worker): from the bytes as received to channels."""
+"""Parsing of uploaded files (by a worker): from the bytes as received to channels, or to a first look at them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, BinaryIO
 
+import numpy as np
+
+from api.convert.values import listed, numbers
 from api.errors import Problem
-from api.formats import FormatError, txt
+from api.formats import MOST_VALUES, TIME_OF_DAY, FormatError, Recording, Values, catalogue
+from api.services.importing import Plan, options, settle
+from api.services.quality import ChannelQuality, remarks
+from api.services.sampling import TimeAxis
+from storage.imports import Import
 from storage.repositories import DatasetRepository
 from storage.session import Database
 
 Progress = Callable[[float, str], None]
+
+_LOOK_ROWS = 5
+_MOST_SHOWN = 200
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
@@ -19,46 +32,208 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
     Raises
     ------
     Problem
-        422 that says where the file is not what its description says; the dataset is ``failed`` then.
+        422 that says where the file is not what its description says; whoever keeps the job then says so on the
+        dataset.
     """
     identifier = str(body["dataset"])
+    with database.session() as session:
+        repository = DatasetRepository(session, workspace)
+        row = repository.get(identifier)
+        given = _said((row.description or {}).get("import"))
+        format_, size, stated_start = row.format, row.size or 1, row.start_time
+        segments = list(row.manifest or ())
+    with _refusing(), _spooled(database, workspace, identifier, segments, progress) as file:
+        recording = catalogue.open_file(format_, file, options(format_, given))
+        plan = settle(format_, recording, given)
+        with Import(database, workspace, identifier) as writing:
+            taken = _Taking(recording, plan, progress, size=size)
+            taken.into(writing)
+            count = writing.finish(
+                channels=plan.channels,
+                sample_rate=taken.rate,
+                start_time=plan.start_time if stated_start is None else None,
+                report=taken.report(),
+            )
+    return {"dataset": identifier, "sample_count": count}
+
+
+def look(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
+    """Return what would be taken from a file, with the first samples; nothing is kept.
+
+    Raises
+    ------
+    Problem
+        422 that says why nothing can be taken.
+    """
+    identifier, given = str(body["dataset"]), _said(body.get("import"))
+    with database.session() as session:
+        format_ = DatasetRepository(session, workspace).get(identifier).format
+    with _refusing(), _spooled(database, workspace, identifier, body["segments"], progress) as file:
+        recording = catalogue.open_file(format_, file, options(format_, given))
+        refused = dict(islice(recording.refused.items(), _MOST_SHOWN))
+        there = [
+            {"index": one.index, "name": one.name, "sample_count": one.count, "unit": one.unit, "role": one.role}
+            for one in recording.series[:_MOST_SHOWN]
+        ]
+        found: dict[str, Any] = {"dataset": identifier, "format": format_, "series": there, "refused": refused}
+        try:
+            plan = settle(format_, recording, given)
+        except FormatError as error:
+            # what there is to choose from is what helps now
+            return {**found, "import": None, "channels": [], "sample_rate": None, "start_time": None,
+                    "scalars": dict(recording.scalars), "remarks": [*recording.remarks, error.message]}  # fmt: skip
+        first = [_first(recording, place) for place in plan.places]
+        said = list(plan.remarks)
+        rate = plan.sample_rate
+        if plan.time is not None:
+            axis = TimeAxis(requested=rate, fill=plan.document["gaps"] == "fill", of_day=_of_day(recording, plan))
+            axis.add(_first(recording, plan.time) * plan.time_scale)
+            said += axis.remarks()
+            rate = axis.rate
+        channels = []
+        for channel, values in zip(plan.channels, first, strict=True):
+            quality = ChannelQuality()
+            quality.add(values)
+            noticed = quality.document()
+            said += remarks(f"the beginning of {channel['name']}", noticed, values.size)
+            channels.append({**channel, "first": listed(numbers(values[:_LOOK_ROWS])), "noticed": noticed})
+        return {
+            **found,
+            "import": plan.document,
+            "channels": channels,
+            "sample_rate": rate,
+            "start_time": plan.start_time.isoformat() if plan.start_time else None,
+            "scalars": dict(recording.scalars),
+            "remarks": said,
+        }
+
+
+def _said(given: Mapping[str, Any] | None) -> dict[str, Any]:
+    return {key: value for key, value in (given or {}).items() if value is not None}
+
+
+def _first(recording: Recording, place: int) -> Values:
+    for _, values in recording.read([place]):
+        return values
+    raise FormatError(f"channel {recording.series[place].name!r} must have samples, got none")
+
+
+def _of_day(recording: Recording, plan: Plan) -> bool:
+    """Whether instants are times of day without a date, which begin again at midnight."""
+    assert plan.time is not None
+    return recording.series[plan.time].quantity == TIME_OF_DAY
+
+
+class _Taking:
+    """The samples of the chosen channels on their way, watched."""
+
+    def __init__(self, recording: Recording, plan: Plan, progress: Progress, *, size: int) -> None:
+        self._recording = recording
+        self._plan = plan
+        self._progress = progress
+        self._size = size
+        self._qualities = [ChannelQuality() for _ in plan.places]
+        self._axis: TimeAxis | None = None
+        if plan.time is not None:
+            fill = plan.document["gaps"] == "fill"
+            self._axis = TimeAxis(requested=plan.sample_rate, fill=fill, of_day=_of_day(recording, plan))
+
+    def into(self, writing: Import) -> None:
+        """Hand all samples on."""
+        wanted: Sequence[int] = self._plan.places
+        shift = 0
+        if self._plan.time is not None:
+            wanted, shift = (self._plan.time, *wanted), 1
+        counts = [self._recording.series[place].count for place in wanted]
+        total = sum(count for count in counts if count is not None)
+        done = 0
+        for position, values in self._recording.read(wanted):
+            done += values.size
+            if done > MOST_VALUES:
+                raise FormatError(f"a recording must be at most {MOST_VALUES} values, got more")
+            channel = position - shift
+            if channel < 0:
+                assert self._axis is not None
+                self._axis.add(values * self._plan.time_scale)
+            else:
+                self._hand_on(writing, channel, values)
+            if total:
+                self._progress(0.1 + 0.9 * min(done / total, 1.0), f"{done} of {total} values")
+            else:
+                self._progress(0.1, f"{done} values")
+        self._check()
+
+    def _hand_on(self, writing: Import, channel: int, values: Values) -> None:
+        if np.isinf(values).any():
+            at = self._qualities[channel].count + int(np.flatnonzero(np.isinf(values))[0])
+            name = self._plan.channels[channel]["name"]
+            raise FormatError(f"channel {name!r} must be finite or missing, got an infinity at sample {at}")
+        start = self._qualities[channel].count
+        self._qualities[channel].add(values)
+        writing.add(channel, values if self._axis is None else self._axis.filled(start, values))
+
+    def _check(self) -> None:
+        counts = {channel["name"]: one.count for channel, one in zip(self._plan.channels, self._qualities, strict=True)}
+        if self._axis is not None:
+            counts["time"] = self._axis.count
+        if len(set(counts.values())) != 1:
+            said = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise FormatError(f"the channels of a recording must have the same number of samples, got {said}")
+        if not next(iter(counts.values())):
+            raise FormatError("a recording must have samples, got none")
+
+    @property
+    def rate(self) -> float | None:
+        """Samples per second, as the instants tell or the file states."""
+        return self._plan.sample_rate if self._axis is None else self._axis.rate
+
+    def report(self) -> dict[str, Any]:
+        """Return what was noticed."""
+        said = list(self._plan.remarks)
+        time: dict[str, Any] = {"requested": self._plan.sample_rate, "actual": None, "gaps": [], "gap_count": 0}
+        if self._axis is not None:
+            time = self._axis.document()
+            said += self._axis.remarks()
+        noticed = {}
+        for channel, quality in zip(self._plan.channels, self._qualities, strict=True):
+            noticed[channel["name"]] = quality.document()
+            said += remarks(channel["name"], noticed[channel["name"]], quality.count)
+        refused = dict(islice(self._recording.refused.items(), _MOST_SHOWN))
+        return {
+            "import": self._plan.document,
+            "time": time,
+            "channels": noticed,
+            "refused": refused,
+            "scalars": dict(islice(self._recording.scalars.items(), _MOST_SHOWN)),
+            "remarks": said[:_MOST_SHOWN],
+        }
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """Turn what is wrong with a file into the problem that its user reads."""
     try:
-        with database.session() as session:
-            repository = DatasetRepository(session, workspace)
-            row = repository.get(identifier)
-            description = (row.description or {})["import"]
-            layout = txt.TextLayout(
-                columns=tuple(column["index"] for column in description["columns"]),
-                delimiter=description.get("delimiter", ","),
-                decimal=description.get("decimal", "."),
-                header_lines=description.get("header_lines", 0),
-            )
-            pieces = _counted(repository.original(identifier), row.size or 1, progress)
-            done = repository.write_channels(
-                identifier,
-                txt.read(pieces, layout),
-                channels=[_channel(column) for column in description["columns"]],
-                sample_rate=description["sample_rate"],
-            )
-            return {"dataset": identifier, "sample_count": done.sample_count}
+        yield
     except FormatError as error:
-        problem = Problem(422, "unreadable-file", error.message, extra=_where(error))
-        with database.session() as session:
-            DatasetRepository(session, workspace).fail(identifier, problem.document())
-        raise problem from error
-
-
-def _channel(column: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in column.items() if key != "index"}
+        raise Problem(422, "unreadable-file", error.message, extra=_where(error)) from error
 
 
 def _where(error: FormatError) -> dict[str, int]:
     return {key: value for key, value in (("line", error.line), ("column", error.column)) if value is not None}
 
 
-def _counted(pieces: Iterator[bytes], size: int, progress: Progress) -> Iterator[bytes]:
-    done = 0
-    for piece in pieces:
-        yield piece
-        done += len(piece)
-        progress(min(done / size, 1.0), f"{done / 1e6:.1f} of {size / 1e6:.1f} MB")
+@contextmanager
+def _spooled(
+    database: Database, workspace: str, identifier: str, segments: Sequence[str], progress: Progress
+) -> Iterator[BinaryIO]:
+    """Give the bytes as a file without a name, of which nothing is left even when this process is killed."""
+    with tempfile.TemporaryFile() as file:
+        with database.session() as session:
+            size, pieces = DatasetRepository(session, workspace).received(identifier, segments)
+            done = 0
+            for piece in pieces:
+                file.write(piece)
+                done += len(piece)
+                progress(0.1 * done / max(size, 1), f"{done / 1e6:.1f} of {size / 1e6:.1f} MB")
+        file.flush()
+        yield file

@@ -18,7 +18,7 @@ from api.schemas.replies.base import (
 )
 from api.schemas.replies.catalog import ElementEntry, MethodEntry, MetricEntry, ParameterEntry, SignalEntry
 from api.schemas.replies.cycles import LimitCycleReply, OperatingPointReply, PredictedCycleReply
-from api.schemas.replies.datasets import ChannelReply, DatasetHead, DatasetReply, SegmentReply
+from api.schemas.replies.datasets import ChannelReply, DatasetHead, DatasetReply, PreviewReply, SegmentReply
 from api.schemas.replies.health import Health, Readiness
 from api.schemas.replies.influence import (
     ChangeReply,
@@ -77,6 +77,7 @@ __all__ = [
     "PredictedCycleReply",
     "PredictedMetric",
     "PredictionReply",
+    "PreviewReply",
     "ProblemReply",
     "Readiness",
     "Reply",

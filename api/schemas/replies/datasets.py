@@ -32,7 +32,15 @@ class DatasetReply(DatasetHead):
     size: int | None
     sha256: str | None
     error: dict[str, Any] | None
+    report: dict[str, Any] | None
     job: JobReply | None = None
+
+
+class PreviewReply(Reply):
+    """The job that looks at a file; its result is the proposal."""
+
+    dataset: str
+    job: JobReply
 
 
 class SegmentReply(Reply):

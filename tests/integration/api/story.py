@@ -178,6 +178,13 @@ def _datasets(ask: Callable[..., Any]) -> str:
     ask(f"GET {one}", identifier=identifier)
     ask(f"GET {one}/channels/{{name}}", query={"start": 0.5, "end": 1.5}, identifier=identifier, name="y")
     ask(f"GET {one}/original", identifier=identifier)
+    ask(f"GET {one}/export", query={"format": "csv", "end": 0.002}, identifier=identifier)
+    table = {"name": "bench 3", "format": "csv"}
+    file = ask("POST /v1/datasets", body=table)["id"]
+    text = b"t [s];force [N]\n0,000;1,5\n0,001;1,75\n0,002;2\n"
+    names = {"identifier": file, "sha256": sha256(text)}
+    ask(f"PUT {one}/segments/{{sha256}}", content=text, headers=octets, **names)
+    ask(f"POST {one}/preview", body={"segments": [sha256(text)]}, identifier=file)
     steps = [
         {"kind": "cut", "start": 0.1},
         {"kind": "filter", "band": "low_pass", "frequency": {"value": 50, "unit": "Hz"}, "channels": ["y"]},

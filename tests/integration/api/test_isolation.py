@@ -98,6 +98,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "PUT /v1/workspaces/{identifier}": {"name": "mine now"},
     "PUT /v1/webhooks/{identifier}": WEBHOOK,
     "PUT /v1/schedules/{identifier}": NIGHTLY,
+    "POST /v1/datasets/{identifier}/preview": {"segments": [sha256(DATA)]},
     "POST /v1/datasets/{identifier}/commit": {"segments": [sha256(DATA)], "sha256": sha256(DATA)},
     "POST /v1/keys/{identifier}/rotate": {},
     "PUT /v1/acquisition-templates/{identifier}": {"name": "mine now"},

@@ -1,0 +1,101 @@
+"""Recordings as files of other programs: calibrated samples of all or some channels, streamed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from api.convert.recordings import physical
+from api.errors import invalid
+from api.formats import FormatError, Values
+from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
+from api.services.datasets import channel_of, stretch
+from api.services.installation import Caller, Installation
+from storage.repositories import DatasetRepository
+
+WRITERS: Mapping[str, tuple[Callable[[Outgoing], Iterator[bytes]], str, str]] = MappingProxyType(
+    {
+        "csv": (text.write, "text/csv", "csv"),
+        "mat": (mat.write, "application/x-matlab-data", "mat"),
+        "parquet": (parquet.write, "application/vnd.apache.parquet", "parquet"),
+        "hdf5": (hdf5.write, "application/x-hdf5", "h5"),
+    }
+)
+"""Format -> how it is written, its media type and the ending of its name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """A file on its way: its bytes, media type and name."""
+
+    pieces: Iterator[bytes]
+    media_type: str
+    filename: str
+
+
+def export(
+    service: Installation,
+    caller: Caller,
+    identifier: str,
+    *,
+    format_: str,
+    channels: Sequence[str] | None,
+    start: float | None,
+    end: float | None,
+) -> Export:
+    """Return a recording as a file.
+
+    Raises
+    ------
+    Problem
+        404 for a channel that is not there, 409 for a recording that is not ready, 422 for a stretch without samples or
+        one that the format cannot hold.
+    """
+    with service.database.session() as session:
+        row = DatasetRepository(session, caller.workspace).get(identifier)
+        names = list(channels or dict.fromkeys(str(channel["name"]) for channel in row.channels))
+        described = [channel_of(row, name) for name in names]
+        assert row.sample_count is not None
+        rate = row.sample_rate or 1.0
+        first, stop = stretch(row.sample_count, rate, start, end)
+    where = {i: (name, one) for i, (name, one) in enumerate(zip(names, described, strict=True))}
+
+    def read(channel: int, begin: int, until: int) -> Values:
+        # a transaction for each piece, so that a slow reader holds none
+        name, one = where[channel]
+        with service.database.session() as session:
+            raw = DatasetRepository(session, caller.workspace).read_channel(
+                identifier, name, first + begin, first + until
+            )
+        return physical(raw, one)
+
+    outgoing = Outgoing(
+        name=row.name,
+        columns=[
+            Column(name=name, unit=str(one.get("unit", "")), quantity=str(one.get("quantity", "")))
+            for name, one in where.values()
+        ],
+        sample_rate=rate,
+        begin=first / rate,
+        start_time=row.start_time.isoformat() if row.start_time else "",
+        count=stop - first,
+        read=read,
+    )
+    write, media_type, ending = WRITERS[format_]
+    try:
+        pieces = _begun(write(outgoing))
+    except FormatError as error:
+        raise invalid(error.message, "format") from error
+    return Export(pieces=pieces, media_type=media_type, filename=f"{identifier}.{ending}")
+
+
+def _begun(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """Take the first piece, so that what cannot be written is refused before the reply begins."""
+    first = next(pieces)
+
+    def whole() -> Iterator[bytes]:
+        yield first
+        yield from pieces
+
+    return whole()
