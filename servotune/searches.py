@@ -10,7 +10,7 @@ from servotune.jobs import Job
 from servotune.transport import Transport
 
 if TYPE_CHECKING:
-    from servotune.replies import Identification, Optimization
+    from servotune.replies import Identification, Optimization, Validation
 
 
 class Searches:
@@ -125,6 +125,12 @@ class Searches:
             queue=queue,
         )
         return self._start("/v1/optimizations", body)
+
+    def validate_later(self, system: SystemLike, **fields: Any) -> Job[Validation]:
+        """Start a validation of a long recording or a slow model; `fields` are those of `validate`."""
+        body = given(system=system, **fields)
+        headers = {"Prefer": "respond-async"}
+        return Job(self._transport, self._transport.post("/v1/validations", body, creates=True, headers=headers))
 
     def _start(self, path: str, body: Document) -> Job[Any]:
         return Job(self._transport, self._transport.post(path, body, creates=True))

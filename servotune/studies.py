@@ -208,8 +208,32 @@ class Studies:
         offsets: Mapping[str, float] | str | None = None,
         window: Sequence[float] | None = None,
         limit_percent: float | None = None,
+        identification: str | None = None,
+        diagnose: str | None = None,
+        movable: Sequence[str] | None = None,
+        points: int | None = None,
     ) -> Validation:
-        """Return measured against simulated: fit, errors, the worst interval and the verdict against a limit (%)."""
+        """Return measured against simulated: measures by name beside trivial models, the verdict, and what to try if it fails.
+
+        Parameters
+        ----------
+        parameters : mapping, optional
+            Adjusted values; those of the document are the theory that they are compared with.
+        identification : str, optional
+            A finished identification (job) whose parameters and offsets are taken where none are given.
+        offsets : mapping or {"none", "estimate"}, optional
+            A constant for each output.
+        window : (start, end), optional
+            Part of the recording (s).
+        limit_percent : float, optional
+            Relative error up to which an output passes, 10 by default.
+        diagnose : {"failed", "always", "never"}, optional
+            When to look for what would make the error smaller.
+        movable : sequence of str, optional
+            Parameters that may move then.
+        points : int, optional
+            Most points of each curve; every sample by default.
+        """
         body = given(
             system=system,
             dataset=dataset,
@@ -219,5 +243,9 @@ class Studies:
             offsets=offsets,
             window=window,
             limit_percent=limit_percent,
+            identification=identification,
+            diagnose=diagnose,
+            movable=movable,
+            points=points,
         )
         return cast("Validation", self._transport.post("/v1/validations", body))

@@ -53,16 +53,34 @@ class MeasuredCurves(TypedDict):
     simulated: list[float]
 
 
+class OneStepPrediction(TypedDict):
+    """How well the next sample is foretold from those before: never a measure of the model."""
+
+    model: Fit
+    last_sample: Fit
+    order: int
+
+
 class OutputValidation(Fit):
-    """How one output compares with its recording."""
+    """How one output compares with its recording; the measures are those of a simulation."""
 
     worst_interval: list[float]
     baselines: dict[str, Any]
+    residuals: dict[str, Any]
+    one_step_prediction: OneStepPrediction | None
+    frequency_domain: dict[str, Any] | None
+    offset: float
+    unit: str
     curves: MeasuredCurves
 
 
 class Validation(TypedDict):
-    """Measured against simulated, and the verdict."""
+    """Measured against simulated, the verdict, and what to try if it fails."""
 
     outputs: dict[str, OutputValidation]
     verdict: str
+    grade: str
+    adjustment: dict[str, Any] | None
+    diagnosis: dict[str, Any] | None
+    remarks: list[str]
+    advice: str
