@@ -8,19 +8,32 @@ from contextlib import contextmanager
 from typing import Any
 
 from api.errors import KNOWN, Problem, problem_of
-from api.services import alerts, datasets, identifications, optimizations, parsing, processing, validations
+from api.services import alerts, datasets, identifications, optimizations, parsing, processing, spreading, validations
 from api.services.results import versions
 from api.settings import Settings
 from engine.kernels.warm import warm
-from storage.jobs.compute import ComputeJob, Refusal, Reporter
+from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
 from storage.session import Database, open_database
 
 
 class _Watch:
-    """The monitor of an optimisation, told to whoever follows the job; cancelling kills the process instead."""
+    """The monitor of an optimisation, told to whoever follows the job; cancelling kills the process instead.
 
-    def __init__(self, reporter: Reporter) -> None:
+    Parameters
+    ----------
+    reporter : Reporter
+    kept : mapping, optional
+        The state that this search kept before it was cut off.
+    given : mapping, optional
+        States that came another way, from the parts of the job: they need not be kept.
+    """
+
+    def __init__(
+        self, reporter: Reporter, *, kept: Mapping[str, Any] | None = None, given: Mapping[str, Any] | None = None
+    ) -> None:
         self._reporter = reporter
+        self._kept = dict(kept or {})
+        self._given = dict(given or {})
 
     def progress(self, fraction: float, message: str) -> None:
         """Pass the finished share on."""
@@ -37,13 +50,22 @@ class _Watch:
         """Return False: this process is killed when its job is cancelled."""
         return False
 
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """Keep a state, for the next worker if this one dies."""
+        self._kept = {name: part for name, part in state.items() if part is not self._given.get(name)}
+        self._reporter.keep(self._kept)
+
+    def kept(self) -> Mapping[str, Any] | None:
+        """Return the last state."""
+        return {**self._given, **self._kept} or None
+
 
 def prepare() -> None:
     """Load the compiled kernels, so that no job waits for them."""
     warm()
 
 
-def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
+def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
     """Compute a job.
 
     Raises
@@ -55,7 +77,7 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any]:
     with _database(job.database_url) as database:
         try:
             found = _RUN[job.kind](job, database, reporter)
-            return {**found, "versions": versions()}
+            return found if isinstance(found, Parts) else {**found, "versions": versions()}
         except MemoryError as error:
             detail = f"a job must need at most {limit} bytes of memory (SERVOTUNE_JOB_MEMORY), got one that needs more"
             raise Refusal(**Problem(422, "too-large", detail).document()) from error
@@ -73,8 +95,11 @@ def _bound_memory(limit: int) -> int:
     return limit
 
 
-def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
-    return optimizations.run(job.body, database=database, workspace=job.workspace_id, monitor=_Watch(reporter))
+def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any] | Parts:
+    watch = _Watch(reporter, kept=job.state, given=spreading.grid_state(job.parts))
+    return optimizations.run(
+        job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts
+    )  # fmt: skip
 
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

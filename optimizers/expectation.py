@@ -10,12 +10,13 @@ E. B. Wilson, "Probable inference, the law of succession, and statistical infere
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from optimizers.certificate import TOLERANCE
-from optimizers.evaluate import UNSTABLE, Evaluator
+from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.problem import Problem
 from optimizers.result import Monitor, Yield
 from optimizers.turned import turned
@@ -24,6 +25,16 @@ _NORMAL = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
 _BLOCK, _FEW = 256, 4
 """Draws between two looks at the monitor; few where each is a simulation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draws:
+    """What became of some draws: how many there were, were good, had no stable system; failures of each hard goal."""
+
+    done: int
+    good: int
+    unstable: int
+    failures: Mapping[int, int]
 
 
 def expected(
@@ -42,12 +53,21 @@ def expected(
     monitor : Monitor
         Asked between blocks whether to stop; the yield is then that of the samples so far.
     """
+    return together([drawn(problem, best, draws_of(problem, samples=samples, rng=rng), monitor=monitor)])
+
+
+def draws_of(problem: Problem, *, samples: int, rng: np.random.Generator) -> Matrix:
+    """Return the draws (samples, R) in the unit cube of the uncertain parameters."""
+    return rng.random((samples, len(problem.ranges)))
+
+
+def drawn(problem: Problem, best: Mapping[str, float], points: Matrix, *, monitor: Monitor) -> Draws:
+    """Return what becomes of some draws (n, R)."""
     evaluator = Evaluator(turned(problem, best))
     block = _FEW if problem.diagram.nonlinear else _BLOCK
-    points = rng.random((samples, len(problem.ranges)))
     good = done = unstable = 0
     failures = dict.fromkeys((g for g, goal in enumerate(problem.goals) if goal.hard), 0)
-    for first in range(0, samples, block):
+    for first in range(0, len(points), block):
         if first and monitor.cancelled():
             break
         found = evaluator.assess(points[first : first + block])
@@ -57,9 +77,17 @@ def expected(
         for g in failures:
             failures[g] += int(broken[:, :, g].any(axis=1).sum())
         done += len(found.violation)
+        monitor.progress(done / len(points), f"{done} of {len(points)} draws")
+    return Draws(done=done, good=good, unstable=unstable, failures=failures)
+
+
+def together(parts: Sequence[Draws]) -> Yield:
+    """Return the yield of draws that were counted apart."""
+    done, good = sum(part.done for part in parts), sum(part.good for part in parts)
     low, high = wilson(good, done)
     return Yield(
-        share=good / done, lower95=low, upper95=high, samples=done, failures=failures, unstable=unstable
+        share=good / done, lower95=low, upper95=high, samples=done, unstable=sum(part.unstable for part in parts),
+        failures={goal: sum(part.failures[goal] for part in parts) for goal in parts[0].failures},
     )  # fmt: skip
 
 

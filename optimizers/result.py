@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -173,6 +173,28 @@ class Monitor(Protocol):
         ...
 
 
+@runtime_checkable
+class Keeper(Protocol):
+    """A monitor that keeps the state of a search, so that a job that was killed goes on where it was.
+
+    A state is a document of plain numbers with the ``kind`` of the method that made it and alone understands it.
+    """
+
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """Remember this state instead of the last one."""
+        ...
+
+    def kept(self) -> Mapping[str, Any] | None:
+        """Return the last state, of this run or of an earlier one of the same search; None where there is none."""
+        ...
+
+
+def kept_by(monitor: Monitor, kind: str) -> Mapping[str, Any] | None:
+    """Return the state that a method of this kind has left with a monitor, None where it goes on from nothing."""
+    state = monitor.kept() if isinstance(monitor, Keeper) else None
+    return state if state is not None and state.get("kind") == kind else None
+
+
 class Unwatched:
     """The monitor of a caller that does not watch."""
 
@@ -188,10 +210,14 @@ class Unwatched:
 
 
 class Share:
-    """A monitor that sees a part of the work as a share of the whole: from ``first``, ``size`` wide."""
+    """A monitor that sees a part of the work as a share of the whole: from ``first``, ``size`` wide.
+
+    The state of a search is kept among those of the other shares, by where its share begins.
+    """
 
     def __init__(self, monitor: Monitor, first: float, size: float) -> None:
         self._monitor, self._first, self._size = monitor, first, size
+        self._name = share_name(first)
 
     def progress(self, fraction: float, message: str) -> None:
         """Pass the progress on, as a share."""
@@ -204,3 +230,19 @@ class Share:
     def cancelled(self) -> bool:
         """Return whether to stop."""
         return self._monitor.cancelled()
+
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """Remember the state of this share."""
+        if isinstance(self._monitor, Keeper):
+            self._monitor.keep({**(self._monitor.kept() or {}), self._name: state})
+
+    def kept(self) -> Mapping[str, Any] | None:
+        """Return the last state of this share."""
+        states = self._monitor.kept() if isinstance(self._monitor, Keeper) else None
+        state: Mapping[str, Any] | None = (states or {}).get(self._name)
+        return state
+
+
+def share_name(first: float) -> str:
+    """Return under which name the share of the work that begins here keeps its state."""
+    return f"{first:.9g}"

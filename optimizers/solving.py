@@ -117,10 +117,16 @@ def solve(
         result = replace(result, gaps=tuple(gaps))
     if samples and not watch.cancelled():
         watch.progress(0.95, "estimating the yield")
-        seed = int((options or {}).get("seed", 0) or 0)
-        found_yield = expected(problem, result.best, samples=samples, rng=np.random.default_rng(seed), monitor=watch)
+        found_yield = expected(
+            problem, result.best, samples=samples, rng=yield_randomness(options), monitor=Share(watch, 0.95, 0.05)
+        )
         result = replace(result, expected=found_yield)
     return result
+
+
+def yield_randomness(options: Mapping[str, Any] | None) -> np.random.Generator:
+    """Return what the draws of the yield come from: the seed of the method, 0 where it has none."""
+    return np.random.default_rng(int((options or {}).get("seed", 0) or 0))
 
 
 def check_request(problem: Problem, *, checks: Sequence[str], samples: int) -> None:

@@ -53,7 +53,7 @@ def result_to_wire(
     if result.robustness is not None:
         body["robustness"] = _robustness(result.robustness)
     if result.expected is not None:
-        body["yield"] = _yield(result.expected)
+        body["yield"] = yield_to_wire(result.expected)
     return body
 
 
@@ -167,7 +167,8 @@ def _robustness(found: Robustness) -> dict[str, Any]:
     }
 
 
-def _yield(found: Yield) -> dict[str, Any]:
+def yield_to_wire(found: Yield) -> dict[str, Any]:
+    """Return the share that meets every goal."""
     return {
         "share": found.share,
         "lower95": found.lower95,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
@@ -19,16 +20,19 @@ from api.errors import invalid
 from api.pointers import Place
 from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
-from api.services import jobs
+from api.services import jobs, spreading
 from api.services.datasets import reader_of
 from api.services.installation import Caller, Installation
 from api.services.systems import Subject, compiled, document_of, subject_of
 from engine.errors import EngineError
 from engine.study import simulate
 from optimizers import methods
+from optimizers.expectation import expected
 from optimizers.problem import Problem
-from optimizers.result import Monitor
-from optimizers.solving import check_applicable, check_request, compare, solve
+from optimizers.result import Monitor, Result, Share
+from optimizers.sharding import Stretch, cut_draws
+from optimizers.solving import check_applicable, check_request, compare, solve, yield_randomness
+from storage.jobs.compute import Parts
 from storage.session import Database
 
 KIND = "optimization"
@@ -131,18 +135,41 @@ def submit(
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
-def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:
-    """Compute an optimisation (in a worker) and return what is remembered of it."""
+def run(
+    body: Mapping[str, Any],
+    *,
+    database: Database,
+    workspace: str,
+    monitor: Monitor,
+    parts: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
+) -> dict[str, Any] | Parts:
+    """Compute an optimisation (in a worker) and return what is remembered of it, or the parts that are to be computed first.
+
+    Parameters
+    ----------
+    parts : mapping
+        What the parts found that were asked for before, see `api.services.spreading`.
+    """
+    finished = spreading.with_yield(parts)
+    if finished is not None:
+        return finished
     request = OptimizationRequest.model_validate(body["request"])
     read_channel = reader_of(database, workspace)
     kind, options = method_options(request)
+    samples = request.yield_samples
+    stretches: list[Stretch] | None = None
     extras: dict[str, Any] = {}
     if request.alternatives is None:
         diagram = compiled(body["request"]["system"], place=("system",))
         problem = problem_from_wire(request, diagram, read_channel=read_channel)
-        result = solve(
-            kind, problem, options, monitor=monitor, checks=request.cross_check, samples=request.yield_samples
-        )  # fmt: skip
+        if "part" in body:
+            return spreading.compute_part(body["part"], problem, options, samples=samples, monitor=monitor)
+        cut = None if parts else spreading.cut_grid(kind, problem, options)
+        if cut is not None:
+            return cut
+        result = solve(kind, problem, options, monitor=monitor, checks=request.cross_check)
+        if samples:
+            result, stretches = _with_yield(problem, result, options, samples, monitor)
     else:
         problems = {
             alternative["name"]: problem_from_wire(
@@ -152,7 +179,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor:
             for i, alternative in enumerate(body["request"]["alternatives"])
         }  # fmt: skip
         compared = compare(
-            kind, problems, options, monitor=monitor, checks=request.cross_check, samples=request.yield_samples
+            kind, problems, options, monitor=monitor, checks=request.cross_check, samples=samples
         )  # fmt: skip
         problem, result = problems[compared.best], compared.results[compared.best]
         diagram = problem.diagram
@@ -173,7 +200,22 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor:
         system=reference,
         warnings=warnings_to_wire(diagram.warnings, place=place),
     )
-    return wire | extras
+    wire |= extras
+    return wire if stretches is None else spreading.cut_yield(stretches, result.best, wire=wire)
+
+
+def _with_yield(
+    problem: Problem, result: Result, options: Mapping[str, Any], samples: int, monitor: Monitor
+) -> tuple[Result, list[Stretch] | None]:
+    """Return the result with its yield, or the stretches of the draws that other workers had better make."""
+    stretches = cut_draws(problem, result.best, samples=samples)
+    if stretches:
+        return result, stretches
+    monitor.progress(0.95, "estimating the yield")
+    found = expected(
+        problem, result.best, samples=samples, rng=yield_randomness(options), monitor=Share(monitor, 0.95, 0.05)
+    )
+    return replace(result, expected=found), None
 
 
 def _curves(problem: Problem, overrides: Mapping[str, float]) -> dict[str, Any]:

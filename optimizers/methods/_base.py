@@ -5,29 +5,13 @@ from __future__ import annotations
 import abc
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol, final, runtime_checkable
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 from engine.parameters import Param
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Monitor, Result
-
-
-@runtime_checkable
-class Keeper(Protocol):
-    """A monitor that keeps the state of a search, so that a job that was killed goes on where it was.
-
-    A state is a document of plain numbers; only the method that made it understands it.
-    """
-
-    def keep(self, state: Mapping[str, Any]) -> None:
-        """Remember this state instead of the last one."""
-        ...
-
-    def kept(self) -> Mapping[str, Any] | None:
-        """Return the last state of an earlier run of the same search, None at its first one."""
-        ...
 
 
 @final

@@ -8,11 +8,14 @@ then the others by their violation. So neither penalties nor jumps of a metric d
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from engine.parameters import Param
@@ -24,7 +27,7 @@ from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
-from optimizers.result import Monitor, Result, Status
+from optimizers.result import Keeper, Monitor, Result, Status, kept_by
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 1024
@@ -38,6 +41,8 @@ _POLISH = 200
 """Evaluations that are kept for the descent and the proof at the end."""
 _SAME = 1e-2
 """Two runs have found the same optimum when their objectives differ by less."""
+Places = NDArray[np.uint32]
+"""From the best candidate, 0, to the worst."""
 _SPENT = "the budget of evaluations is used up: raise max_evaluations, or take fewer restarts."
 
 
@@ -65,7 +70,7 @@ class Global(Method):
     def minimize(
         self, problem: Problem, options: Mapping[str, Any], *, rng: np.random.Generator, monitor: Monitor
     ) -> Result:
-        """Return the best point found."""
+        """Return the best point found; go on from where a monitor that keeps states says."""
         budget = int(options["max_evaluations"])
         tracker = Tracker(Evaluator(problem), monitor, budget)
         margins = np.full(len(problem.goals), SAFETY)
@@ -95,20 +100,89 @@ class Global(Method):
         return conclude(tracker, best, status, advice)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Told:
+    """What an evolution was told of one generation: the places of its candidates, and the rank of the best of them."""
+
+    places: Places
+    leader: tuple[float, float]
+
+
+@dataclass(kw_only=True, eq=False)
+class _Run:
+    """An evolution from its start: its randomness and what it was told make it again without a single evaluation."""
+
+    number: int
+    size: int
+    start: Vector
+    randomness: Mapping[str, Any]
+    told: list[_Told] = field(default_factory=list)
+
+    def document(self, tracker: Tracker, ends: list[tuple[float, float]]) -> dict[str, Any]:
+        """Return the search as it is now, in plain numbers."""
+        assert tracker.best is not None
+        return {
+            "kind": "global",
+            "run": self.number,
+            "size": self.size,
+            "start": self.start.tolist(),
+            "randomness": self.randomness,
+            "told": [[base64.b64encode(told.places.tobytes()).decode(), *_plain(told.leader)] for told in self.told],
+            "ends": [_plain(end) for end in ends],
+            "best": tracker.best.tolist(),
+            "rank": _plain(tracker.rank),
+            "evaluations": tracker.evaluator.evaluations,
+        }
+
+    @staticmethod
+    def of(state: Mapping[str, Any], tracker: Tracker, ends: list[tuple[float, float]]) -> _Run:
+        """Return the evolution that a state describes; the tracker and ``ends`` are as they were then."""
+        tracker.evaluator.evaluations = int(state["evaluations"])
+        violation, objective = _rank(*state["rank"])
+        tracker.offer(np.array(state["best"], dtype=float), objective, violation)
+        ends += [_rank(*end) for end in state["ends"]]
+        return _Run(
+            number=int(state["run"]),
+            size=int(state["size"]),
+            start=np.array(state["start"], dtype=float),
+            randomness=state["randomness"],
+            told=[
+                _Told(places=np.frombuffer(base64.b64decode(places), dtype=np.uint32), leader=_rank(*leader))
+                for places, *leader in state["told"]
+            ],
+        )
+
+
+def _plain(rank: tuple[float, float]) -> list[float | None]:
+    return [number if math.isfinite(number) else None for number in rank]
+
+
+def _rank(violation: float | None, objective: float | None) -> tuple[float, float]:
+    return math.inf if violation is None else violation, math.inf if objective is None else objective
+
+
 def _explore(
     tracker: Tracker, options: Mapping[str, Any], rng: np.random.Generator, ends: list[tuple[float, float]]
 ) -> None:
-    """Run all evolutions; ``ends`` takes the best rank of each."""
+    """Run all evolutions; ``ends`` takes the best rank of each. Go on from where a monitor that keeps states says."""
     variables = len(tracker.evaluator.problem.axes)
-    first = _sample(tracker, rng)
-    size = int(options["population"]) or max(32, int(8 + 6 * math.log(variables)))
+    kept = kept_by(tracker.monitor, "global")
+    if kept is None:
+        first = _sample(tracker, rng)
+        size = int(options["population"]) or max(32, int(8 + 6 * math.log(variables)))
+        run = _Run(number=0, size=size, start=first, randomness=rng.bit_generator.state)
+    else:
+        run = _Run.of(kept, tracker, ends)
+        rng.bit_generator.state = run.randomness
     runs = 1 + int(options["restarts"])
-    for run in range(runs):
-        share = 0.1 + 0.8 * run / runs
-        tracker.monitor.progress(share, f"run {run + 1} of {runs}, population {size}")
-        start = first if run == 0 else rng.random(variables)
-        ends.append(_evolve(tracker, start, size, rng, (share, 0.8 / runs)))
-        size *= 2
+    while True:
+        share = 0.1 + 0.8 * run.number / runs
+        tracker.monitor.progress(share, f"run {run.number + 1} of {runs}, population {run.size}")
+        ends.append(_evolve(tracker, run, rng, (share, 0.8 / runs), ends))
+        if run.number + 1 == runs:
+            return
+        start = rng.random(variables)
+        run = _Run(number=run.number + 1, size=2 * run.size, start=start, randomness=rng.bit_generator.state)
 
 
 def _sample(tracker: Tracker, rng: np.random.Generator) -> Vector:
@@ -124,11 +198,12 @@ def _sample(tracker: Tracker, rng: np.random.Generator) -> Vector:
 
 
 def _evolve(
-    tracker: Tracker, start: Vector, size: int, rng: np.random.Generator, share: tuple[float, float]
+    tracker: Tracker, run: _Run, rng: np.random.Generator, share: tuple[float, float], ends: list[tuple[float, float]]
 ) -> tuple[float, float]:
     """Run one evolution; return the rank (violation, objective) of the best point that it met."""
     import cma  # noqa: PLC0415 - its import takes a second, and nothing else needs it
 
+    start, size = run.start, run.size
     variables = len(start)
     patience = _PATIENCE + _PATIENCE * variables // 10
     # The strategy needs two coordinates; a second one that means nothing does no harm.
@@ -143,22 +218,31 @@ def _evolve(
     waited, generation, steps = 0, 0, _STEP
     while waited < patience and steps > _FINE:
         asked = strategy.ask()
-        points = np.clip(np.array(asked)[:, :variables], 0.0, 1.0)
-        places = np.empty(size)
-        found: list[Assessment] = [block for _, block in in_blocks(tracker, points)]
-        ranks = _ranks(found)
-        order = np.lexsort((ranks[:, 1], ranks[:, 0]))
-        places[order] = np.arange(size)
-        strategy.tell(asked, places.tolist())
-        leader = (float(ranks[order[0], 0]), float(ranks[order[0], 1]))
-        waited = 0 if leader < best else waited + 1
-        best = min(best, leader)
+        fresh = generation == len(run.told)
+        if fresh:
+            run.told.append(_compared(tracker, np.clip(np.array(asked)[:, :variables], 0.0, 1.0)))
+        told = run.told[generation]
+        strategy.tell(asked, told.places.tolist())
+        waited = 0 if told.leader < best else waited + 1
+        best = min(best, told.leader)
         generation += 1
+        if fresh and isinstance(tracker.monitor, Keeper):
+            tracker.monitor.keep(run.document(tracker, ends))
         steps = float(strategy.sigma) * float(np.max(strategy.sm.variances[:variables]) ** 0.5)
         # Steps shrink by orders of magnitude at a steady rate: the measure of how far the run has come.
         done = max(math.log(_STEP / max(steps, _FINE)) / math.log(_STEP / _FINE), waited / patience)
         tracker.monitor.progress(share[0] + share[1] * min(max(done, 0.0), 1.0), f"generation {generation} of {size}")
     return best
+
+
+def _compared(tracker: Tracker, points: Matrix) -> _Told:
+    """Return the places of candidates, from the best to the worst."""
+    places = np.empty(len(points), dtype=np.uint32)
+    found: list[Assessment] = [block for _, block in in_blocks(tracker, points)]
+    ranks = _ranks(found)
+    order = np.lexsort((ranks[:, 1], ranks[:, 0]))
+    places[order] = np.arange(len(points))
+    return _Told(places=places, leader=(float(ranks[order[0], 0]), float(ranks[order[0], 1])))
 
 
 def _ranks(blocks: list[Assessment]) -> Matrix:

@@ -21,11 +21,11 @@ from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
-from optimizers.methods._base import Keeper, Method
+from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
-from optimizers.result import Monitor, Result, Status
+from optimizers.result import Keeper, Monitor, Result, Status, kept_by
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE, _FEW = 4096, 512
@@ -99,18 +99,19 @@ class _State:
     evaluations: int
 
     def document(self) -> dict[str, Any]:
-        """Return the state in plain numbers."""
+        """Return the state in plain numbers; what is infinite is None."""
         return {
+            "kind": "gradient",
             "left": [start.tolist() for start in self.left],
             "best": self.best.tolist(),
-            "rank": list(self.rank),
+            "rank": [number if np.isfinite(number) else None for number in self.rank],
             "evaluations": self.evaluations,
         }
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> _State:
         """Return the state that such numbers describe."""
-        violation, objective = document["rank"]
+        violation, objective = (np.inf if number is None else number for number in document["rank"])
         return _State(
             left=[np.array(start, dtype=float) for start in document["left"]],
             best=np.array(document["best"], dtype=float),
@@ -126,7 +127,7 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
     # Drawn before anything is known, so that a run that goes on later draws the same.
     for_sample, *clouds = rng.spawn(starts + 2)
     compiled = tracker.evaluator.compiled
-    kept = keeper.kept() if keeper is not None else None
+    kept = kept_by(tracker.monitor, "gradient")
     if kept is None:
         tracker.monitor.progress(0.0, "sampling")
         left = _apart(_sample(tracker, for_sample), starts)

@@ -7,7 +7,7 @@ is too large for one run is cut along its first variable into ``shards``, one of
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -15,12 +15,12 @@ import numpy as np
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
 from optimizers.certificate import TOLERANCE
-from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.maps import Combinations, around, places, sample
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
-from optimizers.result import GridMap, Monitor, Result, Status
+from optimizers.result import GridMap, Monitor, Result, Status, kept_by
 from optimizers.search import Stopped, Tracker
 
 MOST_POINTS = 1_000_000
@@ -64,8 +64,7 @@ class Grid(Method):
         ProblemError
             Too many points, named; ``points`` for something that is no variable; a shard that does not exist.
         """
-        full = options["sampling"] == "full"
-        design = _grid(problem, options) if full else _sample(problem, options, rng)
+        design = design_of(problem, options, rng)
         total, rounds = len(design), int(options["refine"])
         tracker = Tracker(Evaluator(problem), monitor, budget=10**9)
         objective, violation = np.full(total, np.nan), np.full(total, np.nan)
@@ -74,7 +73,13 @@ class Grid(Method):
             "the best point of the grid; between its points there may be better ones (refine, or gradient).",
         )
         try:
-            _evaluate(tracker, design, objective, violation, (0.0, 0.9 / (1 + rounds)))
+            kept = kept_by(monitor, self.kind)
+            if kept is None:
+                _evaluate(tracker, design, objective, violation, (0.0, 0.9 / (1 + rounds)))
+            else:
+                objective[:], violation[:] = kept["objective"], kept["violation"]
+                tracker.evaluator.evaluations = int(kept["evaluations"])
+                _take_over(tracker, design, objective, violation, np.asarray(kept["doubtful"], dtype=bool))
             if rounds:
                 _refine(tracker, design, _order(objective, violation), rounds, int(options["cells"]))
         except Stopped:
@@ -89,6 +94,30 @@ class Grid(Method):
         monitor.progress(0.95, "proving the optimum")
         best = problem.start() if tracker.best is None else tracker.best
         return conclude(tracker, best, status, advice, grid=grid)
+
+
+def design_of(problem: Problem, options: Mapping[str, Any], rng: np.random.Generator) -> Design:
+    """Return the points that a run with these options, complete and checked, evaluates first.
+
+    Raises
+    ------
+    ProblemError
+    """
+    return _grid(problem, options) if options["sampling"] == "full" else _sample(problem, options, rng)
+
+
+def first_look(tracker: Tracker, design: Design, first: int, last: int) -> Iterator[tuple[slice, Assessment]]:
+    """Evaluate the points from ``first`` up to ``last``; yield which they were and what was found.
+
+    Raises
+    ------
+    Stopped
+        When cancelled.
+    """
+    for begin in range(first, last, _AT_ONCE):
+        positions = design.rows(begin, min(begin + _AT_ONCE, last))
+        for rows, found in in_blocks(tracker, positions, roughly=True):
+            yield slice(begin + rows.start, begin + rows.stop), found
 
 
 def _grid(problem: Problem, options: Mapping[str, Any]) -> Combinations:
@@ -136,6 +165,10 @@ class _Listed:
         return self._positions[first:last]
 
 
+Design = Combinations | _Listed
+"""Points in an order, of which any stretch can be had."""
+
+
 def _sample(problem: Problem, options: Mapping[str, Any], rng: np.random.Generator) -> _Listed:
     for name in ("shards", "shard"):
         if int(options[name]) != (1 if name == "shards" else 0):
@@ -159,17 +192,32 @@ def _counts(problem: Problem, points: int | Mapping[str, int]) -> list[int]:
 
 
 def _evaluate(
-    tracker: Tracker, design: Combinations | _Listed, objective: Vector, violation: Vector, share: tuple[float, float]
+    tracker: Tracker, design: Design, objective: Vector, violation: Vector, share: tuple[float, float]
 ) -> None:
     """Evaluate all points, then those that are in doubt and would matter once more, with care."""
     total = len(design)
     doubtful = np.zeros(total, dtype=bool)
-    for begin in range(0, total, _AT_ONCE):
-        positions = design.rows(begin, min(begin + _AT_ONCE, total))
-        for rows, found in in_blocks(tracker, positions, roughly=True):
-            here = slice(begin + rows.start, begin + rows.stop)
-            objective[here], violation[here], doubtful[here] = found.objective, found.violation, found.doubtful
-            tracker.monitor.progress(share[0] + share[1] * here.stop / total, f"{here.stop} of {total} points")
+    for here, found in first_look(tracker, design, 0, total):
+        objective[here], violation[here], doubtful[here] = found.objective, found.violation, found.doubtful
+        tracker.monitor.progress(share[0] + share[1] * here.stop / total, f"{here.stop} of {total} points")
+    _look_again(tracker, design, objective, violation, doubtful)
+
+
+def _take_over(
+    tracker: Tracker, design: Design, objective: Vector, violation: Vector, doubtful: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> None:  # fmt: skip
+    """Go on from the scores of a first look that was taken elsewhere."""
+    order = _order(objective, violation)
+    sure = order[~doubtful[order]] if not doubtful.all() else order
+    index = int(sure[0])
+    tracker.offer(design.rows(index, index + 1)[0], float(objective[index]), float(violation[index]))
+    _look_again(tracker, design, objective, violation, doubtful)
+
+
+def _look_again(
+    tracker: Tracker, design: Design, objective: Vector, violation: Vector, doubtful: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> None:  # fmt: skip
+    """Evaluate points that are in doubt and would matter once more, with care."""
     if not tracker.evaluator.compiled:
         return
     order = _order(objective, violation)
@@ -187,7 +235,7 @@ def _order(objective: Vector, violation: Vector) -> np.ndarray[tuple[int], np.dt
 
 
 def _refine(
-    tracker: Tracker, design: Combinations | _Listed, order: np.ndarray[tuple[int], np.dtype[np.intp]], rounds: int, cells: int
+    tracker: Tracker, design: Design, order: np.ndarray[tuple[int], np.dtype[np.intp]], rounds: int, cells: int
 ) -> None:  # fmt: skip
     """Divide the cells around the best points, and again around the best point of each."""
     axes = tracker.evaluator.problem.axes
@@ -213,7 +261,7 @@ def _refine(
 
 
 def _apart(
-    design: Combinations | _Listed, order: np.ndarray[tuple[int], np.dtype[np.intp]], width: Vector, count: int
+    design: Design, order: np.ndarray[tuple[int], np.dtype[np.intp]], width: Vector, count: int
 ) -> list[Vector]:  # fmt: skip
     """Return the best points that do not lie in the cell of a better one."""
     chosen: list[Vector] = []

@@ -9,6 +9,7 @@ Its return value, JSON with numpy arrays anywhere in it, becomes the result of t
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import socket
@@ -23,6 +24,8 @@ from typing import Any
 REPORT_INTERVAL = 0.1
 #: The shortest time (s) between two states that are kept.
 KEEP_INTERVAL = 1.0
+#: The largest state (characters of JSON) that is kept; a search whose state is larger goes on from an earlier one.
+_LARGEST_STATE = 4 << 20
 #: Messages that may follow each other at once.
 _BURST = 20
 
@@ -147,9 +150,13 @@ class Reporter:
     def keep(self, state: Mapping[str, Any]) -> None:
         """Keep a state, JSON, to go on from when this process dies; at most every `KEEP_INTERVAL`."""
         now = time.monotonic()
-        if now >= self._next_keep:
-            self._next_keep = now + KEEP_INTERVAL
-            send(self._pipe, Kept(dict(state)))
+        if now < self._next_keep:
+            return
+        self._next_keep = now + KEEP_INTERVAL
+        # Proven to be JSON here, where a search that keeps anything else can be told from one that is at fault itself.
+        text = json.dumps(state, allow_nan=False)
+        if len(text) <= _LARGEST_STATE:
+            send(self._pipe, Kept(json.loads(text)))
 
 
 def send(pipe: socket.socket, frame: ComputeJob | Frame) -> None:
