@@ -13,6 +13,7 @@ from servotune.datasets import Datasets
 from servotune.errors import ApiError, ServiceUnreachableError
 from servotune.jobs import Jobs
 from servotune.lineage import Lineage
+from servotune.measured import Measured
 from servotune.schedules import Schedules
 from servotune.searches import Searches
 from servotune.studies import Studies
@@ -21,7 +22,7 @@ from servotune.transport import Transport
 from servotune.webhooks import Alerts, Webhooks
 
 
-class Client(Studies, Searches):
+class Client(Studies, Measured, Searches):
     """A connection to a Servotune service; made by `servotune.connect`.
 
     Attributes

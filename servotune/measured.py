@@ -10,8 +10,7 @@ from servotune.jobs import Jobs
 from servotune.transport import Transport
 
 if TYPE_CHECKING:
-    from servotune.replies import Dataset
-    from servotune.replies.frfs import Frf
+    from servotune.replies import Dataset, Frf
 
 
 class Measured:

@@ -13,6 +13,7 @@ from servotune.replies.fits import (
     OutputValidation,
     Validation,
 )
+from servotune.replies.frfs import Frf, FrfOutput
 from servotune.replies.influence import (
     Change,
     Coefficient,
@@ -67,6 +68,8 @@ __all__ = [
     "FitReport",
     "FrequencyResponse",
     "FrequencyVariant",
+    "Frf",
+    "FrfOutput",
     "FrontPoint",
     "GoalResult",
     "Harmonics",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from servotune.replies.values import Warned
 
@@ -26,8 +26,9 @@ class FrfOutput(TypedDict):
 
 
 class Frf(TypedDict):
-    """Responses of one or several outputs on common lines (rad/s)."""
+    """Responses of one or several outputs on common lines (rad/s); `id` where it is kept."""
 
+    id: NotRequired[str]
     dataset: str
     input: str
     input_unit: str

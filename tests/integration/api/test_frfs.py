@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+import servotune
 from api.schemas.frfs import FrfReply
 from tests.integration.api.conftest import Service
 from tests.integration.api.documents import RAW, upload
@@ -248,6 +249,19 @@ def test_a_kept_response_can_be_read_again(client, shaken) -> None:
     kept = client.get(f"/v1/results/{identifier}").json()
     assert kept["kind"] == "frf"
     assert kept["request"]["dataset"] == shaken
+
+
+def test_a_script_filters_a_recording_and_measures_its_response(sqlite_service, shaken) -> None:
+    with servotune.connect(sqlite_service.url, key=sqlite_service.keys["admin"]) as client:
+        made = client.process(shaken, [{"kind": "decimate", "factor": 2}], name="slower")
+        assert made["sample_rate"] == 512
+        found = client.frf(
+            made["id"], input="force", output="displacement", segment=8, band=[HZ * 20, HZ * 60], modes={}, keep=True
+        )
+        assert found["outputs"]["displacement"]["unit"] == "m/N"
+        assert found["modes"] is not None
+        assert found["modes"]["modes"][0]["frequency"] == pytest.approx(W0, rel=1e-3)
+        assert client.universal_file(found["id"]).startswith(b"    -1\n    58\n")
 
 
 @pytest.mark.parametrize(
