@@ -8,7 +8,7 @@ PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check web web-dev web-test screenshots format proof bench bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof bench bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -51,6 +51,9 @@ screenshots: setup  ## write docs/screenshots/ from the pages, with a service of
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo
 
+demo-lab: setup  ## a day in the lab on a simulated rig: measure, identify, validate, re-optimise, measure again; writes demo-lab.png
+	@$(BIN)/python -m examples.demo_lab
+
 serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
 	@$(BIN)/servotune serve
 
@@ -91,5 +94,5 @@ lock: setup  ## resolve the newest versions that pyproject.toml allows into requ
 		--no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
-	@rm -rf $(VENV) dist .demo demo-report.html .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

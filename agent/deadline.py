@@ -37,5 +37,12 @@ class Deadline(grpc.UnaryUnaryClientInterceptor):
 
 def channel(server: str, *, margin: float) -> Any:
     """Return a channel to a device server, without limits on the size of a message."""
-    unlimited = [("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1)]
-    return grpc.intercept_channel(grpc.insecure_channel(server, options=unlimited), Deadline(margin))
+    options = [
+        ("grpc.max_receive_message_length", -1),
+        ("grpc.max_send_message_length", -1),
+        # A server that is back after a while is found within a second, not within two minutes.
+        ("grpc.initial_reconnect_backoff_ms", 200),
+        ("grpc.min_reconnect_backoff_ms", 200),
+        ("grpc.max_reconnect_backoff_ms", 1000),
+    ]
+    return grpc.intercept_channel(grpc.insecure_channel(server, options=options), Deadline(margin))

@@ -140,7 +140,12 @@ class Agent:
         pause = _PAUSE
         while not self._stop.is_set():
             try:
+                self._hardware.devices()
                 claim = self._service.claim(agent, wait=_CLAIM_WAIT)
+            except AttemptError:
+                # Whatever had the hardware in its hands is not there: nobody knows where the outputs stand.
+                self._rest_until_it_works()
+                continue
             except RefusedError as error:
                 _log.warning("to be registered again: %s", error)
                 self._stop.wait(_PAUSE)

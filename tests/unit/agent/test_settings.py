@@ -1,0 +1,74 @@
+"""Settings: a file, then the environment, then arguments; what is wrong is named by its place."""
+
+from __future__ import annotations
+
+import pytest
+
+from agent.errors import SettingsError
+from agent.settings import read
+
+GOOD = """
+[service]
+url = "http://one"
+[rig]
+name = "bench-1"
+[[inputs]]
+name = "position"
+channel = "Dev1/ai0"
+sensitivity = 2
+[[outputs]]
+name = "valve"
+channel = "Dev1/ao0"
+amplitude = 5.0
+"""
+
+
+def settings(tmp_path, text=GOOD, environment=None, **arguments):
+    path = tmp_path / "agent.toml"
+    path.write_text(text)
+    return read(path, environment or {}, arguments)
+
+
+def test_the_later_one_counts(tmp_path) -> None:
+    assert settings(tmp_path).service.url == "http://one"
+    environment = {"SERVOTUNE_AGENT_URL": "http://two", "SERVOTUNE_AGENT_KEY": "st_key"}
+    assert settings(tmp_path, environment=environment).service.url == "http://two"
+    made = settings(tmp_path, environment=environment, **{"service.url": "http://three"})
+    assert (made.service.url, made.key()) == ("http://three", "st_key")
+    assert "st_key" not in repr(made)  # no key in a log
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[rig]\nname = 1", "rig.name must be text, got 1"),
+        ("[rig]", "rig.name must be given"),
+        ("rig = 3", "rig must be a table, got 3"),
+        ("[rg]", r"section must be one of .* got \[rg\]"),
+        (GOOD.replace("amplitude = 5.0", ""), r"outputs\[0\].amplitude must be given"),
+        (GOOD.replace("amplitude", "amplitud"), r"outputs\[0\]: setting must be one of .* got 'amplitud'"),
+        (GOOD.replace("5.0", "-5.0"), "output valve: amplitude must be > 0, got -5"),
+        (GOOD.replace("5.0", "5.0\nsafe = 6"), "output valve: safe must be within 5 V, got 6"),
+        (GOOD.replace("sensitivity = 2", "sensitivity = 0"), "input position: sensitivity must be finite and not 0"),
+        (GOOD.replace("sensitivity = 2", 'kind = "magic"'), "input position: kind must be one of voltage, "),
+        (GOOD + '[[outputs]]\nname = "valve"\nchannel = "x"\namplitude = 1', "got 'valve' twice"),
+        (GOOD + "[daq]\nchunk = 0", "daq.chunk must be > 0 s, got 0"),
+        ("[[", "must be TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, text, says) -> None:
+    with pytest.raises(SettingsError, match=says):
+        settings(tmp_path, text)
+
+
+def test_a_key_is_read_anew_each_time(tmp_path) -> None:
+    key = tmp_path / "key"
+    made = settings(tmp_path, **{"service.key_file": str(key)})
+    with pytest.raises(SettingsError, match="key_file must be readable"):
+        made.key()
+    key.write_text("first\n")
+    assert made.key() == "first"
+    key.write_text("second\n")
+    assert made.key() == "second"
+    with pytest.raises(SettingsError, match="a key must be given"):
+        settings(tmp_path).key()
