@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
@@ -18,16 +17,14 @@ from api.convert.frfs import (
     simulated_to_wire,
     steps_from_wire,
 )
-from api.convert.recordings import Values
-from api.convert.recordings import window as part_of
 from api.convert.signals import check_name
 from api.convert.spectra import window_to_wire
 from api.convert.values import band_from_wire, number, numbers, optional_si, overrides_from_wire, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.frfs import FrfRequest
-from api.services.datasets import read_recording
 from api.services.installation import Caller, Installation
+from api.services.measured_parts import Part, read_part
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
 from api.units import UnitError, factor
@@ -41,25 +38,10 @@ from engine.spectra.sampled import window_of
 from engine.spectra.sensors import Sensor, correction
 from engine.spectra.stepped_sine import stepped_sine_frf
 from engine.study import frequency_response
-from storage.repositories import ProcessingRepository
 
 KIND = "frf"
 _SEGMENTS = 8
 """Segments that a recording is cut into without overlap, unless the request says how long one is."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Measured:
-    """Channels in SI, the experiments in them as (first, stop), their units."""
-
-    rate: float
-    channels: Mapping[str, Values]
-    units: Mapping[str, str]
-    spans: tuple[tuple[int, int], ...]
-
-    def pairs(self, first: str, second: str) -> list[tuple[Values, Values]]:
-        """Return two channels, experiment by experiment."""
-        return [(self.channels[first][a:b], self.channels[second][a:b]) for a, b in self.spans]
 
 
 def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study:
@@ -111,29 +93,11 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=reference)
 
 
-def _read(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> _Measured:
+def _read(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> Part:
     many = isinstance(request.output, list)
     places: dict[Place, str] = {("input",): request.input}
     places |= {("output", i) if many else ("output",): name for i, name in enumerate(names)}
-    recording = read_recording(service.database, caller.workspace, request.dataset, places)
-    for place, name in places.items():
-        if recording.channels[name].size != recording.channels[request.input].size:
-            sizes = recording.channels[request.input].size, recording.channels[name].size
-            raise invalid(f"channel {name!r} must have {sizes[0]} samples as the input has, got {sizes[1]}", *place)
-    samples = recording.channels[request.input].size
-    with service.database.session() as session:
-        counts = ProcessingRepository(session, caller.workspace).experiments(request.dataset) or (samples,)
-    rate = 1.0 / recording.sample_time
-    begin, end = part_of(request.part, length=samples / rate, name="part") or (0.0, samples / rate)
-    first, stop = round(begin * rate), round(end * rate)
-    ends = np.cumsum(counts)
-    spans = [(max(int(b) - count, first), min(int(b), stop)) for b, count in zip(ends, counts, strict=True)]
-    return _Measured(
-        rate=rate,
-        channels=recording.channels,
-        units=recording.units,
-        spans=tuple((a, b) for a, b in spans if b - a > 1),
-    )
+    return read_part(service, caller, request.dataset, places, request.part)
 
 
 def _sensors(request: FrfRequest, names: list[str]) -> dict[str, Sensor | None]:
@@ -152,16 +116,13 @@ def _check_path(request: FrfRequest, subject: Subject) -> None:
     check_name(str(request.target), diagram.outputs, name="to", what="the system's outputs", place=("to",))
 
 
-def _segment(request: FrfRequest, measured: _Measured) -> int:
-    longest = max((b - a for a, b in measured.spans), default=0)
+def _segment(request: FrfRequest, measured: Part) -> int:
     seconds = optional_si(request.segment, "s", name="segment", place=("segment",))
-    return longest // _SEGMENTS if seconds is None else round(min(max(seconds * measured.rate, 0.0), 1e12))
+    return measured.longest // _SEGMENTS if seconds is None else round(min(max(seconds * measured.rate, 0.0), 1e12))
 
 
-def _frf(request: FrfRequest, measured: _Measured, name: str) -> Frf:
-    pairs = measured.pairs(request.input, name)
-    if not pairs:
-        raise invalid("part must hold at least 2 samples", "part")
+def _frf(request: FrfRequest, measured: Part, name: str) -> Frf:
+    pairs = list(zip(measured.experiments(request.input), measured.experiments(name), strict=True))
     if request.estimator in ("H1", "H2", "Hv"):
         return averaged_frf(
             pairs,
@@ -235,7 +196,7 @@ def _modes(request: FrfRequest, found: Mapping[str, Frf], units: Mapping[str, st
     return modes_to_wire(fitted, form="receptance" if motions else None, times=times)
 
 
-def _window(request: FrfRequest, measured: _Measured) -> dict[str, Any] | None:
+def _window(request: FrfRequest, measured: Part) -> dict[str, Any] | None:
     if request.estimator not in ("H1", "H2", "Hv"):
         return None
     facts, _ = window_of(request.window, _segment(request, measured))

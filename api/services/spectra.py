@@ -22,8 +22,9 @@ from api.convert.spectra import (
 from api.convert.values import band_from_wire, number, optional_si
 from api.errors import at, invalid
 from api.schemas.spectra import SpectrumRequest
-from api.services.datasets import channel_reader, read_recording
+from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
+from api.services.measured_parts import read_part
 from api.services.results import Study
 from api.services.studies import Variant, each, frequencies_of, study_of, variants_of
 from api.services.systems import subject_of
@@ -31,7 +32,7 @@ from engine.diagram import Diagram
 from engine.errors import SpectrumError
 from engine.spectra.fourier import Real
 from engine.spectra.harmonics import Harmonics, harmonics_of_samples
-from engine.spectra.sampled import Spectrum, band_mean_square, spectrum, window_of
+from engine.spectra.sampled import Spectrum, averaged_spectrum, band_mean_square, window_of
 from engine.spectra.simulated import steady_harmonics, transient
 from engine.study import simulate
 
@@ -47,16 +48,20 @@ def _recorded(service: Installation, caller: Caller, request: SpectrumRequest) -
     if request.variants is not None:
         raise invalid("variants must be left out for a recording", "variants")
     channel = str(request.channel)
-    recording = read_recording(
-        service.database, caller.workspace, str(request.dataset), {("channel",): channel}, place=("dataset",)
-    )
-    rate, unit = 1.0 / recording.sample_time, recording.units[channel]
-    values = _part(request, recording.channels[channel], rate)
+    part = read_part(service, caller, str(request.dataset), {("channel",): channel}, request.part)
+    rate, unit, experiments = part.rate, part.units[channel], part.experiments(channel)
+    if request.fundamental is not None and len(experiments) > 1:
+        raise invalid(f"part must lie in one experiment for harmonics, got {len(experiments)} of them", "part")
     with service.computing.slot(), at():
-        body = _estimate(request, values, rate, unit)
+        body = _estimate(request, experiments, rate, unit)
     # a variant like those of a simulated output, so that one reader serves both
     variant = {"parameters": {}, "verdict": "ok", **body}
-    reply = {**_head(request, unit, len(values), rate), "variants": [variant], "warnings": [], "system": None}
+    reply = {
+        **_head(request, unit, min(map(len, experiments)), rate),
+        "variants": [variant],
+        "warnings": [],
+        "system": None,
+    }
     return Study(body=reply, request=request.model_dump(by_alias=True, exclude_unset=True))
 
 
@@ -79,7 +84,7 @@ def _simulated(service: Installation, caller: Caller, request: SpectrumRequest) 
             values, rate, verdict = _sampled(request, diagram, variant)
             rates.append((len(values), rate))
             steady = _steady(request, diagram, variant)
-            return {"verdict": verdict, **_estimate(request, values, rate, unit, steady=steady)}, ()
+            return {"verdict": verdict, **_estimate(request, [values], rate, unit, steady=steady)}, ()
         except SpectrumError as error:
             if not error.verdict:
                 raise invalid(error.message, *error.at) from error
@@ -158,13 +163,13 @@ def _fundamental(request: SpectrumRequest) -> float | None:
 
 
 def _estimate(
-    request: SpectrumRequest, values: Real, rate: float, unit: str, *, steady: Harmonics | None = None
+    request: SpectrumRequest, experiments: list[Real], rate: float, unit: str, *, steady: Harmonics | None = None
 ) -> dict[str, Any]:
     """Return the spectrum of samples, with the harmonics and the band asked for."""
 
     def estimated(quantity: Any) -> Spectrum:
-        return spectrum(
-            values,
+        return averaged_spectrum(
+            experiments,
             rate,
             quantity=quantity,
             window=request.window,
@@ -177,7 +182,7 @@ def _estimate(
     body = estimate_to_wire(found)
     fundamental = _fundamental(request)
     if fundamental is not None:
-        harmonics = steady or harmonics_of_samples(values, rate, fundamental, request.orders)
+        harmonics = steady or harmonics_of_samples(experiments[0], rate, fundamental, request.orders)
         body["harmonics"] = harmonics_to_wire(harmonics, unit)
     band = band_from_wire(request.band, place=("band",))
     if band is not None:

@@ -13,8 +13,9 @@ F. Harris, Proc. IEEE 66 (1978) 51-83 (windows, coherent gain, equivalent noise 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -159,6 +160,38 @@ def spectrum(
         frequency=2 * np.pi * np.asarray(cycles), value=np.asarray(power, dtype=np.float64), phase=phase,
         resolution=2 * np.pi * rate / length, highest=np.pi * rate, averages=averages, window=facts,
     )  # fmt: skip
+
+
+def averaged_spectrum(
+    experiments: Sequence[Real], rate: float, *, segment: int | None = None, **settings: Any
+) -> Spectrum:
+    """Return the spectrum of several experiments, averaged over the segments of all: none lies in two.
+
+    Parameters
+    ----------
+    experiments : sequence of ndarray, shapes (samples,)
+    rate : float
+        Samples per second.
+    segment : int, optional
+        Samples of one segment; the shortest experiment by default. Experiments that are shorter are left out.
+    settings
+        The other ones of :func:`spectrum`.
+
+    Raises
+    ------
+    SpectrumError
+        If no experiment is as long as a segment, or settings are out of their bounds.
+    """
+    if len(experiments) == 1:
+        return spectrum(experiments[0], rate, segment=segment, **settings)
+    length = min(values.size for values in experiments) if segment is None else segment
+    usable = [values for values in experiments if values.size >= length] or [max(experiments, key=len)]
+    found = [spectrum(values, rate, segment=length, **settings) for values in usable]
+    power = 2 if settings.get("quantity", "amplitude") == "amplitude" else 1
+    counts = np.array([each.averages for each in found])
+    mean = counts @ np.array([each.value**power for each in found]) / counts.sum()
+    value = np.asarray(mean ** (1 / power), dtype=np.float64)
+    return replace(found[0], value=value, phase=None, averages=int(counts.sum()))
 
 
 def _removed(values: Real, removal: Removal) -> Real:

@@ -14,6 +14,7 @@ from scipy import signal
 
 import servotune
 from api.schemas.frfs import FrfReply
+from api.services import measured_parts
 from tests.integration.api.conftest import Service
 from tests.integration.api.documents import RAW, upload
 
@@ -204,8 +205,27 @@ def test_a_merged_recording_is_averaged_without_its_joint(client, shaken) -> Non
     once, twice = good(ask(client, shaken, segment=8)), good(ask(client, both, segment=8))
     assert twice["averages"] == 2 * once["averages"]
     assert twice["outputs"]["acceleration"]["magnitude"] == pytest.approx(once["outputs"]["acceleration"]["magnitude"])
+    spectrum = client.post("/v1/spectra", json={"dataset": both, "channel": "force", "segment": 8}).json()
+    assert spectrum["variants"][0]["averages"] == 2 * 14
     split = ask(client, both, estimator="multisine", period=1)
     assert split.json()["errors"][0]["detail"] == "part must lie in one experiment for multisine, got 2 of them"
+
+
+def test_a_gap_outside_of_the_part_does_not_matter(client, monkeypatch) -> None:
+    force = np.random.default_rng(4).standard_normal(4000)
+    force[3500] = np.nan
+    channels = [{"name": "force", "unit": "N"}, {"name": "acceleration", "unit": "m/s**2"}]
+    samples = np.column_stack([force, 2 * np.nan_to_num(force)]).astype("<f8").tobytes()
+    dataset = upload(client, RAW | {"sample_rate": 1000, "channels": channels}, samples).json()["id"]
+    assert good(ask(client, dataset, part=[0, 3]))["outputs"]["acceleration"]["magnitude"][20] == pytest.approx(2)
+    refused = ask(client, dataset).json()["errors"][0]
+    assert refused["pointer"] == "/input"
+    assert refused["detail"].endswith("got one at 3.5 s")
+    monkeypatch.setattr(measured_parts, "MOST_NUMBERS", 4000)
+    assert ask(client, dataset, part=[0, 2]).status_code == 200
+    long = ask(client, dataset, part=[0, 3]).json()["errors"][0]
+    assert long["pointer"] == "/part"
+    assert "part must hold at most 2000 samples of 2 channels, got 3000" in long["detail"]
 
 
 def test_a_kept_response_leaves_as_a_universal_file(client, shaken) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from engine.errors import SpectrumError
 from engine.spectra.harmonics import harmonics_of_samples
-from engine.spectra.sampled import band_mean_square, spectrum, window_of
+from engine.spectra.sampled import averaged_spectrum, band_mean_square, spectrum, window_of
 
 RATE = 1000.0
 
@@ -117,3 +118,16 @@ def test_harmonics_refuse_a_record_without_a_period_and_orders_beyond_half_the_r
         harmonics_of_samples(np.zeros(100), RATE, 1.0, 1)
     with pytest.raises(SpectrumError, match="orders must be <= 4"):
         harmonics_of_samples(np.zeros(100), RATE, 2 * np.pi * 100, 5)
+
+
+def test_experiments_are_averaged_segment_by_segment_and_never_across() -> None:
+    rng = np.random.default_rng(8)
+    long, short = rng.standard_normal(4000), rng.standard_normal(1000)
+    whole = averaged_spectrum([long, short], 100.0, segment=500, quantity="density", window="hann", overlap=0.0)
+    # Welch of each by itself, weighted by segments: 8 and 2
+    parts = [welch(values, 100.0, nperseg=500, noverlap=0, detrend=False)[1] for values in (long, short)]
+    assert whole.averages == 10
+    assert whole.value == pytest.approx((8 * parts[0] + 2 * parts[1]) / 10)
+    loud = averaged_spectrum([3 * np.cos(np.arange(1000)), np.cos(np.arange(1000))], 1.0)
+    assert loud.value.max() == pytest.approx(np.sqrt((9 + 1) / 2), rel=2e-3)  # powers are averaged
+    assert loud.phase is None
