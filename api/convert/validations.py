@@ -176,14 +176,15 @@ def _advice(found: Validated) -> str:
 def _is_near_its_limit(output: Output) -> bool:
     error = output.fit.relative_error_percent
     limit = None if output.frequency is None else output.frequency.unexplained_percent
-    return error is not None and limit is not None and limit > _NEAR * error
+    # beyond the error itself it says that the estimate is no good: steps, slow systems
+    return error is not None and limit is not None and _NEAR * error < limit <= error
 
 
 def _limit(name: str, output: Output) -> str:
     assert output.frequency is not None
     return (
-        f"No linear model of this input alone goes below {output.frequency.unexplained_percent:.3g} % for {name}: the rest is "
-        "noise, another input, or nonlinear."
+        f"By its coherence, {name} holds about {output.frequency.unexplained_percent:.3g} % that no linear model of this input "
+        "explains: noise, another input, or a nonlinearity."
     )
 
 

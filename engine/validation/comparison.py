@@ -8,11 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 Signal = npt.NDArray[np.float64]
+
+
+_REST = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,6 +118,26 @@ def rate(signal: Signal, sample_time: float) -> Signal:
     index = np.arange(n)
     before, after = np.maximum(index - reach, 0), np.minimum(index + reach, n - 1)
     return np.asarray((signal[after] - signal[before]) / ((after - before) * sample_time))
+
+
+def held_directions(velocity: Signal) -> Signal:
+    """Return +1 and -1, at rest the direction of the motion before: what dry friction and a hanging load remember.
+
+    A turn is no rest: where a signal stands for less than a tenth of the motion before, it is 0.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (samples,)
+    """
+    sign = directions(velocity)
+    bounds = [0, *(np.flatnonzero(np.diff(sign)) + 1).tolist(), sign.size]
+    before, last = 0, 0.0
+    for first, stop in pairwise(bounds):
+        if sign[first] != 0.0:
+            before, last = stop - first, float(sign[first])
+        elif stop - first >= _REST * before:
+            sign[first:stop] = last
+    return sign
 
 
 def directions(velocity: Signal) -> Signal:

@@ -1,4 +1,8 @@
-"""Do both directions have the same dynamics?   One step of a parameter for v > 0 and another for v < 0."""
+"""Do both directions have the same dynamics?   One step of a parameter for v > 0 and another for v < 0.
+
+At rest the direction is that of the motion before. Where the offset of the output is unknown, each direction has its own:
+a load that hangs, or friction, lets a drive stop on either side of its target.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.validation.comparison import Comparison, directions
+from engine.validation.comparison import Comparison, Signal, held_directions
 from engine.validation.remedy import WORTHWHILE, Remedy, worthwhile
 from engine.validation.steps import Movable
 
@@ -20,22 +24,21 @@ def direction(comparison: Comparison, movable: Sequence[Movable]) -> Remedy | No
         With the derivatives of every parameter in ``movable``.
     movable : sequence of Movable
     """
-    sign = directions(comparison.velocity)
-    rising = _held(sign) > 0.0
+    sign = held_directions(comparison.velocity)
+    rising = sign > 0.0
     if rising.all() or not rising.any():
         return None
+    side = [sign] if comparison.constant else []
     best: Remedy | None = None
     for parameter in movable:
         tangent = comparison.tangents[parameter.parameter]
-        one = _left(comparison, np.column_stack([tangent]))[0]
-        left, found = _left(
-            comparison, np.column_stack([np.where(rising, tangent, 0.0), np.where(rising, 0.0, tangent)])
-        )
+        one = _left(comparison, [tangent, *side])[0]
+        left, found = _left(comparison, [np.where(rising, tangent, 0.0), np.where(rising, 0.0, tangent), *side])
         # two values always fit better than one: they must do so clearly
         if left is None or one is None or left > WORTHWHILE * one or not worthwhile(left, comparison.present_error):
             continue
         if best is None or left < best.relative_error_percent:
-            up, down = (min(max(parameter.value + step, parameter.lower), parameter.upper) for step in found)
+            up, down = (float(min(max(parameter.value + step, parameter.lower), parameter.upper)) for step in found[:2])
             name = parameter.parameter
             best = Remedy(
                 kind="direction",
@@ -49,18 +52,10 @@ def direction(comparison: Comparison, movable: Sequence[Movable]) -> Remedy | No
     return best
 
 
-def _left(
-    comparison: Comparison, columns: np.ndarray[tuple[int, int], np.dtype[np.float64]]
-) -> tuple[float | None, tuple[float, ...]]:
+def _left(comparison: Comparison, columns: Sequence[Signal]) -> tuple[float | None, tuple[float, ...]]:
     """Return the error that one step in these columns leaves, and the step."""
-    columns = np.column_stack([comparison.free(column) for column in columns.T])
-    scale = np.linalg.norm(columns, axis=0)
+    matrix = np.column_stack([comparison.free(column) for column in columns])
+    scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0
-    found = np.linalg.lstsq(columns / scale, comparison.residual, rcond=None)[0] / scale
-    return comparison.relative_error(comparison.residual - columns @ found), tuple(float(step) for step in found)
-
-
-def _held(sign: np.ndarray[tuple[int], np.dtype[np.float64]]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the direction with rests filled by the motion before them."""
-    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), 0))
-    return np.asarray(sign[last])
+    found = np.linalg.lstsq(matrix / scale, comparison.residual, rcond=None)[0] / scale
+    return comparison.relative_error(comparison.residual - matrix @ found), tuple(float(step) for step in found)

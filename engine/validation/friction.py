@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.validation.comparison import Comparison, directions, rate
+from engine.validation.comparison import Comparison, held_directions, rate
 from engine.validation.remedy import Remedy, worthwhile
 
 
@@ -17,7 +17,7 @@ def friction(comparison: Comparison) -> Remedy | None:
     moving |= {name: rate(signal, comparison.sample_time) for name, signal in comparison.inputs.items()}
     best: Remedy | None = None
     for name, velocity in moving.items():
-        sign = directions(velocity)
+        sign = held_directions(velocity)
         if not (sign > 0).any() or not (sign < 0).any():
             continue
         columns = np.column_stack([comparison.free(sign), comparison.free(velocity)])

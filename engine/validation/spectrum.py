@@ -4,8 +4,11 @@
 
 Both responses are estimated in the same way from the same input (averaged H1), so that what the estimator does to one it does
 to the other; a nonlinear model is compared at the amplitudes of the recording. Only lines count about which the recording
-tells something: a coherence of at least 0.7, and an input within 50 dB of its strongest line. What no linear model of this input explains is noise, another input, or
-nonlinear; a model that misses no more than that cannot be made better by other values of its parameters.
+tells something: a coherence of at least 0.7, and an input within 50 dB of its strongest line.
+
+What a linear model of this input does not explain is noise, another input, or nonlinear: a model that misses no more than that
+gains little by other values of its parameters. It is an estimate, too large where what happens in one segment goes on in the
+next (steps, slow systems).
 
 References
 ----------
@@ -51,7 +54,7 @@ class FrequencyDomain:
     lines : int
         Of all coherences.
     unexplained_percent : float or None
-        Relative error that no linear model of this input goes below.
+        Relative error that a linear model of this input leaves, judged from the coherence.
     """
 
     source: str

@@ -87,7 +87,7 @@ def steps(comparisons: Sequence[Comparison], movable: Sequence[Movable]) -> Step
     alone = []
     for k, parameter in enumerate(movable):
         step = float(columns[:, k] @ error) / size[k] ** 2 if size[k] > 0.0 else 0.0
-        new = min(max(parameter.value + step, parameter.lower), parameter.upper)
+        new = float(min(max(parameter.value + step, parameter.lower), parameter.upper))
         left = float(np.linalg.norm(error - columns[:, k] * (new - parameter.value)))
         alone.append(
             Step(

@@ -83,7 +83,7 @@ class FrequencyDomainReply(Reply):
     worst_frequency: Number
     within_percent: Number = Field(description="lines at which the model lies within the bounds")
     unexplained_percent: Number = Field(
-        description="relative error that no linear model of this input goes below: noise, another input, nonlinear"
+        description="relative error that linear models of this input leave, judged from the coherence (too large for steps)"
     )
 
 
