@@ -9,6 +9,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 from sqlalchemy import update
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 from api.services import systems
 from storage import open_database
@@ -188,6 +190,24 @@ def test_an_event_stream_goes_on_for_who_may_stay(lively) -> None:
         client.post(f"/v1/jobs/{job}/cancel")
         thread.join(timeout=10)
     assert any("cancelled" in line for line in events)
+
+
+def test_a_socket_closes_with_what_opened_it(lively) -> None:
+    with lively.client() as admin:
+        key = admin.post("/v1/keys", json={"name": "panel", "scopes": ["run"]}).json()
+        holder = {"Authorization": f"Bearer {key['key']}"}
+        ticket = httpx.post(f"{lively.url}/v1/tickets", headers=holder, trust_env=False).json()["ticket"]
+        with connect(f"{lively.url.replace('http', 'ws')}/v1/live?ticket={ticket}", proxy=None) as socket:
+            socket.send('{"type": "set", "seq": 1, "vectors": [[1.0]]}')
+            assert "problem" in str(socket.recv(timeout=10))
+            admin.delete(f"/v1/keys/{key['id']}")
+            with pytest.raises(ConnectionClosed) as closed:
+                socket.recv(timeout=10)
+        assert closed.value.rcvd is not None
+        assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (
+            1008,
+            "the key or the sign-in does not open any more",
+        )
 
 
 # Wrong keys

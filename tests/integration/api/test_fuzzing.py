@@ -1,0 +1,87 @@
+"""Requests made at random from the contract, right and wrong ones: no error of the service's own, no reply but what the contract says.
+
+Schemathesis makes them from the OpenAPI document of the running service (https://schemathesis.readthedocs.io). A small share runs
+with all tests, the same requests on every machine; `make fuzz` asks far more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import requests
+from hypothesis import HealthCheck, Phase, given, settings
+from schemathesis import GenerationMode, openapi
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from api.main import create_app
+from api.settings import Settings
+from tests.integration.api.conftest import Service, serving
+
+CHECKS = [
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+DOCUMENT = create_app(Settings.model_construct()).openapi()
+SCHEMA = openapi.from_dict(DOCUMENT)
+OPERATIONS = {operation.ok().label: operation.ok() for operation in SCHEMA.get_all_operations()}
+#: Of the examples of a property: one in so many.
+SHARE = 12
+
+
+def cases() -> list[Any]:
+    """Return every operation with right requests, and with wrong ones where anything of a request can be wrong."""
+    found = []
+    for label in sorted(OPERATIONS):
+        method, _, path = label.partition(" ")
+        described = DOCUMENT["paths"][path][method.lower()]
+        found.append(pytest.param(label, GenerationMode.POSITIVE, id=f"right {label}"))
+        if "parameters" in described or "requestBody" in described:
+            found.append(pytest.param(label, GenerationMode.NEGATIVE, id=f"wrong {label}"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def fuzzed(sqlite_template, tmp_path_factory) -> Iterator[Service]:
+    path = tmp_path_factory.mktemp("fuzzed") / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    with serving(f"sqlite:///{path}", request_seconds=5) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def session(fuzzed) -> Iterator[requests.Session]:
+    with requests.Session() as own:
+        own.trust_env = False
+        yield own
+
+
+@pytest.mark.parametrize(("label", "mode"), cases())
+def test_every_reply_is_in_the_contract(fuzzed, session, label, mode) -> None:
+    @settings(
+        max_examples=max(1, settings.default.max_examples // SHARE),
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(case=OPERATIONS[label].as_strategy(generation_mode=mode))
+    def ask(case) -> None:
+        case.call_and_validate(
+            base_url=fuzzed.url,
+            session=session,
+            headers={"Authorization": f"Bearer {fuzzed.keys['admin']}"},
+            checks=CHECKS,
+            timeout=30,
+        )
+
+    ask()
