@@ -16,7 +16,7 @@ import numpy as np
 from engine.batch_nonlinear.batch import NonlinearBatch
 from engine.batch_nonlinear.signals import UnsuitableError as NoFormulaError
 from engine.errors import EngineError
-from engine.kernels.batch import Batch, UnsuitableError
+from engine.kernels.batch import Batch, Slopes, UnsuitableError
 from engine.kernels.readings import TIME_READINGS
 from engine.linear.screening import Screened
 from engine.linear.screening import Screening as Collocation
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.measuring import MetricRequest
 
-__all__ = ["Screened", "Screening"]
+__all__ = ["Screened", "Screening", "Slopes"]
 
 _AGREED = 1e-4
 """Relative difference of two methods that mean the same; collocation alone is right to about 1e-6."""
@@ -99,6 +99,22 @@ class Screening:
             doubtful[np.ix_(unsure, mine)] = open_
             growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
         return Screened(values=values, doubtful=doubtful, growth=growth, valid=found.valid)
+
+    def slopes(self, overrides: Mapping[str, Array], directions: Mapping[str, Array]) -> Slopes | None:
+        """Return metrics with their exact derivatives by compiled kernels; None where these do not answer every request.
+
+        Parameters
+        ----------
+        overrides : mapping of str to ndarray, shape (B,)
+            Parameter values, SI.
+        directions : mapping of str to ndarray, shape (B, D)
+            By how much each parameter changes for the same infinitesimal change of D variables.
+        """
+        batch = None if self._diagram.nonlinear else self._batch(tuple(overrides))
+        if batch is None or not all(batch.measured):
+            return None
+        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
+        return batch.slopes(points, np.stack([directions[name] for name in overrides], axis=1))
 
     def _marched(self, overrides: Mapping[str, Array]) -> Screened:
         """Return the metrics of a nonlinear diagram."""

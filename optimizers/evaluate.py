@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from engine.screening import Screened, Screening
+from engine.screening import Screened, Screening, Slopes
 from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
 from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
@@ -127,14 +127,20 @@ class Evaluator:
         reach = np.array([axis.slope(value) for axis, value in zip(axes, point, strict=True)])
         lanes = point + 1j * _STEP * np.diag(reach)
         overrides = self._overrides(lanes)
-        screened = self._screened(overrides)
         self.evaluations += 1
-        shape = (count, len(axes), len(self.problem.goals))
-        raw = screened.values.reshape(shape)
-        values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
-        # A doubtful value still shows the way; what screening cannot measure at all is measured exactly.
-        unsure = screened.doubtful.reshape(shape)[:, 0] & np.isnan(values)
-        if (screened.growth >= 0).any() or not screened.valid.all():
+        compiled = self._compiled_slopes(overrides, len(axes))
+        if compiled is not None:
+            growth, valid = compiled.growth, compiled.valid
+            values, slopes, unsure = compiled.values, compiled.slopes, compiled.doubtful
+        else:
+            screened = self._screened(overrides)
+            growth, valid = screened.growth, screened.valid
+            shape = (count, len(axes), len(self.problem.goals))
+            raw = screened.values.reshape(shape)
+            values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
+            # A doubtful value still shows the way; what screening cannot measure at all is measured exactly.
+            unsure = screened.doubtful.reshape(shape)[:, 0] & np.isnan(values)
+        if (growth >= 0).any() or not valid.all():
             return None
         for scenario in np.flatnonzero(unsure.any(axis=1)):
             asked = np.flatnonzero(unsure[scenario])
@@ -150,6 +156,17 @@ class Evaluator:
             return None
         slopes[~np.isfinite(values)] = 0.0
         return Local(values=values, slopes=np.ascontiguousarray(slopes))
+
+    def _compiled_slopes(self, lanes: Mapping[str, npt.NDArray[np.number]], variables: int) -> Slopes | None:
+        """Return all scenarios with slopes by the compiled kernels; None where these do not vouch for every number."""
+        if self.problem.commands:
+            return None
+        shape = (len(self.problem.scenarios), variables)
+        found = self._screening.slopes(
+            {name: column.real.reshape(shape)[:, 0] for name, column in lanes.items()},
+            {name: column.imag.reshape(shape) / _STEP for name, column in lanes.items()},
+        )
+        return None if found is None or (found.doubtful.any(axis=1) & found.valid).any() else found
 
     def objectives(self, values: Matrix) -> Matrix:
         """Return the smooth functions whose largest is the objective, (..., R), of metric values (..., S, G).

@@ -22,14 +22,16 @@ from engine.kernels.assembly import Assembly
 from engine.kernels.compiled import LANES
 from engine.kernels.evaluate import evaluate
 from engine.kernels.events import READINGS as TIMED
-from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, frequency_value, time_value
+from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, read, reading_list
 from engine.kernels.spectrum import CHUNK, SpectrumProgram
+from engine.kernels.tangents import differentiate
 from engine.kernels.tape import Registers
 from engine.kernels.time_program import TimePart, TimeProgram
 from engine.kernels.transfer import Curve, Curves, Network, program, reals, tabulated
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.realize import Wiring
     from engine.signals import Signal
     from engine.study import MetricRequest
 
@@ -42,9 +44,9 @@ _SMALL_BLOCK: Final = 512
 _PER_DECADE: Final = 30
 _EXTRA: Final = 3
 """How often the samples of a response are doubled where the usual ones leave doubt."""
-_DENSITIES: Final = (1, 4, 16, 64)
+_DENSITIES: Final = (1, 3, 12, 64)
 """How densely frequency is sampled, at first and where that is not enough, and so much further beyond the poles."""
-_MARGIN: Final = 30.0
+_MARGIN: Final = 10.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
 """A divisor of an algebraic loop that is so much smaller than at the document's values leaves doubt."""
@@ -58,6 +60,21 @@ class Results:
     doubtful: npt.NDArray[np.bool_]
     growth: Real
     valid: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Slopes(Results):
+    """Metrics of B candidates with ``slopes`` (B, R, D): their derivatives in D directions, NaN where there are none."""
+
+    slopes: Real
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Readings:
+    """What was read off the responses (B, T, READINGS) and curves (B, C, READINGS) of candidates."""
+
+    responses: Real
+    curves: Real
 
 
 class UnsuitableError(Exception):
@@ -103,7 +120,7 @@ class Batch:
         commands: list[Mapping[int, float]] = []
         known: dict[tuple[tuple[int, float], ...], int] = {}
         outputs: list[int] = []
-        self._references: list[float] = []
+        references: list[float] = []
         for index, request in enumerate(self.requests):
             if request.metric not in TIME_READINGS or (command := _steps(request.signals, diagram)) is None:
                 continue
@@ -118,7 +135,7 @@ class Batch:
             if trace not in traces:
                 traces[trace] = len(wants)
                 wants.append(0)
-                self._references.append(
+                references.append(
                     sum(a for port, a in command.items() if diagram.input_roles[diagram.inputs[port]] == "reference")
                 )
             wants[traces[trace]] |= TIME_READINGS[request.metric]
@@ -145,11 +162,14 @@ class Batch:
         )
         self._no_spectrum = self._spectrum(1)._replace(wants=np.zeros(0, dtype=np.int32))
         self._no_time = self._time._replace(traces=np.zeros((0, 3), dtype=np.int32))
+        self._of_time, self._of_curves = reading_list(self._timed), reading_list(self._framed)
+        self._references = np.array(references or [0.0])
         self.measured = tuple(k in self._timed or k in self._framed for k in range(len(self.requests)))
 
     def _frame(self, diagram: Diagram, traced: Any, assembly: Assembly) -> Any:
         """Return the functions of frequency that are asked for, what of each, and the paths whose stability matters."""
         curves = Curves()
+        networks = _Networks(curves, diagram, traced, self.requests)
         targets: dict[tuple[str | None, ...], int] = {}
         functions: list[Curve] = []
         bits: list[int] = []
@@ -161,9 +181,9 @@ class Batch:
             key = (request.open_at,) if loop else (request.source, request.target)
             if key not in targets:
                 made = (
-                    _loop(curves, diagram, traced, str(request.open_at))
+                    networks.loop(str(request.open_at))
                     if loop
-                    else _path(curves, diagram, traced, str(request.source), str(request.target), self.requests)
+                    else networks.path(str(request.source), str(request.target))
                 )
                 if not isinstance(made, Curve):
                     continue  # a plain number: the exact path says what that means
@@ -187,12 +207,7 @@ class Batch:
         """
         points = np.ascontiguousarray(points, dtype=float)
         total = len(points)
-        results = Results(
-            values=np.full((total, len(self.requests)), np.nan),
-            doubtful=np.zeros((total, len(self.requests)), dtype=bool),
-            growth=np.full(total, np.nan),
-            valid=np.zeros(total, dtype=bool),
-        )
+        results = self._nothing(total)
         available = threads or len(os.sched_getaffinity(0))
         # whole vectors, so that the same candidates are neighbours on any number of threads
         block = min(_BLOCK, max(_SMALL_BLOCK, -(-total // (available * LANES)) * LANES))
@@ -207,24 +222,66 @@ class Batch:
                     done.result()
         return results
 
-    def _block(self, points: Real, results: Results, span: slice) -> None:
+    def slopes(self, points: Real, directions: Real) -> Slopes:
+        """Return the metrics of candidates with their exact derivatives.
+
+        Parameters
+        ----------
+        points : ndarray, shape (B, varied)
+            Parameter values, SI.
+        directions : ndarray, shape (B, varied, D)
+            By how much each parameter changes for the same infinitesimal change of D variables.
+        """
+        points = np.ascontiguousarray(points, dtype=float)
+        results = self._nothing(len(points))
+        readings = self._block(points, results, slice(0, len(points)))
+        count = directions.shape[2]
+        groups = -(-count // LANES)
+        padded = np.zeros((*directions.shape[:2], groups * LANES))
+        padded[:, :, :count] = directions
+        found = np.full((len(points), len(self.requests), groups * LANES), np.nan)
+        for first in range(0, groups * LANES, LANES):
+            lanes = np.full((len(points), len(self.requests), LANES), np.nan)
+            differentiate(
+                self._tape, self._count, self._time, self._spectrum(1), self._of_time, self._of_curves, points,
+                np.ascontiguousarray(padded[:, :, first : first + LANES]), readings.responses, readings.curves,
+                results.growth, lanes,
+            )  # fmt: skip
+            found[:, :, first : first + LANES] = lanes
+        return Slopes(
+            values=results.values, doubtful=results.doubtful, growth=results.growth, valid=results.valid,
+            slopes=found[:, :, :count],
+        )  # fmt: skip
+
+    def _nothing(self, total: int) -> Results:
+        return Results(
+            values=np.full((total, len(self.requests)), np.nan),
+            doubtful=np.zeros((total, len(self.requests)), dtype=bool),
+            growth=np.full(total, np.nan),
+            valid=np.zeros(total, dtype=bool),
+        )
+
+    def _block(self, points: Real, results: Results, span: slice) -> _Readings:
         """Evaluate one block, and again with more samples or frequencies where the first look cannot vouch for it."""
         rows = np.arange(span.start, span.stop)
-        self._look(points, results, rows, self._time, self._spectrum(1))
-        known = ~np.isnan(results.growth[rows])
-        again = rows[results.doubtful[rows][:, list(self._timed)].any(axis=1) & known]
+        readings = self._look(points, results, rows, self._time, self._spectrum(1))
+        doubtful, known = results.doubtful[span], ~np.isnan(results.growth[span])
+        again = np.flatnonzero(doubtful[:, self._of_time[:, 0]].any(axis=1) & known)
         if again.size:
-            self._look(points, results, again, self._time, self._no_spectrum, _EXTRA)
+            look = self._look(points, results, rows[again], self._time, self._no_spectrum, _EXTRA)
+            readings.responses[again] = look.responses
         for density in _DENSITIES[1:]:
-            again = rows[results.doubtful[rows][:, list(self._framed)].any(axis=1) & known]
+            again = np.flatnonzero(doubtful[:, self._of_curves[:, 0]].any(axis=1) & known)
             if again.size:
-                self._look(points, results, again, self._no_time, self._spectrum(density))
-        results.doubtful[span][:, [not measured for measured in self.measured]] = True
+                look = self._look(points, results, rows[again], self._no_time, self._spectrum(density))
+                readings.curves[again] = look.curves
+        doubtful[:, [not measured for measured in self.measured]] = True
+        return readings
 
     def _look(
         self, points: Real, results: Results, rows: Any, program: TimeProgram, spectrum: SpectrumProgram,
         extra: int = 0,
-    ) -> None:  # fmt: skip
+    ) -> _Readings:  # fmt: skip
         """Evaluate candidates and enter what the programs ask for."""
         size = len(rows)
         timed = np.full((size, len(program.traces), TIMED), np.nan)
@@ -234,18 +291,14 @@ class Batch:
             self._tape, self._count, self._bounds, self._limits, self._pivots, self._smallest, program, spectrum,
             points[rows], timed, framed, growth, valid, extra,
         )  # fmt: skip
-        exists = valid > 0
-        unsure = exists & np.isnan(growth)
-        results.growth[rows], results.valid[rows] = growth, exists
-        with np.errstate(invalid="ignore", divide="ignore"):
-            if len(program.traces):
-                for column, (trace, metric) in self._timed.items():
-                    found, doubt = time_value(metric, timed[:, trace], self._references[trace])
-                    results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
-            if len(spectrum.wants):
-                for column, (curve, metric) in self._framed.items():
-                    found, doubt = frequency_value(metric, framed[:, curve])
-                    results.values[rows, column], results.doubtful[rows, column] = found, doubt | unsure
+        results.growth[rows], results.valid[rows] = growth, valid > 0
+        for wanted, found in ((self._of_time, timed), (self._of_curves, framed)):
+            if found.shape[1]:
+                read(
+                    wanted, self._references, found, results.growth, results.valid, rows, results.values,
+                    results.doubtful,
+                )  # fmt: skip
+        return _Readings(responses=timed, curves=framed)
 
 
 def _steps(signals: Mapping[str, Signal], diagram: Diagram) -> dict[int, float] | None:
@@ -261,24 +314,42 @@ def _steps(signals: Mapping[str, Signal], diagram: Diagram) -> dict[int, float] 
     return amplitudes
 
 
-def _loop(curves: Curves, diagram: Diagram, traced: Any, cut: str) -> Any:
-    wiring = diagram.wiring(cut)
-    network = Network(curves, traced, wiring, [wiring.inputs.index(LOOP)])
-    return -network.read(wiring.outputs.index(LOOP), 0)
+class _Networks:
+    """The networks of a diagram, each solved once for everything that is asked of it.
 
+    Closed paths are read off the open loop where one is asked for anyway, as both then share their parts.
+    """
 
-def _path(
-    curves: Curves, diagram: Diagram, traced: Any, source: str, target: str, requests: Sequence[MetricRequest]
-) -> Any:
-    """Return a closed path; through the open loop where one is asked for anyway, as both then share their parts."""
-    cut = next((r.open_at for r in requests if r.metric in LOOP_READINGS and r.open_at is not None), None)
-    wiring = diagram.wiring(cut)
-    o = wiring.outputs.index(target)
-    if cut is None:
-        return Network(curves, traced, wiring, [wiring.inputs.index(source)]).read(o, 0)
-    network = Network(curves, traced, wiring, [wiring.inputs.index(source), wiring.inputs.index(LOOP)])
-    back = wiring.outputs.index(LOOP)
-    return network.read(o, 0) + network.read(o, 1) * (network.read(back, 0) / (1.0 - network.read(back, 1)))
+    def __init__(self, curves: Curves, diagram: Diagram, traced: Any, requests: Sequence[MetricRequest]) -> None:
+        self._curves, self._diagram, self._traced = curves, diagram, traced
+        self._sources = sorted({str(r.source) for r in requests if r.metric in PATH_READINGS})
+        self._first_cut = next((r.open_at for r in requests if r.metric in LOOP_READINGS and r.open_at), None)
+        self._made: dict[str | None, tuple[Wiring, Network]] = {}
+
+    def loop(self, cut: str) -> Any:
+        """Return L, signed so that 1 + L = 0 is the characteristic equation."""
+        wiring, network = self._cut(cut)
+        return -network.read(wiring.outputs.index(LOOP), 0)
+
+    def path(self, source: str, target: str) -> Any:
+        """Return what a target gets from a source in the closed loop."""
+        wiring, network = self._cut(self._first_cut)
+        o, place = wiring.outputs.index(target), self._sources.index(source)
+        if self._first_cut is None:
+            return network.read(o, place)
+        back = wiring.outputs.index(LOOP)
+        return network.read(o, place + 1) + network.read(o, 0) * (
+            network.read(back, place + 1) / (1.0 - network.read(back, 0))
+        )
+
+    def _cut(self, cut: str | None) -> tuple[Wiring, Network]:
+        if cut not in self._made:
+            wiring = self._diagram.wiring(cut)
+            sources = [] if cut is None else [LOOP]
+            sources += self._sources if cut == self._first_cut else []
+            places = [wiring.inputs.index(source) for source in sources]
+            self._made[cut] = (wiring, Network(self._curves, self._traced, wiring, places))
+        return self._made[cut]
 
 
 def _probes(diagram: Diagram, assembly: Assembly, request: MetricRequest, *, loop: bool) -> list[tuple[int, int]]:
@@ -304,7 +375,7 @@ def _frequencies(low: float, high: float, detail: int) -> Real:
     low, high = low / detail**2, high * detail**2
     count = int(np.ceil(detail * _PER_DECADE * np.log10(high / low)))
     count += -(count + 2) % CHUNK
-    return np.concatenate([[low * 1e-4], np.geomspace(low, high, count), [high * 1e4]])
+    return np.concatenate([[low * 1e-5], np.geomspace(low, high, count), [high * 1e4]])
 
 
 def _spectrum_program(

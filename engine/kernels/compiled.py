@@ -45,6 +45,12 @@ def instruction(typed: Callable[..., Any]) -> Any:
     return intrinsic(typed)
 
 
+def align_stack(builder: Any) -> None:
+    """Let the function being written keep its stack in lines of the cache, so that no vector put there lies across two."""
+    builder.function.attributes.alignstack = 8 * LANES
+    builder.function.attributes.add("nounwind")  # llvmlite writes no alignment where there is no attribute beside it
+
+
 def _product(rows: int, columns: int, *, accumulate: bool) -> Any:
     """Return a product C (+)= A B of matrices whose entries are vectors of lanes, in tiles that stay in registers.
 
@@ -59,6 +65,7 @@ def _product(rows: int, columns: int, *, accumulate: bool) -> Any:
         signature = types.void(c, a, b, *[types.intp] * 6)
 
         def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            align_stack(builder)
             integer = context.get_value_type(types.intp)
             vector = ir.VectorType(ir.DoubleType(), LANES)
 

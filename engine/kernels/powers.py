@@ -24,7 +24,7 @@ LEVELS: Final = 48
 STIFF: Final = 3e-8
 """Decay of the slowest mode in a step of the fastest, below which powers are not exact enough."""
 _SMALL: Final = 0.08
-_EXTRA: Final = 3
+EXTRA: Final = 3
 _REST: Final = 1e-13
 _DECAYED: Final = 1e-3
 _HUGE: Final = 1e30
@@ -33,14 +33,14 @@ _OVERSIZED: Final = 1e200
 # P. Bader, S. Blanes, F. Casas, Computing the matrix exponential with an optimized Taylor polynomial approximation,
 # Mathematics 7 (2019) 1174, eq. (12): degree 8 with three products.
 _ROOT: Final = math.sqrt(177.0)
-_C3: Final = 2.0 / 3.0
-_C1: Final = _C3 * (1.0 + _ROOT) / 88.0
-_C2: Final = _C3 * (1.0 + _ROOT) / 352.0
-_C4: Final = (-271.0 + 29.0 * _ROOT) / (315.0 * _C3)
-_C5: Final = 11.0 * (-1.0 + _ROOT) / (1260.0 * _C3)
-_C6: Final = 11.0 * (-9.0 + _ROOT) / (5040.0 * _C3)
-_C7: Final = (89.0 - _ROOT) / (5040.0 * _C3**2)
-_D2: Final = (857.0 - 58.0 * _ROOT) / 630.0
+C3: Final = 2.0 / 3.0
+C1: Final = C3 * (1.0 + _ROOT) / 88.0
+C2: Final = C3 * (1.0 + _ROOT) / 352.0
+C4: Final = (-271.0 + 29.0 * _ROOT) / (315.0 * C3)
+C5: Final = 11.0 * (-1.0 + _ROOT) / (1260.0 * C3)
+C6: Final = 11.0 * (-9.0 + _ROOT) / (5040.0 * C3)
+C7: Final = (89.0 - _ROOT) / (5040.0 * C3**2)
+D2: Final = (857.0 - 58.0 * _ROOT) / 630.0
 
 
 @compiled
@@ -96,17 +96,17 @@ def raise_powers(
         store(x, load(a, k) * h, k)
     multiply(x2, x, x, nn, nn, nn, nn, nn, nn)
     for k in range(size):
-        store(t1, _C1 * load(x, k) + _C2 * load(x2, k), k)
+        store(t1, C1 * load(x, k) + C2 * load(x2, k), k)
     multiply(t2, x2, t1, nn, nn, nn, nn, nn, nn)
     for k in range(size):
         third = load(t2, k)
-        store(t1, _C5 * load(x, k) + _C6 * load(x2, k) + _C7 * third, k)
-        store(t2, third + _C3 * load(x2, k), k)
+        store(t1, C5 * load(x, k) + C6 * load(x2, k) + C7 * third, k)
+        store(t2, third + C3 * load(x2, k), k)
     for i in range(nn):
-        store(t1, load(t1, i * nn + i) + _C4, i * nn + i)
+        store(t1, load(t1, i * nn + i) + C4, i * nn + i)
     multiply(p, t2, t1, nn, nn, nn, nn, nn, nn)
     for k in range(size):
-        store(p, load(p, k) + load(x, k) + _D2 * load(x2, k), k)
+        store(p, load(p, k) + load(x, k) + D2 * load(x2, k), k)
     for i in range(nn):
         store(p, load(p, i * nn + i) + 1.0, i * nn + i)
     # ∫ e^(A s) ds B over one step: Horner's rule, nine terms
@@ -120,7 +120,7 @@ def raise_powers(
         apply(moved, x, rest, nn, experiments, nn, nn, experiments, experiments)
         for k in range(entries):
             store(rest, load(forcing, k) + load(moved, k) * (1.0 / term), k)
-    for _ in range(_EXTRA):
+    for _ in range(EXTRA):
         apply(moved, p, rest, nn, experiments, nn, nn, experiments, experiments)
         for k in range(entries):
             store(rest, load(rest, k) + load(moved, k), k)
@@ -128,7 +128,7 @@ def raise_powers(
         p, q = q, p
     copy(powers, 0, p, 0, size)
     for lane in range(LANES):
-        step[lane] *= 2.0**_EXTRA
+        step[lane] *= 2.0**EXTRA
         growth[lane] = math.nan
     level = 0
     norm = x[0, 0]

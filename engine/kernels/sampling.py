@@ -185,6 +185,7 @@ def scan(
     size = magnitude(goal)
     sign = select(goal >= 0.0, 1.0, -1.0)
     ahead = unit * h
+    half, swing = 0.5 * ahead, _SWING * ahead
     y1, d1, big = load(state, Y), load(state, D), load(state, BIG)
     y2, d2 = load(state, Y2), load(state, D2)
     steep1 = magnitude(d1)
@@ -195,7 +196,9 @@ def scan(
             first = (load(state, f) == start * unit) & (load(state, f + 1) >= 0.0)
             store(state, select(first, float(level), load(state, f + 1)), f + 1)
     unrisen = select(load(state, L90) == NONE, 1.0, 0.0)
-    highest, lowest, stir = sign * y1, sign * y1, spread(0.0)
+    top, low, stir = y1, y1, spread(0.0)
+    band2, band5, nowhere = 0.02 * size, 0.05 * size, spread(NONE)
+    n_2, y_2, n_5, y_5 = nowhere, y1, nowhere, y1
     unsure = False
     for column in range(COLUMNS):
         for j in range(ROWS):
@@ -204,20 +207,18 @@ def scan(
             y, d = load2(samples, at, column), load2(samples, at + 1, column)
             steep = magnitude(d)
             steepest = select(steep > steep1, steep, steep1)
-            slip = magnitude(y - y1 - 0.5 * ahead * (d + d1))
-            swings = slip > _SWING * ahead * steepest
-            value = magnitude(y + goal)
-            big = select(value > big, value, big)
-            stir = select(swings & (slip > stir), slip, stir)
-            progress = sign * y
-            highest = select(progress > highest, progress, highest)
-            lowest = select(progress < lowest, progress, lowest)
-            # a response at rest turns at every sample, by rounding
-            turning = (d1 * d < 0.0) & (ahead * magnitude(d1 - d) > _NOISE * big)
-            if anywhere(turning):
+            slip = magnitude(y - y1 - half * (d + d1))
+            swings = select(slip > swing * steepest, slip, 0.0)
+            stir = select(swings > stir, swings, stir)
+            top, low = select(y > top, y, top), select(y < low, y, low)
+            crosses = d1 * d < 0.0
+            if anywhere(crosses):
+                big = _biggest(big, top, low, goal)
+                # a response at rest turns at every sample, by rounding
+                turning = crosses & (ahead * magnitude(d1 - d) > _NOISE * big)
                 # How far a tip can be from the final value at most; most ripples cannot matter any more.
                 further = select(magnitude(y) > magnitude(y1), magnitude(y), magnitude(y1))
-                reach = further + 0.5 * ahead * steepest
+                reach = further + half * steepest
                 matters = reach < -1e300
                 if wants & SETTLE_2:
                     matters = reach > 0.015 * size
@@ -247,6 +248,10 @@ def scan(
                     store(state, y1, Y)
                     store(state, d1, D)
                     store(state, miss, ERROR)
+                    # a tip comes after the samples that were outside until then
+                    _outside(state, N2, n_2, y_2, float(level))
+                    _outside(state, N5, n_5, y_5, float(level))
+                    n_2, n_5 = nowhere, nowhere
                     bits = lanes_of(turning)
                     n_before = (start + index) * unit
                     for lane in range(LANES):
@@ -258,10 +263,13 @@ def scan(
                     if unsure and not least:
                         return True
             y2, d2, y1, d1, steep1 = y1, d1, y, d, steep
+            n = (start + index + 1.0) * unit
             if wants & SETTLE_2:
-                _outside(state, N2, 0.02, y, size, (start + index + 1.0) * unit, float(level))
+                outside = magnitude(y) > band2
+                n_2, y_2 = select(outside, n, n_2), select(outside, y, y_2)
             if wants & SETTLE_5:
-                _outside(state, N5, 0.05, y, size, (start + index + 1.0) * unit, float(level))
+                outside = magnitude(y) > band5
+                n_5, y_5 = select(outside, n, n_5), select(outside, y, y_5)
             if rising:
                 reached = sign * (y + goal)
                 first, last = load(state, L10), load(state, L90)
@@ -274,14 +282,26 @@ def scan(
                 last = select(passes90, float(level), last)
                 store(state, last, L90)
                 rising = anywhere(last == NONE)
+    _outside(state, N2, n_2, y_2, float(level))
+    _outside(state, N5, n_5, y_5, float(level))
+    big = _biggest(big, top, low, goal)
     store(state, y1, Y)
     store(state, d1, D)
     store(state, y2, Y2)
     store(state, d2, D2)
     store(state, big, BIG)
-    if anywhere(stir > _RIPPLE * big) and _hides(state, highest, lowest, stir, size, unrisen, wants, least):
-        unsure = True
+    if anywhere(stir > _RIPPLE * big):
+        highest, lowest = select(goal >= 0.0, top, -low), select(goal >= 0.0, low, -top)
+        unsure = _hides(state, highest, lowest, stir, size, unrisen, wants, least) or unsure
     return unsure
+
+
+@compiled
+def _biggest(big: Any, top: Any, low: Any, goal: Any) -> Any:
+    """Return the largest absolute value so far, from the extremes of the deviation."""
+    above, below = magnitude(top + goal), magnitude(low + goal)
+    larger = select(above > below, above, below)
+    return select(larger > big, larger, big)
 
 
 @compiled
@@ -321,9 +341,9 @@ def _hides(state: Real, highest: Any, lowest: Any, stir: Any, size: Any, unrisen
 
 
 @compiled
-def _outside(state: Real, f: int, part: float, y: Any, size: Any, n: float, level: float) -> None:
-    """Take down the candidates whose sample lies outside its band."""
-    out = magnitude(y) > part * size
+def _outside(state: Real, f: int, n: Any, y: Any, level: float) -> None:
+    """Take down the last samples that lay outside a band: where, and the deviation there; nowhere is no place."""
+    out = n >= 0.0
     if anywhere(out):
         store(state, select(out, n, load(state, f)), f)
         store(state, select(out, level, load(state, f + 1)), f + 1)

@@ -29,10 +29,13 @@ COMPLEMENTARY: Final = 16
 BANDWIDTH: Final = 32
 PEAK: Final = 64
 
-GAIN_MARGIN, PHASE_MARGIN, DELAY_MARGIN, MS, MT, FIRST_FALL, HIGHEST, AT_REST, DOUBT = range(9)
-READINGS: Final = 9
-"""What is read off one curve; frequencies in rad/s, DOUBT the sum of the bits above
-that are not vouched for. Infinite where nothing crosses."""
+(
+    GAIN_MARGIN, PHASE_MARGIN, DELAY_MARGIN, MS, MT, FIRST_FALL, HIGHEST, AT_REST, DOUBT,
+    GAIN_AT, PHASE_AT, DELAY_AT, MS_AT, MT_AT, HIGHEST_AT,
+) = range(15)  # fmt: skip
+READINGS: Final = 15
+"""What is read off one curve, and at which frequency it is, rad/s; DOUBT is the sum of the bits above that are not vouched for.
+Infinite where nothing crosses."""
 
 CHUNK: Final = 16
 MARKS: Final = CHUNK + 11 + 18
@@ -222,9 +225,9 @@ def _look(
     before1, before2 = marks[12:15], marks[15:18]
     for p in range(3):
         for lane in range(LANES):
-            best[p, lane], second[p, lane], before2[p, lane] = -1.0, -1.0, math.inf
+            best[p, lane], second[p, lane], before2[p, lane] = -1.0, -1.0, -1.0
             where[p, lane], runner_up[p, lane] = 0.0, 0.0
-            before1[p, lane] = _size(_PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
+            before1[p, lane] = 1.0 / _size(_PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
     for k in range(1, last + 1):
         x, y = load2(store_re, c, k), load2(store_im, c, k)
         m = x * x + y * y
@@ -290,13 +293,13 @@ def _look(
             for p in range(3):
                 if not wants & (SENSITIVITY << p if p < 2 else PEAK):
                     continue
-                size = 1.0 / distance if p == 0 else (m / distance if p == 1 else m)
-                highest, runner, a1, a2 = load(best, p), load(second, p), load(before1, p), load(before2, p)
-                local = (a1 > size) & (a1 >= a2)
+                # the inverse of what peaks, a parabola also where a peak is sharp
+                inverse = distance if p == 0 else (distance if p == 1 else spread(1.0)) / m
+                highest, runner, f1, f0 = load(best, p), load(second, p), load(before1, p), load(before2, p)
+                local = (inverse > f1) & (f0 >= f1)
                 if anywhere(local):
-                    # the height of the peak between the samples, from the parabola through the inverse
-                    f0, f1, f2 = 1.0 / a2, 1.0 / a1, 1.0 / size
-                    vertex = f1 - (f0 - f2) * (f0 - f2) / (8.0 * (f0 - 2.0 * f1 + f2))
+                    # the height of the peak between the samples, from the parabola
+                    vertex = f1 - (f0 - inverse) * (f0 - inverse) / (8.0 * (f0 - 2.0 * f1 + inverse))
                     top = select(vertex > 0.0, 1.0 / vertex, 1e300)
                     wins = local & (top > highest)
                     next_best = local & (top > runner) & (top <= highest)
@@ -305,8 +308,8 @@ def _look(
                     store(runner_up, select(wins, load(where, p), select(next_best, float(k - 1), place)), p)
                     store(best, select(wins, top, highest), p)
                     store(where, select(wins, float(k - 1), load(where, p)), p)
-                store(before2, a1, p)
-                store(before1, size, p)
+                store(before2, f1, p)
+                store(before1, inverse, p)
         x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
     store2(readings, root(tallest), c, HIGHEST)
     some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
@@ -321,16 +324,18 @@ def _look(
             and abs(store_im[c, 0, lane]) < 1e-3 * abs(store_re[c, 0, lane])
         ):
             readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, 0, lane]
+            readings[c, GAIN_AT, lane] = program.frequencies[0]
         for p in range(3):
             if not wants & (SENSITIVITY << p if p < 2 else PEAK):
                 continue
             to = MS + p if p < 2 else HIGHEST
-            ends = max(_size(_PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane]),
-                       _size(_PEAK_S + p, store_re[c, last, lane], store_im[c, last, lane]))  # fmt: skip
+            at_rest = _size(_PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
+            ends = max(at_rest, _size(_PEAK_S + p, store_re[c, last, lane], store_im[c, last, lane]))
             k = int(where[p, lane])
             # a peak that may be as high as an end of the axis is polished, and counts if it is higher
             inside = best[p, lane] > ends * (1.0 - _RIVAL)
             readings[c, to, lane] = math.sqrt(ends)
+            readings[c, MS_AT + p, lane] = program.frequencies[0 if ends == at_rest else last]
             if not inside:
                 continue
             bit = float(SENSITIVITY << p if p < 2 else PEAK)
@@ -551,14 +556,16 @@ def _enter(reading: Real, kind: int, lane: int, omega: float, x: float, y: float
     if kind == _CROSS_UNIT:
         margin = math.atan2(-y, -x)
         if abs(margin) < abs(reading[PHASE_MARGIN, lane]):
-            reading[PHASE_MARGIN, lane] = margin
+            reading[PHASE_MARGIN, lane], reading[PHASE_AT, lane] = margin, omega
         turn_left = margin if margin >= -1e-12 else margin + 2.0 * math.pi
-        reading[DELAY_MARGIN, lane] = min(reading[DELAY_MARGIN, lane], turn_left / omega)
+        if turn_left / omega < reading[DELAY_MARGIN, lane]:
+            reading[DELAY_MARGIN, lane], reading[DELAY_AT, lane] = turn_left / omega, omega
     elif kind == _CROSS_AXIS:
         if x < -_SMALLEST and abs(math.log(-x)) < abs(math.log(reading[GAIN_MARGIN, lane])):
-            reading[GAIN_MARGIN, lane] = -1.0 / x
+            reading[GAIN_MARGIN, lane], reading[GAIN_AT, lane] = -1.0 / x, omega
     elif kind == _CROSS_LEVEL:
         reading[FIRST_FALL, lane] = omega
     elif kind != _NO_EVENT:
-        to = HIGHEST if kind == _PEAK_H else MS + kind - _PEAK_S
-        reading[to, lane] = max(reading[to, lane], math.sqrt(_size(kind, x, y)))
+        to, height = HIGHEST if kind == _PEAK_H else MS + kind - _PEAK_S, math.sqrt(_size(kind, x, y))
+        if height > reading[to, lane]:
+            reading[to, lane], reading[MS_AT + kind - _PEAK_S, lane] = height, omega

@@ -19,7 +19,7 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import register_model
 
-from engine.kernels.compiled import LANES, compiled, instruction
+from engine.kernels.compiled import LANES, align_stack, compiled, instruction
 
 _DOUBLE: Final = ir.DoubleType()
 _VECTOR: Final = ir.VectorType(_DOUBLE, LANES)
@@ -133,6 +133,7 @@ def _lower_negate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, indices: Any) -> Any:
     """Return the pointer to the vector at the given indices of a C-ordered array whose last axis holds the lanes."""
+    align_stack(builder)
     made = context.make_array(kind)(context, builder, array)
     sizes = cgutils.unpack_tuple(builder, made.shape)
     offset = indices[0]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from engine.kernels.compiled import LANES
-from engine.kernels.tape import Registers, run, run_with_tangents
+from engine.kernels.tangents import run_tangents
+from engine.kernels.tape import Registers, run
 from engine.traced import Graph, Op
 
 # What each operation is, of two numbers; analytic in both, so that a complex step differentiates it.
@@ -55,10 +56,10 @@ def test_every_operation_and_its_tangent(op: Op) -> None:
     registers = Registers(graph, [result], 2)
     found = table(registers, POINTS)[registers.of(result)]
     assert found == pytest.approx(OPERATIONS[op](POINTS[:, 0], POINTS[:, 1]), rel=1e-14)
-    values, tangents = np.full(registers.count, np.nan), np.full((registers.count, LANES), np.nan)
-    values[:2], tangents[:2] = POINTS[0], 0.0
+    values, tangents = np.full((2, registers.count, LANES), np.nan)
+    values[:2], tangents[:2] = POINTS[0][:, None], 0.0
     tangents[0, 0] = tangents[1, 1] = 1.0
-    run_with_tangents(registers.tape, values, tangents)
+    run_tangents(registers.tape, values, tangents)
     for direction in range(2):
         moved = POINTS[0] + 1e-30j * np.eye(2)[direction]
         derivative = np.imag(OPERATIONS[op](moved[0], moved[1])) / 1e-30
@@ -83,9 +84,9 @@ def test_the_tangents_of_a_formula_are_its_complex_steps() -> None:
     directions[0, 0] = directions[1, 1] = directions[0, 2] = 1.0
     directions[1, 2] = -3.0
     for point in POINTS[:3]:
-        values, tangents = np.full(registers.count, np.nan), np.full((registers.count, LANES), np.nan)
-        values[:2], tangents[:2] = point, directions
-        run_with_tangents(registers.tape, values, tangents)
+        values, tangents = np.full((2, registers.count, LANES), np.nan)
+        values[:2], tangents[:2] = point[:, None], directions
+        run_tangents(registers.tape, values, tangents)
         assert values[registers.of(result)] == pytest.approx(formula(numeric, *point), rel=1e-13)
         for lane in range(3):
             moved = point + 1e-30j * directions[:, lane]
