@@ -51,7 +51,7 @@ def adjusted_by(identifier: str, diagram: Diagram, *, database: Database, worksp
                 f"identification must be of this system's parameters, {identifier!r} estimated {path!r}", *_PLACE
             )
     return Adjusted(
-        values={path: float(estimate["value"]) for path, estimate in body["parameters"].items()},
+        values={path: float(e["value"]) for path, e in body["parameters"].items() if e["value"] is not None},
         intervals={path: (e["lower95"], e["upper95"]) for path, e in body["parameters"].items()},
-        offsets={name: float(value) for name, value in body["offsets"].items()},
+        offsets={name: float(value) for name, value in body["offsets"].items() if value is not None},
     )
