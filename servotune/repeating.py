@@ -26,6 +26,7 @@ _JOBS = {
 _STUDIES = {
     "simulation": "/v1/simulations",
     "frequency_response": "/v1/frequency-responses",
+    "frf": "/v1/frfs",
     "influence": "/v1/influence",
     "spectrum": "/v1/spectra",
     "validation": "/v1/validations",

@@ -284,6 +284,20 @@ def test_a_script_filters_a_recording_and_measures_its_response(sqlite_service, 
         assert client.universal_file(found["id"]).startswith(b"    -1\n    58\n")
 
 
+def test_a_measured_response_is_traced_to_its_samples_and_repeats(sqlite_service, shaken, tmp_path) -> None:
+    with (
+        sqlite_service.client() as raw,
+        servotune.connect(sqlite_service.url, key=sqlite_service.keys["admin"]) as client,
+    ):
+        made = client.process(shaken, [{"kind": "cut", "end": 20}, {"kind": "decimate", "factor": 2}])
+        kept = good(ask(raw, made["id"], segment=4, keep=True))["id"]
+        edges = {(edge["from"], edge["to"]) for edge in client.lineage.get(kept, direction="up")["edges"]}
+        assert {(made["id"], kept), (shaken, made["id"])} <= edges
+        again = client.lineage.repeat(client.lineage.export(kept, tmp_path / "frf.zip"))
+    assert {each.id: each.note for each in again} == {shaken: "", made["id"]: "", kept: ""}
+    assert max(each.largest for each in again) == 0
+
+
 @pytest.mark.parametrize(
     ("fields", "pointer", "detail"),
     [
