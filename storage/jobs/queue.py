@@ -21,7 +21,7 @@ from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, WORKFLOW
 from storage.models import Job, JobStatus, Priority, Workspace
 from storage.models.base import Document
 from storage.repositories import parts
-from storage.repositories.jobs import JobRepository, append_event
+from storage.repositories.jobs import DONE_ELSEWHERE, JobRepository, append_event
 from storage.session import Database
 
 #: The most jobs that are given back to the workers at once.
@@ -116,6 +116,7 @@ class JobQueue:
         part = aliased(Job)
         whole = ~exists(select(part.id).where(part.parent_id == Job.id, part.finished_at.is_(None)))
         rows = select(Job).where(Job.status == JobStatus.QUEUED, Job.ticket.is_(None), Job.paused.is_(False), whole)
+        rows = rows.where(Job.kind.not_in(DONE_ELSEWHERE))
         if workspace_id is not None:
             rows = rows.where(Job.workspace_id == workspace_id)
         aside = session.scalars(rows.order_by(Job.priority, Job.created_at, Job.id).limit(_MOST_RELEASED)).all()

@@ -147,9 +147,11 @@ class AcquisitionRepository:
             .limit(1)
         )
         row = self._session.scalars(waiting).first()
-        if row is None or jobs.begin(self._session, row.job_id, worker=agent_id) is None:
+        if row is None or not jobs.lock(self._session, row.job_id, attempt=None):
             return None
         now = utc_now()
+        started = {"status": JobStatus.RUNNING, "attempts": 1, "worker": agent_id, "started_at": now}
+        jobs.append_event(self._session, row.job_id, "status", {"status": JobStatus.RUNNING, "attempt": 1}, **started)
         self._change(row, status=AcquisitionStatus.CLAIMED, agent_id=agent_id, claimed_at=now, lease_until=now + lease)
         return row
 

@@ -33,6 +33,10 @@ from storage.repositories.webhooks import tell_end
 _ALIVE = (JobStatus.QUEUED, JobStatus.RUNNING)
 
 
+#: Kinds that no worker computes: an agent on a lab PC does them.
+DONE_ELSEWHERE = frozenset({"acquisition"})
+
+
 class JobRepository:
     """The jobs of one workspace, as their users see them."""
 
@@ -132,6 +136,8 @@ class JobRepository:
             When it has ended.
         """
         job = self.get(identifier)
+        if job.kind in DONE_ELSEWHERE:
+            raise StateError(f"job {identifier!r} must be one of a worker to be paused, it is an {job.kind}: cancel it")
         if job.paused and not JobStatus(job.status).final:
             return job
         if not lock(self._session, identifier, attempt=None):
