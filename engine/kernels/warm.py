@@ -20,7 +20,9 @@ def warm() -> None:
         MetricRequest(metric="rise_time", signals={"reference": make("step", {})}, output="position"),
         MetricRequest(metric="gain_margin", open_at="error"),
     ]
-    Batch(_loop(Block(kind="gain", values={"gain": 1.0})), ["controller.gain"], requests)(np.array([[1.0]]))
+    Batch(_loop(Block(kind="gain", values={"gain": 1.0})), ["controller.gain"], requests).slopes(
+        np.ones((1, 1)), np.ones((1, 1, 1))
+    )
     limited = _loop(Block(kind="saturation", values={}))
     NonlinearBatch(limited, ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
 
