@@ -67,7 +67,8 @@ class FrfRequest(Document):
     estimator: Literal["H1", "H2", "Hv", "stepped_sine", "multisine"] = "H1"
     window: Literal["hann", "flat_top", "none"] = "hann"
     segment: Quantity | None = Field(
-        default=None, description="s, of averaged segments; default: an eighth of the longest experiment"
+        default=None,
+        description="s, of averaged segments; default: an eighth of the longest experiment, at most 65536 samples",
     )
     overlap: float = Field(default=0.5, ge=0.0, lt=1.0, description="of neighbouring segments")
     removal: Literal["nothing", "mean", "trend"] = Field(default="mean", description="from each segment")

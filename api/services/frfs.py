@@ -24,7 +24,7 @@ from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.frfs import FrfRequest
 from api.services.installation import Caller, Installation
-from api.services.measured_parts import Part, read_part
+from api.services.measured_parts import Part, check_lines, read_part
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
 from api.units import UnitError, factor
@@ -40,8 +40,8 @@ from engine.spectra.stepped_sine import stepped_sine_frf
 from engine.study import frequency_response
 
 KIND = "frf"
-_SEGMENTS = 8
-"""Segments that a recording is cut into without overlap, unless the request says how long one is."""
+_SEGMENTS, _LONGEST = 8, 65_536
+"""Parts that a recording is cut into unless the request says how long a segment is, and the most samples of such a one."""
 
 
 def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study:
@@ -61,7 +61,7 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
             found = {name: frf.within(*band) for name, frf in found.items()}
         found = {name: _corrected(frf, request.input, name, sensors) for name, frf in found.items()}
         first = next(iter(found.values()))
-        service.computing.check_size(samples=first.frequency.size, curves=9 * len(names), variants=1)
+        check_lines(service, first.frequency.size, curves=9 * len(names))
         outputs, warnings = {}, []
         formed = {name: _formed(request, frf, measured.units[name]) for name, frf in found.items()}
         for name, (frf, unit) in formed.items():
@@ -118,7 +118,11 @@ def _check_path(request: FrfRequest, subject: Subject) -> None:
 
 def _segment(request: FrfRequest, measured: Part) -> int:
     seconds = optional_si(request.segment, "s", name="segment", place=("segment",))
-    return measured.longest // _SEGMENTS if seconds is None else round(min(max(seconds * measured.rate, 0.0), 1e12))
+    return (
+        min(measured.longest // _SEGMENTS, _LONGEST)
+        if seconds is None
+        else round(min(max(seconds * measured.rate, 0.0), 1e12))
+    )
 
 
 def _frf(request: FrfRequest, measured: Part, name: str) -> Frf:

@@ -115,3 +115,19 @@ def _stretch(count: int, rate: float, given: list[Any] | None, *, channels: int)
         )
         raise invalid(detail, "part")
     return first, stop
+
+
+def check_lines(service: Installation, lines: int, *, curves: int) -> None:
+    """Refuse a reply with more lines than one reply may hold.
+
+    Raises
+    ------
+    Problem
+        422 at ``segment``.
+    """
+    most = service.settings.max_numbers // curves
+    if lines > most:
+        detail = (
+            f"segment must be so short that there are at most {most} lines, got {lines}: or look at a band, or a part"
+        )
+        raise invalid(detail, "segment")

@@ -74,7 +74,7 @@ class ProcessingRepository:
         self._session.execute(update(Dataset).where(Dataset.id == identifier).values(job_id=job_id))
 
     def computed(self, identifier: str, *, experiments: Sequence[int], size: int) -> None:
-        """Remember the samples of each experiment, and count ``size`` bytes as stored.
+        """Remember the samples of each experiment, and count ``size`` bytes as stored, once for all attempts.
 
         Raises
         ------
@@ -84,8 +84,9 @@ class ProcessingRepository:
         self._session.execute(
             update(Processing).where(Processing.dataset_id == identifier).values(experiments=list(experiments))
         )
+        before = self._session.scalar(select(Dataset.size).where(Dataset.id == identifier)) or 0
         self._session.execute(update(Dataset).where(Dataset.id == identifier).values(size=size))
-        quotas.add_bytes(self._session, self._workspace_id, size)
+        quotas.add_bytes(self._session, self._workspace_id, size - before)
 
     def experiments(self, identifier: str) -> tuple[int, ...] | None:
         """Return the samples of each experiment of a recording, None for one that was recorded as it is."""
