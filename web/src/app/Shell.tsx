@@ -7,7 +7,7 @@ import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
 import classes from "./Shell.module.css";
 
-const PLACES = ["systems", "datasets", "jobs", "schedules", "access", "about"] as const;
+const PLACES = ["systems", "jobs"] as const;
 
 export function Shell() {
   const { t } = useTranslation();

@@ -8,14 +8,15 @@ import type { Frame } from "@/shared/live/protocol";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit, words } from "@/shared/units/format";
 import { CompareBar } from "./CompareBar";
-import { loopsOf } from "./loops";
+import { loopsOf } from "@/shared/systems/loops";
 import { MetricStrip } from "./MetricStrip";
 import classes from "./PanelPage.module.css";
 import { PanelPlots, type PlotsHandle } from "./PanelPlots";
 import { PanelSetup } from "./PanelSetup";
 import { ParamSlider } from "./ParamSlider";
-import { withValues } from "./apply";
-import { firstSliders, mainOutput, pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
+import { withValues } from "@/shared/systems/apply";
+import { firstSliders } from "@/shared/systems/movable";
+import { mainOutput, pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "./useLive";
 
 const METRICS = ["rise_time", "settling_time", "overshoot", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];

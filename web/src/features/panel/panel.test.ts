@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 import type { LiveParameter } from "@/shared/live/protocol";
 import { fromPosition, keyPosition, toPosition, travelOf } from "./scale";
-import { firstSliders, readState, variantsOf, writeState } from "./state";
+import { firstSliders } from "@/shared/systems/movable";
+import { readState, variantsOf, writeState } from "./state";
 
 const parameter = (path: string, value: number, more: Partial<LiveParameter> = {}): LiveParameter => ({ path, value, unit: "ohm", lower: null, upper: null, scale: "linear", doc: "", bound: false, ...more });
 

@@ -1,0 +1,163 @@
+import { Alert, Group, MultiSelect, NativeSelect, SegmentedControl, Slider, Stack, Table, Text, Title, UnstyledButton } from "@mantine/core";
+import { keepPreviousData, useQuery } from "@tanstack/react-query";
+import { useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { Link, useParams, useSearchParams } from "react-router";
+import { metricsQuery } from "@/shared/api/catalogue";
+import { api, must } from "@/shared/api/client";
+import { systemQuery } from "@/shared/api/systems";
+import { describedQuery } from "@/shared/systems/described";
+import { loopsOf } from "@/shared/systems/loops";
+import { firstSliders } from "@/shared/systems/movable";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { formatMetric, formatNumber, words } from "@/shared/units/format";
+import classes from "./InfluencePage.module.css";
+import { sizeOf, tornado } from "./table";
+
+const FIRST = ["rise_time", "response_time", "overshoot", "bandwidth", "phase_margin", "sensitivity_peak", "damping_ratio"];
+
+/** Which parameter moves which property, and how much: a table to be read by rows and by columns, and a tornado of each row. */
+export function InfluencePage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const system = useQuery(systemQuery(id)).data!;
+  const described = useQuery(describedQuery(id, system.revision));
+  const catalogue = useQuery(metricsQuery).data;
+  const [query, setQuery] = useSearchParams();
+  const put = (part: Record<string, string>) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), ...part }), { replace: true });
+  const opened = described.data;
+  const loops = loopsOf(system.document);
+  const list = (key: string, fallback: string[]) => (query.has(key) ? query.get(key)!.split(",").filter(Boolean) : fallback);
+  const input = query.get("in") ?? opened?.inputs[0] ?? "";
+  const output = query.get("out") ?? opened?.outputs[0]?.name ?? "";
+  const loop = query.get("loop") ?? loops[0] ?? "";
+  const parameters = list("p", opened ? firstSliders(opened.parameters, 8) : []);
+  const metrics = list("m", FIRST.filter((name) => loop || catalogue?.get(name)?.domain !== "loop"));
+  const change = Number(query.get("change") ?? 10);
+  const kind = query.get("kind") === "coefficient" ? "coefficient" : "elasticity";
+  const [shownChange, setShownChange] = useState(change);
+  useEffect(() => setShownChange(change), [change]);
+  const study = useQuery({
+    queryKey: ["influence", id, system.revision, input, output, loop, parameters.join(), metrics.join(), change],
+    enabled: opened !== undefined && catalogue !== undefined && parameters.length > 0 && metrics.length > 0 && input !== "",
+    retry: false,
+    placeholderData: keepPreviousData,
+    queryFn: () => must(api.POST("/v1/influence", { body: { system: id, input, output, ...(loop ? { open_at: loop } : {}), parameters, metrics, change: change / 100, duration: "auto", keep: false } })),
+  });
+  const chosen = query.get("row") ?? metrics[0] ?? "";
+  const value = (metric: string, parameter: string): number | null => {
+    const cell = kind === "elasticity" ? study.data?.elasticities[metric]?.[parameter] : study.data?.coefficients[metric]?.[parameter];
+    return (cell?.value as number | null | undefined) ?? null;
+  };
+  const largest = Math.max(1e-12, ...metrics.flatMap((m) => parameters.map((p) => Math.abs(value(m, p) ?? 0))).filter(Number.isFinite));
+  const bars = tornado(parameters.map((name) => ({ name, value: value(chosen, name) })));
+  const widest = Math.max(1e-12, ...bars.map((bar) => Math.abs(bar.value)));
+  const panelOf = (parameter: string) => `/systems/${id}/panel?s=${encodeURIComponent([parameter, ...parameters.filter((p) => p !== parameter)].join(","))}${loop ? `&loop=${loop}` : ""}`;
+
+  return (
+    <div className="page">
+      <Stack gap="md">
+        <ProblemAlert error={described.error ?? study.error} />
+        {opened && (
+          <Group align="flex-end" gap="sm">
+            <NativeSelect size="xs" label={t("panel.input")} data={opened.inputs} value={input} onChange={(event) => put({ in: event.currentTarget.value })} />
+            <NativeSelect size="xs" label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(event) => put({ out: event.currentTarget.value })} />
+            <NativeSelect size="xs" label={t("influence.loop")} data={[{ value: "", label: t("influence.noLoop") }, ...loops]} value={loop} onChange={(event) => put({ loop: event.currentTarget.value })} />
+            <MultiSelect label={t("panel.parameters")} data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)} value={parameters} onChange={(next) => put({ p: next.join(",") })} searchable maxValues={30} w={360} />
+            <MultiSelect label={t("panel.metrics")} data={[...(catalogue?.values() ?? [])].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} value={metrics} onChange={(next) => put({ m: next.join(",") })} searchable maxValues={20} w={360} />
+          </Group>
+        )}
+        <Group gap="xl" align="center">
+          <SegmentedControl
+            size="xs"
+            aria-label={t("influence.reading")}
+            value={kind}
+            onChange={(next) => put({ kind: next })}
+            data={[
+              { value: "elasticity", label: t("influence.elasticity") },
+              { value: "coefficient", label: t("influence.coefficient") },
+            ]}
+          />
+          <div style={{ width: 260 }}>
+            <Text fz="xs" id="change">
+              {t("influence.change", { change: shownChange })}
+            </Text>
+            <Slider min={-50} max={50} step={1} value={shownChange} onChange={setShownChange} onChangeEnd={(next) => put({ change: String(next === 0 ? 1 : next) })} thumbLabel={t("influence.change", { change: shownChange })} label={(v) => `${v} %`} disabled={kind === "elasticity"} />
+          </div>
+        </Group>
+        <Text fz="sm" c="dimmed">
+          {t(kind === "elasticity" ? "influence.elasticityDoc" : "influence.coefficientDoc", { change })}
+        </Text>
+        {study.data && (
+          <Group align="flex-start" gap="lg" wrap="wrap">
+            <Table.ScrollContainer minWidth={420} style={{ flex: "2 1 480px" }}>
+              <Table withTableBorder withColumnBorders data-testid="influence" aria-busy={study.isFetching}>
+                <Table.Thead>
+                  <Table.Tr>
+                    <Table.Th>{t("influence.metric")}</Table.Th>
+                    <Table.Th ta="right">{t("influence.base")}</Table.Th>
+                    {parameters.map((name) => (
+                      <Table.Th key={name} ta="right">
+                        <Text component={Link} to={panelOf(name)} fz="xs" fw={600} c="var(--mantine-color-anchor)" title={t("influence.toPanel")}>
+                          {name}
+                        </Text>
+                      </Table.Th>
+                    ))}
+                  </Table.Tr>
+                </Table.Thead>
+                <Table.Tbody>
+                  {metrics.map((metric) => {
+                    const base = study.data.base[metric];
+                    const shown = base?.value != null ? formatMetric(metric, base.value, base.unit) : null;
+                    return (
+                      <Table.Tr key={metric} data-chosen={metric === chosen} className={classes.row}>
+                        <Table.Td>
+                          <UnstyledButton fz="sm" onClick={() => put({ row: metric })} aria-pressed={metric === chosen}>
+                            {t(`metrics.${metric}`, words(metric))}
+                          </UnstyledButton>
+                        </Table.Td>
+                        <Table.Td ta="right" className="numbers" title={base?.advice ?? undefined}>
+                          {shown ? `${shown.text} ${shown.unit}` : t(`verdicts.${base?.verdict ?? "ok"}`, base?.verdict ?? "")}
+                        </Table.Td>
+                        {parameters.map((name) => {
+                          const v = value(metric, name);
+                          const size = v === null ? 0 : sizeOf(v, largest);
+                          const strongest = study.data.strongest.by_metric[metric] === name;
+                          return (
+                            <Table.Td key={name} ta="right" className={`numbers ${classes.cell}`} data-sign={(v ?? 0) < 0 ? "minus" : "plus"} style={{ "--size": `${Math.round(100 * size)}%` } as React.CSSProperties} fw={strongest ? 700 : 400}>
+                              {v === null ? "–" : formatNumber(v, 3)}
+                              {strongest && <span title={t("influence.strongest")}> ★</span>}
+                            </Table.Td>
+                          );
+                        })}
+                      </Table.Tr>
+                    );
+                  })}
+                </Table.Tbody>
+              </Table>
+            </Table.ScrollContainer>
+            <section className={classes.tornado} aria-label={t("influence.tornado", { metric: words(chosen) })}>
+              <Title order={2} mb="xs">
+                {t("influence.tornado", { metric: t(`metrics.${chosen}`, words(chosen)) })}
+              </Title>
+              {bars.map((bar) => (
+                <div key={bar.name} className={classes.line}>
+                  <Text component={Link} to={panelOf(bar.name)} fz="xs" c="var(--mantine-color-anchor)" truncate ta="right">
+                    {bar.name}
+                  </Text>
+                  <div className={classes.track}>
+                    <div className={classes.bar} data-sign={bar.value < 0 ? "minus" : "plus"} style={{ width: `${(50 * Math.abs(bar.value)) / widest}%` }} />
+                  </div>
+                  <Text fz="xs" className="numbers">
+                    {formatNumber(bar.value, 3)}
+                  </Text>
+                </div>
+              ))}
+            </section>
+          </Group>
+        )}
+        {opened && parameters.length === 0 && <Alert variant="outline">{t("influence.none")}</Alert>}
+      </Stack>
+    </div>
+  );
+}

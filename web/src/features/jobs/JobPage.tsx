@@ -1,0 +1,102 @@
+import { Button, Code, Group, Progress, ScrollArea, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import { useParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { ENDED, jobQuery, resultQuery } from "@/shared/api/jobs";
+import { Problem } from "@/shared/api/problem";
+import { download } from "@/shared/plots/export";
+import { stroke } from "@/shared/plots/palette";
+import { Plot } from "@/shared/plots/Plot";
+import type { PlotSpec } from "@/shared/plots/types";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { words } from "@/shared/units/format";
+import { useEvents, type Best } from "./events";
+import { IdentificationView } from "./IdentificationView";
+import { OptimizationView } from "./OptimizationView";
+import { isIdentification, isOptimization } from "./results";
+
+export function JobPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const queries = useQueryClient();
+  const job = useQuery(jobQuery(id));
+  const running = job.data !== undefined && !ENDED.has(job.data.status);
+  const followed = useEvents(id, running);
+  const result = useQuery({ ...resultQuery(id), enabled: job.data?.status === "succeeded" });
+  const cancel = useMutation({
+    mutationFn: () => must(api.POST("/v1/jobs/{identifier}/cancel", { params: { path: { identifier: id } } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["job", id] }),
+  });
+  if (job.isError) return <ProblemAlert error={job.error} m="md" onRetry={() => void job.refetch()} />;
+  if (!job.data) return null;
+  const { kind, status } = job.data;
+  return (
+    <div className="page">
+      <PageHead title={t(`jobs.kinds.${kind}`, words(kind))} doc={<span className="numbers">{id}</span>}>
+        <StatusBadge status={status} />
+        {running && (
+          <Button variant="default" color="red" onClick={() => cancel.mutate()} loading={cancel.isPending}>
+            {t("jobs.cancel")}
+          </Button>
+        )}
+        {result.data !== undefined && (
+          <Button variant="default" onClick={() => download(`${id}.json`, new Blob([JSON.stringify(result.data, null, 2)], { type: "application/json" }))}>
+            {t("jobs.download")}
+          </Button>
+        )}
+        {kind === "optimization" && (
+          <Button variant="default" component="a" href={`/v1/jobs/${id}/script`} download>
+            {t("jobs.script")}
+          </Button>
+        )}
+      </PageHead>
+      <Stack gap="md">
+        <ProblemAlert error={cancel.error ?? result.error} />
+        {job.data.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(job.data.error as object) })} />}
+        {running && (
+          <section aria-live="polite">
+            <Progress value={100 * (followed.progress ?? job.data.progress)} size="lg" aria-label={t("jobs.progress")} animated />
+            <Text fz="sm" mt={4} className="numbers">
+              {followed.messages.at(-1) ?? job.data.message}
+            </Text>
+          </section>
+        )}
+        {running && followed.best.length > 1 && <Convergence points={followed.best} />}
+        {result.data !== undefined &&
+          (isOptimization(kind, result.data) ? (
+            <OptimizationView result={result.data} />
+          ) : isIdentification(kind, result.data) ? (
+            <IdentificationView result={result.data} />
+          ) : (
+            <section>
+              <Title order={2} mb="xs">
+                {t("jobs.result")}
+              </Title>
+              <ScrollArea.Autosize mah={480} type="auto" viewportProps={{ tabIndex: 0, role: "group", "aria-label": t("jobs.result") }}>
+                <Code block>{JSON.stringify(result.data, null, 2).slice(0, 20_000)}</Code>
+              </ScrollArea.Autosize>
+            </section>
+          ))}
+        {running && followed.messages.length > 0 && (
+          <Group>
+            <Text fz="xs" c="dimmed" component="pre" className="numbers" style={{ whiteSpace: "pre-wrap" }}>
+              {followed.messages.slice(-8).join("\n")}
+            </Text>
+          </Group>
+        )}
+      </Stack>
+    </div>
+  );
+}
+
+export function Convergence({ points }: { points: Best[] }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const spec = useMemo<PlotSpec>(() => ({ title: t("jobs.convergence"), x: { label: t("jobs.evaluations"), unit: "", log: true }, y: { label: t("jobs.objective"), unit: "" }, series: [{ label: t("jobs.best"), ...stroke(0, dark), width: 2 }], dark }), [dark, t]);
+  const curves = useMemo(() => [{ x: points.map((p) => Math.max(1, p.evaluation)), y: points.map((p) => p.objective) }], [points]);
+  return <Plot spec={spec} curves={curves} height={200} summary={t("jobs.convergence")} />;
+}

@@ -1,0 +1,88 @@
+import type { Scalar } from "@/shared/api/types";
+import { readEntry } from "@/shared/units/number";
+
+export interface VariableRow {
+  parameter: string;
+  lower?: Scalar;
+  upper?: Scalar;
+}
+export interface GoalRow {
+  metric: string;
+  /** Of a time metric: the output; of a metric of a path: its end. */
+  output: string;
+  sense: "" | "minimize" | "maximize";
+  lower?: Scalar;
+  upper?: Scalar;
+}
+export interface ProblemForm {
+  input: string;
+  amplitude: number;
+  loop: string;
+  variables: VariableRow[];
+  goals: GoalRow[];
+  /** Lines like `motor.mass = 2000; load = 5`: one scenario each, beside the nominal one. */
+  scenarios: string;
+  method: string;
+  options: Record<string, number | string>;
+}
+
+export interface Domains {
+  /** What a metric needs: "time", "path", "loop" or "system". */
+  get(metric: string): string | undefined;
+}
+
+/** The body of an optimisation, in the words of the contract. */
+export function bodyOf(form: ProblemForm, system: string, domains: Domains): Record<string, unknown> {
+  const goals = form.goals.map((goal) => {
+    const domain = domains.get(goal.metric);
+    const where = domain === "loop" ? { open_at: form.loop } : domain === "path" ? { from: form.input, to: goal.output } : domain === "system" ? {} : { experiment: "step", output: goal.output };
+    return { metric: goal.metric, ...where, ...(goal.sense ? { sense: goal.sense } : {}), ...(goal.lower !== undefined ? { lower: goal.lower } : {}), ...(goal.upper !== undefined ? { upper: goal.upper } : {}) };
+  });
+  const scenarios = readScenarios(form.scenarios);
+  return {
+    system,
+    variables: form.variables.map(({ parameter, lower, upper }) => ({ parameter, ...(lower !== undefined ? { lower } : {}), ...(upper !== undefined ? { upper } : {}) })),
+    experiments: [{ name: "step", input: { port: form.input, signal: { kind: "step", amplitude: form.amplitude } } }],
+    goals,
+    ...(scenarios && scenarios.length > 0 ? { scenarios: [{}, ...scenarios] } : {}),
+    method: { kind: form.method, ...form.options },
+  };
+}
+
+/** One scenario a line, values separated by semicolons; undefined where a line cannot be read. */
+export function readScenarios(text: string): Record<string, Scalar>[] | undefined {
+  const found: Record<string, Scalar>[] = [];
+  for (const line of text.split("\n").filter((l) => l.trim() !== "")) {
+    const scenario: Record<string, Scalar> = {};
+    for (const part of line.split(";").filter((p) => p.trim() !== "")) {
+      const [name = "", ...rest] = part.split("=");
+      const entry = readEntry(rest.join("="));
+      if (name.trim() === "" || (entry.kind !== "number" && entry.kind !== "quantity")) return undefined;
+      scenario[name.trim()] = entry.kind === "number" ? entry.value : { value: entry.value, unit: entry.unit };
+    }
+    found.push(scenario);
+  }
+  return found;
+}
+
+/** A script that asks the same through the client library. */
+export function pythonOf(body: object, url: string): string {
+  const literal = (value: unknown, indent: string): string => {
+    const inner = `${indent}    `;
+    if (value === null || value === undefined) return "None";
+    if (typeof value === "boolean") return value ? "True" : "False";
+    if (Array.isArray(value)) return value.length === 0 ? "[]" : `[\n${value.map((v) => `${inner}${literal(v, inner)},\n`).join("")}${indent}]`;
+    if (typeof value === "object") {
+      const entries = Object.entries(value);
+      return entries.length === 0 ? "{}" : `{\n${entries.map(([k, v]) => `${inner}${JSON.stringify(k)}: ${literal(v, inner)},\n`).join("")}${indent}}`;
+    }
+    return JSON.stringify(value);
+  };
+  const { system, ...rest } = body as { system: unknown };
+  const named = Object.entries(rest).map(([key, value]) => `    ${key}=${literal(value, "    ")},\n`).join("");
+  return `import servotune\n\nclient = servotune.connect(${JSON.stringify(url)}, key="...")\njob = client.optimize(\n    ${literal(system, "    ")},\n${named})\nresult = job.wait()\nprint(result["best"])\n`;
+}
+
+export function curlOf(body: object, url: string): string {
+  return `curl -X POST ${url}/v1/optimizations -H "Authorization: Bearer $SERVOTUNE_KEY" -H "Content-Type: application/json" -d '${JSON.stringify(body).replaceAll("'", "'\\''")}'\n`;
+}
