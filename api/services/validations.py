@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +25,7 @@ from api.services.recordings import recording_of
 from api.services.results import Study
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
-from engine.errors import UnresolvedError
+from engine.errors import EngineError, UnresolvedError
 from engine.parameters import ParameterInfo
 from engine.validation.diagnosis import diagnose
 from engine.validation.response import respond, tangents
@@ -32,12 +33,16 @@ from engine.validation.steps import Movable
 from engine.validation.validate import Compared, Validated, validate
 from engine.validation.verdict import Grade
 from optimizers.recording import Recording
+from storage.errors import NotFoundError
+from storage.repositories import DatasetRepository
 from storage.session import Database
 
 KIND = "validation"
 _MOST_MOVABLE = 20
 """Parameters that a diagnosis tries by itself."""
 _JOB_SECONDS = 600.0
+_AT_ONCE = 4
+"""Numbers that are read inside a request, in units of those that a reply may hold: 160 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +60,30 @@ class Prepared:
     request: ValidationRequest
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Asked:
+    """What a request says beside its recording."""
+
+    overrides: Mapping[str, float]
+    adjusted: Adjusted | None
+    offsets: Mapping[str, float] | None
+    movable: tuple[Movable, ...]
+
+
+def _asked(request: ValidationRequest, diagram: Diagram, *, database: Database, workspace: str) -> _Asked:
+    adjusted = None
+    if request.identification is not None:
+        adjusted = adjusted_by(request.identification, diagram, database=database, workspace=workspace)
+    given = overrides_from_wire(request.parameters, diagram, place=("parameters",))
+    overrides = {**(adjusted.values if adjusted else {}), **given}
+    return _Asked(
+        overrides=overrides,
+        adjusted=adjusted,
+        offsets=_offsets(request, diagram, adjusted),
+        movable=_movable(request, diagram, overrides),
+    )
+
+
 def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database, workspace: str) -> Prepared:
     """Prove that a validation makes sense.
 
@@ -63,10 +92,7 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
     api.errors.Problem, EngineError
         422 with the place of what is wrong.
     """
-    adjusted = None
-    if request.identification is not None:
-        adjusted = adjusted_by(request.identification, diagram, database=database, workspace=workspace)
-    given = overrides_from_wire(request.parameters, diagram, place=("parameters",))
+    asked = _asked(request, diagram, database=database, workspace=workspace)
     recording = recording_of(
         request.dataset, request.inputs, request.outputs, diagram, database=database, workspace=workspace
     )
@@ -79,10 +105,10 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
         recording=recording,
         part=part,
         window=chosen,
-        overrides={**(adjusted.values if adjusted else {}), **given},
-        adjusted=adjusted,
-        offsets=_offsets(request, diagram, adjusted),
-        movable=_movable(request, diagram, given=given, adjusted=adjusted),
+        overrides=asked.overrides,
+        adjusted=asked.adjusted,
+        offsets=asked.offsets,
+        movable=asked.movable,
         request=request,
     )
 
@@ -103,11 +129,8 @@ def _offsets(request: ValidationRequest, diagram: Diagram, adjusted: Adjusted | 
     return values
 
 
-def _movable(
-    request: ValidationRequest, diagram: Diagram, *, given: Mapping[str, float], adjusted: Adjusted | None
-) -> tuple[Movable, ...]:
+def _movable(request: ValidationRequest, diagram: Diagram, values: Mapping[str, float]) -> tuple[Movable, ...]:
     """Return the parameters that a diagnosis may move: those named, else the system's own, else those of its blocks."""
-    values = {**(adjusted.values if adjusted else {}), **given}
     if request.diagnose == "never":
         return ()
     if request.movable is None:
@@ -172,7 +195,8 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     theoretical = None
     if prepared.overrides:
         tell(0.4, "simulating with the document's own parameters")
-        theoretical = answer({})
+        with suppress(EngineError):  # a theory that cannot be simulated has no fit
+            theoretical = answer({})
     found = validate(
         Compared(
             measured={name: values[part] for name, values in recording.outputs.items()},
@@ -197,7 +221,10 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
         note = f"no parameter was moved: {error.message}"
         return found.diagnosed(diagnose(found.comparisons({})), note=note)
     parts = {output: {name: values[part] for name, values in own.items()} for output, own in by.items()}
-    diagnosis = diagnose(found.comparisons(parts), prepared.movable)
+    # where a response is near its limit of growth, its derivative may be beyond it
+    told = [m for m in prepared.movable if all(np.isfinite(own[m.parameter]).all() for own in parts.values())]
+    kept = {output: {m.parameter: own[m.parameter] for m in told} for output, own in parts.items()}
+    diagnosis = diagnose(found.comparisons(kept), told)
     if diagram.nonlinear or diagnosis.steps is None:
         return found.diagnosed(diagnosis)
     tell(0.8, "trying the steps")
@@ -207,12 +234,30 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
 def run_validation(service: Installation, caller: Caller, request: ValidationRequest) -> Study:
     """Return how well the model with given parameters reproduces a recording, and the verdict against a limit."""
     subject = subject_of(service, caller, request.system)
+    samples = _samples(service, caller, request)
+    limit = _AT_ONCE * service.settings.max_numbers
+    if samples > limit:
+        raise invalid(
+            f"the recording must be at most {limit} samples x channels to be validated at once, got {samples} (a worker takes "
+            "longer ones: Prefer: respond-async)",
+            "dataset",
+        )
     prepared = prepare(request, subject.diagram, database=service.database, workspace=caller.workspace)
     _check_size(service, prepared)
     with service.computing.slot():
         found = compute(prepared, seconds=service.settings.request_seconds / 3)
     body = _wire(found, prepared, reference=subject.reference, warnings=subject.warnings())
     return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=subject.reference)
+
+
+def _samples(service: Installation, caller: Caller, request: ValidationRequest) -> int:
+    """Return how many numbers of the recording are read, 0 for one that is not there."""
+    with service.database.session() as session:
+        try:
+            row = DatasetRepository(session, caller.workspace).get(request.dataset)
+        except NotFoundError:
+            return 0
+        return (row.sample_count or 0) * (len(request.inputs) + len(request.outputs))
 
 
 def _check_size(service: Installation, prepared: Prepared) -> None:
@@ -241,9 +286,13 @@ def submit(
 
 
 def prove(service: Installation, caller: Caller, request: ValidationRequest) -> Subject:
-    """Prove that a validation can be run by a worker; raises as :func:`prepare` does."""
+    """Prove that a validation can be run by a worker; raises as :func:`prepare` does.
+
+    The samples of a long recording are left to the worker.
+    """
     subject = subject_of(service, caller, request.system)
-    prepare(request, subject.diagram, database=service.database, workspace=caller.workspace)
+    proof = prepare if _samples(service, caller, request) <= _AT_ONCE * service.settings.max_numbers else _asked
+    proof(request, subject.diagram, database=service.database, workspace=caller.workspace)
     return subject
 
 

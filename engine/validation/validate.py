@@ -125,10 +125,12 @@ class Validated:
             simulated = answer(values)
         except EngineError:
             return None
+        if not all(np.isfinite(values).all() for values in simulated.values()):
+            return None
         squares = []
         for name, output in self.outputs.items():
             error = output.comparison.relative_error(output.comparison.measured - simulated[name] - output.offset)
-            if error is None or not np.isfinite(error):
+            if error is None:
                 return None
             squares.append(error**2)
         return float(np.sqrt(np.mean(squares)))

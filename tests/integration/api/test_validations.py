@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from api.schemas.replies import ValidationReply
-from tests.integration.api.conftest import finished
+from tests.integration.api.conftest import finished, serving
 from tests.integration.api.documents import LAG, RAW, lag_recording, upload
 
 SAMPLES = 3000
@@ -228,3 +228,34 @@ def test_a_deleted_dataset_is_no_dataset(client) -> None:
     assert reply.json()["errors"] == [
         {"pointer": "/dataset", "detail": f"dataset must be one that exists, got {dataset!r}"}
     ]
+
+
+def test_a_theory_that_diverges_has_no_fit_beside_the_adjusted_model(client, recording) -> None:
+    model = copy.deepcopy(LAG)
+    model["parameters"] = {"k": {"value": 3}, "damping": {"value": -1}}
+    model["blocks"]["plant"] = {"kind": "transfer_function", "numerator": ["=k"], "denominator": [0.005, "=damping"]}
+    found = answered(client, asked(recording, system=model, parameters={"damping": 1}, offsets="estimate"))
+    assert found["adjustment"]["outputs"]["y"]["theoretical"] is None
+    assert found["adjustment"]["outputs"]["y"]["adjusted"]["fit_percent"] > 50
+
+
+def test_what_is_too_long_for_a_request_is_left_to_a_worker(sqlite_template, tmp_path) -> None:
+    path = tmp_path / "small.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    with serving(f"sqlite:///{path}", max_numbers=1000) as small, small.client() as client:
+        dataset = upload(client, RAW, lag_recording(samples=2500)).json()["id"]
+        refused = client.post("/v1/validations", json=asked(dataset))
+        assert refused.status_code == 422
+        assert refused.json()["errors"][0]["pointer"] == "/dataset"
+        assert "at most 4000 samples x channels" in refused.json()["detail"]
+        later = client.post("/v1/validations", json=asked(dataset), headers={"Prefer": "respond-async"})
+        assert later.status_code == 202
+        # what is wrong beside the recording is told at once
+        wrong = client.post(
+            "/v1/validations", json=asked(dataset, movable=["ghost"]), headers={"Prefer": "respond-async"}
+        )
+        assert wrong.status_code == 422
+        short = upload(client, RAW, lag_recording(samples=500)).json()["id"]
+        many = client.post("/v1/validations", json=asked(short))
+        assert many.json()["errors"][0]["pointer"] == "/points"
+        assert client.post("/v1/validations", json=asked(short, points=100)).status_code == 200
