@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import subprocess
-
     from api.settings import Settings
 
 
@@ -38,19 +36,21 @@ def serve(argv: Sequence[str]) -> int:
 
     import uvicorn
 
+    from api.beside import WorkerBeside
     from api.main import create_app
 
     settings = read_settings()
     _prepare(settings)
-    worker = None if given.no_worker else _start_worker()
+    beside = None if given.no_worker else WorkerBeside()
     try:
-        app = create_app(settings, expects_worker=worker is not None)
+        app = create_app(settings, beside=beside)
         config = uvicorn.Config(
             app,
             host=given.host,
             port=given.port,
-            log_level=settings.log_level,
-            access_log=settings.log_level == "debug",
+            # As everything else, by the root logger; requests have lines of their own (api.metrics).
+            log_config=None,
+            access_log=False,
             server_header=False,
             # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
             timeout_keep_alive=75,
@@ -64,8 +64,8 @@ def serve(argv: Sequence[str]) -> int:
         server.run()
         return 0 if server.started else 1
     finally:
-        if worker is not None:
-            _stop_worker(worker)
+        if beside is not None:
+            beside.stop()
 
 
 def worker(argv: Sequence[str]) -> int:
@@ -126,10 +126,9 @@ def openapi(argv: Sequence[str]) -> int:
 
 def read_settings() -> Settings:
     """Return the settings of this process, and let it write its log; wrong ones end it with a sentence."""
-    import logging
-
     from pydantic import ValidationError
 
+    from api import logs
     from api.settings import Settings
 
     try:
@@ -137,10 +136,7 @@ def read_settings() -> Settings:
     except ValidationError as error:
         wrong = "; ".join(f"SERVOTUNE_{str(e['loc'][0]).upper()}: {e['msg']}" for e in error.errors())
         raise SystemExit(f"settings must be valid: {wrong}") from error
-    logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    # The database library would write down every row that it reads.
-    for library in ("alembic", "dbos", "sqlalchemy"):
-        logging.getLogger(library).setLevel(logging.WARNING)
+    logs.configure(settings.log_level, form=settings.log_format)
     return settings
 
 
@@ -165,29 +161,6 @@ def _prepare(settings: Settings) -> None:
             f"\n  First admin key: {token}\n  It is shown only now. Send it as `Authorization: Bearer <key>`.\n\n"
         )
         sys.stdout.flush()
-
-
-def _start_worker() -> subprocess.Popen[bytes]:
-    """Start a worker that ends with this process: the pipe to its standard input closes however this one dies."""
-    import subprocess
-
-    return subprocess.Popen(
-        [sys.executable, "-c", "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"],
-        stdin=subprocess.PIPE,
-    )
-
-
-def _stop_worker(process: subprocess.Popen[bytes]) -> None:
-    import subprocess
-
-    assert process.stdin is not None
-    process.stdin.close()
-    process.terminate()
-    try:
-        process.wait(timeout=15)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 def _wait_for_end_of_input(stop: object) -> None:

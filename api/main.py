@@ -15,9 +15,11 @@ from starlette.types import ASGIApp
 
 from api import handlers, live, pages
 from api.auth import Authentication, bearer
+from api.beside import WorkerBeside
 from api.edge import Edge
 from api.errors import MEDIA_TYPE
 from api.examples import add_examples
+from api.metrics import Measured, Metrics
 from api.rates import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
@@ -30,6 +32,7 @@ from api.services.openid import Provider
 from api.services.ticking import INTERVAL as TICK
 from api.services.ticking import tick
 from api.settings import Settings
+from api.telemetry import configured
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.models.base import utc_now
@@ -98,17 +101,19 @@ class Application(FastAPI):
         return document
 
 
-def create_app(settings: Settings | None = None, *, expects_worker: bool = False) -> FastAPI:
+def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None = None) -> FastAPI:
     """Return the application; the database is opened when it starts, and must have been migrated.
 
     Parameters
     ----------
     settings : Settings, optional
         Read from the environment by default.
-    expects_worker : bool
-        Whether a missing worker makes the service not ready.
+    beside : WorkerBeside, optional
+        The worker without which the service is not ready.
     """
     chosen = settings if settings is not None else Settings()
+    telemetry, send_last_traces = configured(chosen)
+    metrics = Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -120,9 +125,11 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             queue=queue,
             computing=Computing(chosen),
             openid=Provider(chosen) if chosen.oidc_issuer is not None else None,
-            expects_worker=expects_worker,
+            beside=beside,
         )
         app.state.installation = service
+        metrics.read_from(database)
+        app.state.metrics = metrics
         courier = Courier(service)
         loops = (_keep_house(service), _keep_time(service), courier.run())
         tasks = [asyncio.create_task(loop) for loop in loops]
@@ -135,6 +142,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
             await courier.close()
             queue.close()
             database.dispose()
+            send_last_traces()
 
     app = Application(
         title="Servotune",
@@ -142,6 +150,7 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
         description=DESCRIPTION,
         lifespan=lifespan,
         separate_input_output_schemas=False,
+        telemetry=telemetry,
     )
     handlers.install(app)
     problems: dict[int | str, dict[str, Any]] = {
@@ -157,5 +166,8 @@ def create_app(settings: Settings | None = None, *, expects_worker: bool = False
     app.add_middleware(
         Authentication, rates=Rates(chosen.requests_per_minute), failures=Rates(chosen.wrong_keys_per_minute)
     )
+    # The outermost one: also what is refused for want of a key is counted.
+    level = logging.INFO if chosen.log_format == "json" else logging.DEBUG
+    app.add_middleware(Measured, metrics=metrics, level=level)
     app.encrypted = chosen.encrypted
     return app

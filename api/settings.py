@@ -27,7 +27,10 @@
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
 | ``SERVOTUNE_WEBHOOK_NETWORKS`` | ``[]`` | private networks that webhooks may call, as JSON: ``["10.1.0.0/16"]`` |
 | ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
+| ``SERVOTUNE_JOB_DAYS`` | 400 | how long a job that has ended is kept with its result, days |
 | ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
+| ``SERVOTUNE_LOG_FORMAT`` | ``text`` | lines for people, or ``json`` |
+| ``SERVOTUNE_OTLP_ENDPOINT`` | (none) | who collects traces of requests, by OTLP over HTTP |
 """
 
 from __future__ import annotations
@@ -79,7 +82,10 @@ class Settings(BaseSettings):
     idempotency_hours: float = Field(default=24.0, gt=0)
     webhook_networks: list[IPv4Network | IPv6Network] = Field(default_factory=list)
     audit_days: float = Field(default=400.0, gt=0)
+    job_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+    log_format: Literal["text", "json"] = "text"
+    otlp_endpoint: str | None = Field(default=None, pattern="^https?://[^?#]+$")
 
     @field_validator("oidc_roles")
     @classmethod

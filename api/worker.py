@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+from api import logs
 from api.errors import KNOWN, Problem, problem_of
 from api.services import alerts, datasets, identifications, optimizations, parsing, processing, spreading, validations
 from api.services.results import versions
@@ -61,7 +62,9 @@ class _Watch:
 
 
 def prepare() -> None:
-    """Load the compiled kernels, so that no job waits for them."""
+    """Load the compiled kernels, so that no job waits for them, and write the log as the worker does."""
+    settings = Settings()
+    logs.configure(settings.log_level, form=settings.log_format)
     warm()
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import PlainTextResponse
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import InstallationDep, answer, respond
+from api.metrics import MEDIA_TYPE, Metrics
 from api.schemas.replies import Health, Readiness
 from api.services.health import readiness
 
@@ -23,3 +25,10 @@ async def readyz(service: InstallationDep) -> Response:
     """200 when the database answers, migrations are current and the worker beside the service is alive; else 503."""
     ready, body = await run_in_threadpool(readiness, service)
     return respond(answer(body, status=200 if ready else 503))
+
+
+@router.get("/metrics", response_class=PlainTextResponse, summary="Numbers for Prometheus")
+def metrics(request: Request) -> Response:
+    """Requests of this process; jobs and workers of the whole installation. No names and no contents."""
+    numbers: Metrics = request.app.state.metrics
+    return PlainTextResponse(numbers.text(), media_type=MEDIA_TYPE)

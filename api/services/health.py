@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from typing import Any
 
 from api.services.installation import Installation
@@ -25,13 +26,18 @@ def readiness(service: Installation) -> tuple[bool, dict[str, Any]]:
     except UNAVAILABLE:
         checks["database"] = checks["migrations"] = "unavailable"
     sound = checks["database"] == "ok" and checks["migrations"] == "ok"
-    ready = sound and (checks["worker"] == "ok" or not service.expects_worker)
+    ready = sound and (checks["worker"] == "ok" or service.beside is None)
     return ready, {"status": "ready" if ready else "not ready", "checks": checks}
 
 
 def _worker(service: Installation) -> str:
+    """Return how the worker beside the service is; without one, whether any worker lives."""
+    beside = service.beside
+    if beside is not None and not beside.alive():
+        return "absent"
     with service.database.session() as session:
-        seen = WorkerRepository(session).last_seen()
+        workers = WorkerRepository(session)
+        seen = workers.last_seen() if beside is None else workers.seen_of(socket.gethostname(), beside.pid)
     if seen is None:
         return "absent"
     age = (utc_now() - seen).total_seconds()

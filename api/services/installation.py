@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
+from api.beside import WorkerBeside
 from api.services.computing import Computing
 from api.services.openid import Provider
 from api.settings import Settings
@@ -45,4 +46,4 @@ class Installation:
     queue: JobQueue
     computing: Computing
     openid: Provider | None = None
-    expects_worker: bool = False
+    beside: WorkerBeside | None = None

@@ -17,8 +17,12 @@ import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
+
+#: The id of the job that this thread sees through, or that this process computes.
+CURRENT_JOB: ContextVar[str | None] = ContextVar("current_job", default=None)
 
 #: The shortest time (s) between two reports of progress, and between two messages once the first ones are spent.
 REPORT_INTERVAL = 0.1
@@ -171,6 +175,7 @@ def compute_one(compute: Compute, pipe: socket.socket) -> None:
     with pipe.makefile("rb") as reader:
         (length,) = HEADER.unpack(reader.read(HEADER.size))
         job = pickle.loads(reader.read(length))  # noqa: S301 - from our own worker
+    CURRENT_JOB.set(job.id)
     try:
         send(pipe, Done(compute(job, Reporter(pipe))))
     except Refusal as refusal:

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from storage.errors import UNAVAILABLE
 from storage.jobs.children import Child, ChildDied, Zygote
-from storage.jobs.compute import ComputeJob, Crashed, Done, Frame, Kept, Message, Parts, Progress, Refused
+from storage.jobs.compute import CURRENT_JOB, ComputeJob, Crashed, Done, Frame, Kept, Message, Parts, Progress, Refused
 from storage.jobs.queue import JobQueue
 from storage.models import Job, JobState, JobStatus
 from storage.models.base import Document, utc_now
@@ -84,7 +84,7 @@ class Supervisor:
         Stopped
             When the worker stops first.
         """
-        with self._counted(), self._slot():
+        with self._counted(), _named(job_id), self._slot():
             begun = self._write(lambda session: self._begin(session, job_id, ticket))
             if begun is None:
                 return
@@ -291,6 +291,16 @@ class Supervisor:
             yield
         finally:
             self._slots.release()
+
+
+@contextmanager
+def _named(job_id: str) -> Iterator[None]:
+    """Let what is logged say which job it is about."""
+    token = CURRENT_JOB.set(job_id)
+    try:
+        yield
+    finally:
+        CURRENT_JOB.reset(token)
 
 
 def overdue_detail(job: Job) -> str:

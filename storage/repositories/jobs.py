@@ -336,3 +336,8 @@ def waiting(session: Session) -> Sequence[tuple[str, str, int, datetime]]:
         (kind, status, count, oldest)
         for kind, status, count, oldest in session.execute(rows.group_by(Job.kind, Job.status))
     ]
+
+
+def tallies(session: Session) -> Sequence[JobTally]:
+    """Return how many jobs of each kind have ever ended how, and after how long."""
+    return session.scalars(select(JobTally).order_by(JobTally.kind, JobTally.status)).all()

@@ -60,6 +60,10 @@ class WorkerRepository:
         """Return the latest heartbeat of any worker, None when none has ever been here."""
         return self._session.scalar(select(Worker.seen_at).order_by(Worker.seen_at.desc()).limit(1))
 
+    def seen_of(self, host: str, pid: int) -> datetime | None:
+        """Return the heartbeat of the worker in this process of this host, None while it is none (yet)."""
+        return self._session.scalar(select(Worker.seen_at).where(Worker.host == host[:50], Worker.pid == pid))
+
     def all(self) -> Sequence[Worker]:
         """Return every worker that is known, dead ones among them."""
         return self._session.scalars(select(Worker).order_by(Worker.id)).all()

@@ -27,7 +27,7 @@ ROOMS = {
     "engine": ["server", "interop"],
     "optimizers": ["server", "convex", "pareto"],
     "storage": ["server"],
-    "api": ["server", "formats"],
+    "api": ["server", "formats", "telemetry"],
     "examples": ["demo"],
     "bench": ["server", "formats", "interop", "bench"],
     "tests": ["server", "formats", "convex", "pareto", "interop", "bench", "demo", "dev"],
@@ -83,6 +83,17 @@ WITH = {
     "llvmlite": "numba",
     "packaging": "hatchling",
     "requests": "schemathesis",
+    **{
+        f"opentelemetry-{part}": "opentelemetry-sdk"
+        for part in (
+            "api",
+            "exporter-http-transport",
+            "exporter-otlp-common",
+            "exporter-otlp-proto-common",
+            "proto",
+            "semantic-conventions",
+        )
+    },
 }
 
 

@@ -115,7 +115,14 @@ def shortened(value: Any) -> Any:
 def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
     """Use every operation once."""
     ask = story.ask
-    for path in ("/healthz", "/readyz", "/v1/catalog/elements", "/v1/catalog/signals", "/v1/catalog/metrics"):
+    for path in (
+        "/healthz",
+        "/readyz",
+        "/metrics",
+        "/v1/catalog/elements",
+        "/v1/catalog/signals",
+        "/v1/catalog/metrics",
+    ):
         ask(f"GET {path}")
     ask("GET /v1/catalog/methods")
     _systems(ask)

@@ -56,7 +56,9 @@ def test_a_password_in_a_url_is_not_repeated() -> None:
     assert "secret" not in str(caught.value)
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "2130706433", "0x7f.1", "127.1", "[::1]", "localhost", "[::ffff:7f00:1]"])
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "2130706433", "0x7f.1", "127.1", "[::1]", "localhost", "[::ffff:7f00:1]"]
+)
 def test_every_spelling_of_this_machine_is_refused(host) -> None:
     with pytest.raises(ForbiddenUrlError, match="must have a public address"):
         judged(checked_url(f"http://{host}:8000/"), allowed=())

@@ -1,0 +1,52 @@
+"""The log on standard error: lines for people, or one JSON object for each line, with the ids of request and job in it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from typing import Literal
+
+from storage.jobs.compute import CURRENT_JOB
+
+#: The id of the request that is being answered.
+CURRENT_REQUEST: ContextVar[str | None] = ContextVar("current_request", default=None)
+
+_LINE = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+#: What a caller of a logger may add to a line of JSON.
+_MORE = ("method", "path", "status", "seconds")
+
+
+class Structured(logging.Formatter):
+    """Makes each record a JSON object on one line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return time, level, logger and message, and the ids of request and job where there are any."""
+        line: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+            "process": record.process,
+        }
+        line |= {
+            name: value for name, value in (("request", CURRENT_REQUEST.get()), ("job", CURRENT_JOB.get())) if value
+        }
+        line |= {name: getattr(record, name) for name in _MORE if hasattr(record, name)}
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False, default=str)
+
+
+def configure(level: str, *, form: Literal["text", "json"]) -> None:
+    """Let this process write its log on standard error; what was configured before is replaced."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(Structured() if form == "json" else logging.Formatter(_LINE))
+    root = logging.getLogger()
+    root.handlers = [handler]
+    root.setLevel(level.upper())
+    # The database library would write down every row that it reads.
+    for library in ("alembic", "dbos", "sqlalchemy"):
+        logging.getLogger(library).setLevel(logging.WARNING)
