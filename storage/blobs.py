@@ -1,6 +1,6 @@
 """Bytes and arrays kept once, under the SHA-256 of their content, in the database itself.
 
-Content is cut into chunks of at most 8 MiB, each compressed by zlib. The eight bytes of float64 samples are first put
+Content is cut into chunks of at most 8 MiB, each compressed by zlib where a trial says that it is worth it. The eight bytes of float64 samples are first put
 beside their equals (byte shuffle), because neighbouring samples share signs, exponents and leading digits; each of the
 eight planes is then compressed by itself, and left as it is where a trial says that it is noise.
 """
@@ -28,8 +28,9 @@ from storage.models.base import Base, utc_now
 
 #: The most bytes of content in one chunk.
 CHUNK_SIZE = 8 * 1024 * 1024
-#: The bytes of a plane that are tried, and the ratio above which the plane is left as it is.
+#: The bytes that are tried at one place, and the ratio above which content is left as it is.
 _TRIAL, _WORTH = 2048, 0.9
+_TRIALS = 16
 
 Array = NDArray[Any]
 
@@ -185,6 +186,9 @@ def _encode(data: bytes, itemsize: int) -> tuple[str, bytes]:
     if itemsize > 1 and len(data) % itemsize == 0:
         encoded = _planes(_transpose(data, itemsize), itemsize)
         return (f"planes/{itemsize}", encoded) if len(encoded) < len(data) else ("raw", data)
+    trial = b"".join(data[start : start + _TRIAL] for start in range(0, len(data), max(len(data) // _TRIALS, _TRIAL)))
+    if len(zlib.compress(trial, level=1)) > _WORTH * len(trial):
+        return "raw", data
     encoded = zlib.compress(data, level=1)
     return ("zlib/1", encoded) if len(encoded) < len(data) else ("raw", data)
 

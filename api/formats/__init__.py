@@ -83,6 +83,10 @@ the order of asking: so what is asked for first is never behind.
 """
 
 
+def _nothing() -> None:
+    """Do nothing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """An open file: what it holds, and how to read that.
@@ -100,6 +104,8 @@ class Recording:
         What was found out about the file, in the words of an import description.
     remarks : sequence of str
         Sentences that a person should read before trusting the channels.
+    close : callable
+        Lets go of what was opened to read the file; the file itself is its owner's.
     """
 
     series: Sequence[Series]
@@ -108,6 +114,7 @@ class Recording:
     scalars: Mapping[str, float] = field(default_factory=dict)
     layout: Mapping[str, Any] = field(default_factory=dict)
     remarks: Sequence[str] = ()
+    close: Callable[[], None] = _nothing
 
 
 def by_channel(counts: Sequence[int], part: Callable[[int, int, int], npt.NDArray[Any]]) -> Read:

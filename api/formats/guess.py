@@ -92,7 +92,8 @@ def guess(
     full = [line for line in lines if line.strip()]
     if not full:
         raise FormatError("file must hold rows of numbers, got none in its beginning")
-    sample = full[-min(_LOOK, max(len(full) - (header_lines or 0), 1)) :]
+    # the second half of a short file: its header may be longer than its rows are many
+    sample = full[-min(_LOOK, max(len(full) // 2, 1)) :]
     best, cut = max(
         (
             (_score(sample, mark, point), (mark, point))
@@ -149,20 +150,26 @@ def _score(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[float, f
         known = found + sum(_is_missing(cell) or is_stamp(cell) for cell in cells)
         shares.append(known / max(len(cells), 1) if found else 0.0)
         counts[found] += 1
-    usual, times = counts.most_common(1)[0]
-    return sum(shares) / len(shares) * times / len(lines) if usual else 0.0, usual
+    del counts[0]  # lines of a header
+    usual, times = counts.most_common(1)[0] if counts else (0, 0)
+    return sum(shares) / len(shares) * times / len(lines) * usual**0.5, usual
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> list[int]:
     """Return the columns that are numbers in nearly every row."""
     number = _NUMBER[decimal]
-    hits, plain = Counter[int](), Counter[int]()
+    plain = Counter[int]()
+    places: list[tuple[int, ...]] = []
     for line in lines:
-        for i, cell in enumerate(_cut(line, delimiter)):
-            fits = number.fullmatch(cell) is not None
-            plain[i] += fits
-            hits[i] += fits or _is_missing(cell)
-    return sorted(i for i, count in hits.items() if count >= 0.9 * len(lines) and plain[i])
+        cells = list(enumerate(_cut(line, delimiter)))
+        fitting = [i for i, cell in cells if number.fullmatch(cell) is not None]
+        plain.update(fitting)
+        places.append(tuple(sorted([*fitting, *(i for i, cell in cells if _is_missing(cell))])))
+    # the lines of a header have their numbers elsewhere, if they have any
+    usual = len(max((p for p in Counter(places).items() if p[0]), key=lambda p: p[1])[0])
+    rows = [place for place in places if len(place) >= usual]
+    hits = Counter(i for place in rows for i in place)
+    return sorted(i for i, count in hits.items() if count >= 0.9 * len(rows) and plain[i])
 
 
 def _first_row(lines: Sequence[str], delimiter: str, decimal: str, columns: Sequence[int]) -> int:

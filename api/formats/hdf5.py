@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -62,8 +63,10 @@ def open_file(file: BinaryIO) -> Recording:
 
     try:
         source.visititems(visit)
-        return _recording(arrays, names, refused, dict(source.attrs), matlab=matlab)
+        found = _recording(arrays, names, refused, dict(source.attrs), matlab=matlab)
+        return replace(found, close=source.close)
     except (OSError, RuntimeError, KeyError) as error:
+        source.close()
         raise FormatError(f"an HDF5 file must be complete, got a damaged one: {error}") from error
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
@@ -68,13 +69,20 @@ def open_file(file: BinaryIO) -> Recording:
         raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else")
     order = "<" if head[126:128] == b"IM" else ">"
     bound = max(_LEAST_BOUND, _MOST_RATIO * size)
+    with ExitStack() as undo:
+        found = _found(file, size, order, bound, undo)
+        return _recording(found, undo.pop_all().close)
+
+
+def _found(file: BinaryIO, size: int, order: str, bound: int, undo: ExitStack) -> _Found:
+    """Go through the variables; what is unpacked stays in files that ``undo`` closes."""
     found = _Found()
     position = _HEAD
     while position < size:
         kind, length, data, following = _tag(file, order, position, size)
         if kind == _COMPRESSED:
             following = position + 8 + length  # not filled up
-            spool = tempfile.TemporaryFile()  # noqa: SIM115 - read as long as the recording is
+            spool = undo.enter_context(tempfile.TemporaryFile())  # noqa: SIM115 - read as long as the recording is
             unpacked = _unpack(file, data, length, spool, bound - found.unpacked)
             found.unpacked += unpacked
             inner, inner_length, inner_data, _ = _tag(spool, order, 0, unpacked)
@@ -83,10 +91,10 @@ def open_file(file: BinaryIO) -> Recording:
         elif kind == _MATRIX:
             _Variables(file, order, found).read(data, data + length, "", 0)
         position = following
-    return _recording(found)
+    return found
 
 
-def _recording(found: _Found) -> Recording:
+def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     parts: list[Part] = []
     scalars: dict[str, float] = {}
     for i, array in enumerate(found.arrays):
@@ -117,6 +125,7 @@ def _recording(found: _Found) -> Recording:
         scalars=scalars,
         layout={"sample_rate": rate} if rate else {},
         remarks=remarks,
+        close=close,
     )
 
 

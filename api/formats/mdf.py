@@ -55,7 +55,7 @@ def open_file(file: BinaryIO) -> Recording:
                 except wrong as error:
                     raise FormatError(f"channel {name!r} must be numbers, got {error}") from error
 
-    return Recording(series=series, read=read, refused=refused)
+    return Recording(series=series, read=read, refused=refused, close=source.close)
 
 
 def _channels(source: Any) -> tuple[list[tuple[int, int | None, str]], list[Series], dict[str, str]]:

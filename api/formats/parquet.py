@@ -68,7 +68,8 @@ def open_file(file: BinaryIO) -> Recording:
         except (pa.ArrowException, OSError) as error:
             raise FormatError(f"a Parquet file must be complete, got a damaged one: {error}") from error
 
-    return Recording(series=series, read=read, refused=refused, layout={"sample_rate": rate} if rate else {})
+    layout = {"sample_rate": rate} if rate else {}
+    return Recording(series=series, read=read, refused=refused, layout=layout, close=source.close)
 
 
 def _values(column: Any, first: dict[str, Any], name: str) -> Values:

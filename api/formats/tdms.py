@@ -116,6 +116,7 @@ def open_file(file: BinaryIO) -> Recording:
     def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
         values, scaling = channels[channel]
         raw = np.concatenate(list(_raw(memory, values, start, stop)))
+        memory.madvise(mmap.MADV_DONTNEED)  # what has been copied need not count as this process's memory
         return raw if scaling is None else scaling(raw)
 
     return Recording(

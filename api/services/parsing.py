@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import islice
 from typing import Any, BinaryIO
 
@@ -42,8 +42,10 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         given = _said((row.description or {}).get("import"))
         format_, size, stated_start = row.format, row.size or 1, row.start_time
         segments = list(row.manifest or ())
-    with _refusing(), _spooled(database, workspace, identifier, segments, progress) as file:
+    with _refusing(), ExitStack() as undo:
+        file = undo.enter_context(_spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
+        undo.callback(recording.close)
         plan = settle(format_, recording, given)
         with Import(database, workspace, identifier) as writing:
             taken = _Taking(recording, plan, progress, size=size)
@@ -68,8 +70,10 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
     identifier, given = str(body["dataset"]), _said(body.get("import"))
     with database.session() as session:
         format_ = DatasetRepository(session, workspace).get(identifier).format
-    with _refusing(), _spooled(database, workspace, identifier, body["segments"], progress) as file:
+    with _refusing(), ExitStack() as undo:
+        file = undo.enter_context(_spooled(database, workspace, identifier, body["segments"], progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
+        undo.callback(recording.close)
         refused = dict(islice(recording.refused.items(), _MOST_SHOWN))
         there = [
             {"index": one.index, "name": one.name, "sample_count": one.count, "unit": one.unit, "role": one.role}

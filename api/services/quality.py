@@ -20,6 +20,8 @@ _STEEP = 4.0
 _SPEED = 0.3
 _FEW = 16
 _MOST_STRETCHES = 20
+_PIECE = 1 << 14
+"""Samples that are looked at together: as many as stay in the nearest memory."""
 
 
 @dataclass(slots=True)
@@ -95,8 +97,10 @@ class ChannelQuality:
 
     def add(self, values: Values) -> None:
         """Look at the next samples (n,)."""
-        if not values.size:
-            return
+        for start in range(0, values.size, _PIECE):
+            self._add(values[start : start + _PIECE])
+
+    def _add(self, values: Values) -> None:
         gone = np.isnan(values)
         if gone.any():
             self._note_missing(gone)
