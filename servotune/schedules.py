@@ -52,6 +52,7 @@ class Schedules:
         overlap: str = "skip",
         missed: str = "one",
         paused: bool = False,
+        newest: str | None = None,
     ) -> Schedule:
         """Run a job at every instant of a cron expression.
 
@@ -67,6 +68,8 @@ class Schedules:
             What is done when the job before has not ended.
         missed : {"none", "one", "all"}
             Which instants are made up for at which the service was away.
+        newest : str, optional
+            Name of recordings: each run takes the newest one in place of the `dataset` of the body.
         """
         document = {
             "name": name,
@@ -76,6 +79,7 @@ class Schedules:
             "overlap": overlap,
             "missed": missed,
             "paused": paused,
+            "newest": newest,
         }
         return cast("Schedule", self._transport.post("/v1/schedules", document, creates=True))
 

@@ -62,6 +62,13 @@ class ScheduleRequest(Document):
         default="one", description="which of the instants are made up for at which nobody was there"
     )
     paused: bool = False
+    newest: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="name of recordings: each run takes the newest ready one in place of the body's `dataset`",
+        examples=["press 3"],
+    )
 
 
 class RunReply(Reply):

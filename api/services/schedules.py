@@ -12,6 +12,7 @@ from api.schemas.schedules import ScheduleRequest
 from api.services import scheduled, ticking
 from api.services.calendars import calendar
 from api.services.installation import Caller, Installation
+from api.services.newest import current_body, with_newest
 from storage.models import RunOutcome, Schedule, ScheduleRun
 from storage.models.base import utc_now
 from storage.repositories import ScheduleRepository, schedules
@@ -30,8 +31,9 @@ def check(service: Installation, caller: Caller, request: ScheduleRequest) -> di
     calendar(request.cron, request.time_zone)
     document = request.model_dump(by_alias=True, exclude_unset=True)
     kind, body = document["job"]["kind"], document["job"]["body"]
+    current = with_newest(service, caller.workspace, body, request.newest)
     with at("job", "body"):
-        scheduled.prepare(service, caller, kind, body)
+        scheduled.prepare(service, caller, kind, current)
     return {
         "name": request.name,
         "cron": request.cron,
@@ -40,6 +42,7 @@ def check(service: Installation, caller: Caller, request: ScheduleRequest) -> di
         "body": body,
         "overlap": request.overlap,
         "missed": request.missed,
+        "newest": request.newest,
         **_rhythm(request.cron, request.time_zone, paused=request.paused),
     }
 
@@ -102,7 +105,7 @@ def prepare_trigger(service: Installation, caller: Caller, identifier: str) -> t
     """Return a schedule and what starts its job now."""
     with service.database.session() as session:
         row = ScheduleRepository(session, caller.workspace).get(identifier)
-    return row, scheduled.prepare(service, caller, row.kind, row.body)
+    return row, scheduled.prepare(service, caller, row.kind, current_body(service, row))
 
 
 def trigger(session: Session, row: Schedule, submit: scheduled.Submit) -> dict[str, Any]:
@@ -157,6 +160,7 @@ def _document(row: Schedule) -> dict[str, Any]:
         "overlap": row.overlap,
         "missed": row.missed,
         "paused": row.paused,
+        "newest": row.newest,
     }
 
 

@@ -13,6 +13,7 @@ from api.errors import KNOWN, problem_of
 from api.services import alerts, scheduled
 from api.services.calendars import Plan, calendar, plan
 from api.services.installation import Caller, Installation
+from api.services.newest import current_body
 from storage.audit import ACTOR, Actor
 from storage.errors import UNAVAILABLE
 from storage.models import RunOutcome, Schedule, ScheduleRun
@@ -135,7 +136,7 @@ def _attempt(
     caller = Caller(principal=row.id, workspace=row.workspace_id, scopes=frozenset({"run"}), name=row.name)
     with _acting(row.id):
         try:
-            submit = scheduled.prepare(service, caller, row.kind, row.body)
+            submit = scheduled.prepare(service, caller, row.kind, current_body(service, row))
             with service.database.session() as session:
                 start(session, submit)
         except UNAVAILABLE:

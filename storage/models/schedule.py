@@ -23,7 +23,10 @@ class RunOutcome(StrEnum):
 
 
 class Schedule(Base):
-    """A job body and when it is run; ``next_at`` is the instant that is to be dealt with next, None while it is paused."""
+    """A job body and when it is run; ``next_at`` is the instant that is to be dealt with next, None while it is paused.
+
+    ``newest`` is the name of recordings, the newest of which stands in for the one that the body names.
+    """
 
     __tablename__ = "schedule"
     __table_args__ = (
@@ -42,6 +45,7 @@ class Schedule(Base):
     body: Mapped[dict[str, Any]]
     overlap: Mapped[str] = mapped_column(Word)
     missed: Mapped[str] = mapped_column(Word)
+    newest: Mapped[str | None]
     paused: Mapped[bool]
     revision: Mapped[int] = mapped_column(default=1)
     next_at: Mapped[datetime | None]

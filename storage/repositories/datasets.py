@@ -77,6 +77,13 @@ class DatasetRepository:
         rows = select(Dataset).where(Dataset.workspace_id == self._workspace_id)
         return paginate(self._session, rows, Dataset, cursor=cursor, limit=limit)
 
+    def newest(self, name: str) -> str | None:
+        """Return the id of the recording of a name that was made last among those that are ready."""
+        rows = select(Dataset.id).where(
+            Dataset.workspace_id == self._workspace_id, Dataset.name == name, Dataset.status == DatasetStatus.READY
+        )
+        return self._session.scalar(rows.order_by(Dataset.created_at.desc(), Dataset.id.desc()).limit(1))
+
     def delete(self, identifier: str) -> None:
         """Forget a recording.
 

@@ -19,7 +19,7 @@ from storage import open_database
 from storage.audit import entries
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, Schedule
-from storage.repositories import JobRepository, ScheduleRepository, SystemRepository
+from storage.repositories import AlertRepository, JobRepository, ScheduleRepository, SystemRepository
 from tests.integration.api.documents import LAG
 from tests.integration.api.test_access import OPTIMIZATION
 
@@ -34,7 +34,7 @@ def test_a_schedule_is_made_changed_paused_run_and_deleted(client) -> None:
     assert created.status_code == 201, created.text
     body = created.json()
     where = created.headers["Location"]
-    assert body["document"] == NIGHTLY | {"overlap": "skip", "missed": "one", "paused": False}
+    assert body["document"] == NIGHTLY | {"overlap": "skip", "missed": "one", "paused": False, "newest": None}
     assert body["next_at"] == body["next_runs"][0]
     assert len(body["next_runs"]) == 5
     assert {datetime.fromisoformat(instant).strftime("%M") for instant in body["next_runs"]} == {"30"}
@@ -210,12 +210,18 @@ def test_a_job_that_cannot_be_run_is_refused_and_the_next_one_tried(desk) -> Non
     with desk.database.session() as session:
         run = ScheduleRepository(session, DEFAULT_WORKSPACE).runs(schedule).items[0]
         assert system in run.detail
+    desk.tick(1.5 * MINUTE)
+    desk.tick(2 * MINUTE)
+    with desk.database.session() as session:
+        (alert,) = AlertRepository(session, DEFAULT_WORKSPACE).page().items  # the second refusal tells nothing new
+        assert (alert.kind, alert.source, alert.data["schedule"]) == ("schedule", run.id, schedule)
+        assert system in alert.detail
     # A body that this version cannot read stops nobody else.
     broken, sound = desk.schedule(body={"nonsense": 1}), desk.schedule()
-    desk.tick(2 * MINUTE)
+    desk.tick(3 * MINUTE)
     assert desk.runs(broken)[0] == ("12:00", "missed")
-    assert desk.runs(broken)[-1] == ("12:02", "refused")
-    assert desk.runs(sound)[-1] == ("12:02", "started")
+    assert desk.runs(broken)[-1] == ("12:03", "refused")
+    assert desk.runs(sound)[-1] == ("12:03", "started")
 
 
 def test_two_schedulers_never_start_a_job_twice(desk) -> None:
