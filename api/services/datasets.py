@@ -23,7 +23,7 @@ from api.services.lineage import check_free
 from api.services.quality import ChannelQuality, remarks
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
-from storage.repositories import DatasetRepository
+from storage.repositories import DatasetRepository, ProcessingRepository
 from storage.session import Database
 
 PARSING = "dataset"
@@ -138,8 +138,9 @@ def _head(row: Dataset) -> dict[str, Any]:
 
 
 def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
-    """Return a recording."""
-    return to_wire(DatasetRepository(session, caller.workspace).get(identifier))
+    """Return a recording, with how it was made where it was made from others."""
+    body = to_wire(DatasetRepository(session, caller.workspace).get(identifier))
+    return body | {"processing": ProcessingRepository(session, caller.workspace).described(identifier)}
 
 
 def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:

@@ -88,11 +88,8 @@ def _periodic(x: Real, segment: int) -> bool:
 
 
 def _rests(values: Real, segment: int) -> bool:
-    ends = (
-        values[:: segment - 1]
-        if values.size == segment
-        else np.append(values[::segment], values[segment - 1 :: segment])
-    )
+    """Say whether segments begin and end at one level, as a pulse with silence around it does."""
+    ends = np.append(values[::segment], values[segment - 1 :: segment])
     level = float(np.median(ends))
     return float(np.abs(ends - level).max()) <= _REST * float(np.abs(values - level).max())
 

@@ -93,6 +93,19 @@ class ProcessingRepository:
         counts = self._session.scalar(select(Processing.experiments).where(Processing.dataset_id == identifier))
         return tuple(counts) if counts else None
 
+    def described(self, identifier: str) -> Document | None:
+        """Return how a recording was made, None for one that was recorded as it is."""
+        row = self._session.get(Processing, identifier, populate_existing=True)
+        if row is None:
+            return None
+        return {
+            "sources": list(self.sources(identifier)),
+            "combine": row.combine,
+            "steps": row.steps,
+            "experiments": row.experiments,
+            "versions": row.versions,
+        }
+
     def sources(self, identifier: str) -> tuple[str, ...]:
         """Return the recordings that a recording was made from, in order; none for one that was recorded."""
         rows = (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any, Literal
 
+from pydantic import Field
+
 from api.schemas.replies.base import Curve, Number, Reply
 from api.schemas.replies.jobs import JobReply
 
@@ -18,6 +20,16 @@ class DatasetHead(Reply):
     status: Literal["open", "parsing", "ready", "failed"]
     created_at: datetime
     start_time: datetime | None
+
+
+class ProcessingReply(Reply):
+    """How a recording was made from others: its steps with their numbers, and the samples of each experiment in it."""
+
+    sources: list[str]
+    combine: str | None
+    steps: list[dict[str, Any]]
+    experiments: list[int] | None
+    versions: dict[str, str]
 
 
 class DatasetReply(DatasetHead):
@@ -34,6 +46,7 @@ class DatasetReply(DatasetHead):
     error: dict[str, Any] | None
     report: dict[str, Any] | None
     job: JobReply | None = None
+    processing: ProcessingReply | None = Field(default=None, description="of a recording that was made from others")
 
 
 class PreviewReply(Reply):

@@ -109,6 +109,10 @@ def test_experiments_are_merged_and_steps_never_smear_over_their_joint(client, s
     other = recorded(client, U[:1000] + 5, Y[:1000])
     both = made(client, [source, other], [])
     assert both["sample_count"] == 5000
+    told = client.get(f"/v1/datasets/{both['id']}").json()["processing"]
+    assert (told["sources"], told["combine"], told["experiments"]) == ([source, other], "append", [4000, 1000])
+    assert set(told["versions"]) >= {"servotune", "numpy", "scipy"}
+    assert client.get(f"/v1/datasets/{source}").json()["processing"] is None
     # processed again, each experiment still has a mean of its own
     level = made(client, [both["id"]], [{"kind": "detrend", "channels": ["u"]}])
     values = np.array(channel(client, level["id"], "u")["values"])
