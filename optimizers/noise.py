@@ -39,8 +39,10 @@ class Autoregression:
         return self.coefficients.size - 1
 
     def innovations(self, residuals: Samples) -> Samples:
-        """Return w, residuals before the first one being 0."""
-        return np.asarray(lfilter(self.coefficients, [1.0], residuals))
+        """Return w; at the beginning, where what it remembers was not recorded, the residuals themselves."""
+        found = np.asarray(lfilter(self.coefficients, [1.0], residuals))
+        found[: self.order] = residuals[: self.order]
+        return found
 
     def autocovariance(self, count: int) -> Samples:
         """Return the autocovariance at lags 0 … count - 1."""

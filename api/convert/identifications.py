@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from api.convert.fits import fit_to_wire
 from api.convert.recordings import window
-from api.convert.values import number, numbers, optional_si
-from api.schemas.jobs import IdentificationRequest, IdentifiedParameter
+from api.convert.values import number, numbers, optional_si, overrides_from_wire
+from api.pointers import Place
+from api.schemas.identifications import IdentificationRequest, IdentifiedParameter
 from engine.diagram import Diagram
-from optimizers.identification import Identified
+from engine.fit import Fit, ResidualTests
+from optimizers.identification import Identified, Judged
 from optimizers.problem import Variable
 from optimizers.recording import Identification, RecordedExperiment, Recording
 
 
-def identification_from_wire(document: IdentificationRequest, diagram: Diagram, recording: Recording) -> Identification:
+def identification_from_wire(
+    document: IdentificationRequest, diagram: Diagram, recordings: Sequence[Recording]
+) -> Identification:
     """Return the identification, proven to make sense.
+
+    Parameters
+    ----------
+    document : IdentificationRequest
+    diagram : Diagram
+    recordings : sequence of Recording
+        Of the experiments in their order, or the only one.
 
     Raises
     ------
@@ -29,16 +41,44 @@ def identification_from_wire(document: IdentificationRequest, diagram: Diagram, 
     """
     return Identification(
         diagram=diagram,
-        experiments=(
-            RecordedExperiment(
-                recording=recording,
-                estimation=window(document.estimation, length=recording.end, name="estimation"),
-                validation=window(document.validation, length=recording.end, name="validation"),
-                split=document.split,
-            ),
-        ),
+        experiments=tuple(_experiments(document, diagram, recordings)),
         parameters=tuple(_variable(choice, diagram, i) for i, choice in enumerate(document.parameters)),
         offsets=document.offsets == "estimate",
+        initial_states=document.initial_states == "estimate",
+        starts=document.starts,
+        max_evaluations=document.max_evaluations,
+    )
+
+
+def _experiments(
+    document: IdentificationRequest, diagram: Diagram, recordings: Sequence[Recording]
+) -> Iterator[RecordedExperiment]:
+    if document.experiments is None:
+        yield experiment_of(document, recordings[0])
+        return
+    for index, (one, recording) in enumerate(zip(document.experiments, recordings, strict=True)):
+        place: Place = ("experiments", index)
+        found = experiment_of(one, recording, place=place)
+        values = overrides_from_wire(one.parameters, diagram, place=(*place, "parameters"))
+        yield replace(found, name=one.name or f"experiment_{index + 1}", values=values)
+
+
+class _Windowed(Protocol):
+    """What has windows."""
+
+    split: float
+    estimation: list[Any] | None
+    validation: list[Any] | None
+
+
+def experiment_of(document: _Windowed, recording: Recording, *, place: Place = ()) -> RecordedExperiment:
+    """Return a recording with the windows of a document."""
+    return RecordedExperiment(
+        recording=recording,
+        estimation=window(document.estimation, length=recording.end, name="estimation", place=place),
+        validation=window(document.validation, length=recording.end, name="validation", place=place),
+        split=document.split,
+        at=place,
     )
 
 
@@ -51,7 +91,7 @@ def _variable(choice: str | IdentifiedParameter, diagram: Diagram, index: int) -
         optional_si(getattr(choice, key), unit, name=f"{key} of {choice.parameter}", place=("parameters", index, key))
         for key in ("lower", "upper", "start")
     )
-    return Variable(parameter=choice.parameter, lower=lower, upper=upper, start=start)
+    return Variable(parameter=choice.parameter, lower=lower, upper=upper, start=start, scale=choice.scale)
 
 
 def identified_to_wire(
@@ -60,6 +100,7 @@ def identified_to_wire(
     """Return the body of a finished identification."""
     estimation, validation = problem.experiments[0].windows
     return {
+        "method": "grey_box",
         "status": str(found.status),
         "advice": found.advice,
         "parameters": {
@@ -76,24 +117,13 @@ def identified_to_wire(
         "correlations": [[number(value) for value in row] for row in np.asarray(found.correlations)],
         "indistinguishable": list(found.indistinguishable),
         "fit": {
-            "estimation": {output: fit_to_wire(fit) for output, fit in found.estimation.items()},
-            "validation": {output: fit_to_wire(fit) for output, fit in found.validation.items()},
-            "baselines": {
-                kind: {output: fit_to_wire(fit) for output, fit in fits.items()}
-                for kind, fits in found.baselines.items()
-            },
+            "estimation": fits_to_wire(found.estimation),
+            "validation": fits_to_wire(found.validation),
+            "baselines": {kind: fits_to_wire(fits) for kind, fits in found.baselines.items()},
         },
-        "residuals": {
-            output: {
-                "white": tests.white,
-                "independent": tests.independent,
-                "autocorrelation": numbers(tests.autocorrelation),
-                "autocorrelation_bound": number(tests.autocorrelation_bound),
-                "cross_correlation": numbers(tests.cross_correlation),
-                "cross_correlation_bound": numbers(tests.cross_correlation_bound),
-            }
-            for output, tests in found.residuals.items()
-        },
+        "one_step": fits_to_wire(found.one_step),
+        "experiments": [_judged_to_wire(one) for one in found.experiments],
+        "residuals": _residuals_to_wire(found.residuals),
         "windows": {
             "estimation": list(estimation) if estimation is not None else None,
             "validation": list(validation) if validation is not None else None,
@@ -101,4 +131,38 @@ def identified_to_wire(
         "evaluations": found.evaluations,
         "seconds": found.seconds,
         "system": dict(system) if system else None,
+    }
+
+
+def fits_to_wire(fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """Return the fit measures of every output."""
+    return {output: fit_to_wire(fit) for output, fit in fits.items()}
+
+
+def _judged_to_wire(judged: Judged) -> dict[str, Any]:
+    return {
+        "name": judged.name or None,
+        "offsets": {name: number(value) for name, value in judged.offsets.items()},
+        "initial_state": numbers(judged.initial_state),
+        "estimation": fits_to_wire(judged.estimation),
+        "validation": fits_to_wire(judged.validation),
+        "one_step": fits_to_wire(judged.one_step),
+        "residuals": {
+            output: {"white": tests.white, "independent": tests.independent}
+            for output, tests in judged.residuals.items()
+        },
+    }
+
+
+def _residuals_to_wire(residuals: Mapping[str, ResidualTests]) -> dict[str, Any]:
+    return {
+        output: {
+            "white": tests.white,
+            "independent": tests.independent,
+            "autocorrelation": numbers(tests.autocorrelation),
+            "autocorrelation_bound": number(tests.autocorrelation_bound),
+            "cross_correlation": numbers(tests.cross_correlation),
+            "cross_correlation_bound": numbers(tests.cross_correlation_bound),
+        }
+        for output, tests in residuals.items()
     }

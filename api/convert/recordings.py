@@ -47,8 +47,8 @@ def in_si(raw: Values, channel: Mapping[str, Any], *, place: Place) -> tuple[Val
     return physical(raw, channel) * scale, target
 
 
-def window(given: list[Any] | None, *, length: float, name: str) -> tuple[float, float] | None:
-    """Return [t0, t1] in s, None for the whole recording.
+def window(given: list[Any] | None, *, length: float, name: str, place: Place = ()) -> tuple[float, float] | None:
+    """Return [t0, t1] in s, None for the whole recording; ``place`` is that of the document that has it.
 
     Raises
     ------
@@ -57,9 +57,9 @@ def window(given: list[Any] | None, *, length: float, name: str) -> tuple[float,
     """
     if given is None:
         return None
-    begin, end = (si(value, "s", name=name, place=(name, i)) for i, value in enumerate(given))
+    begin, end = (si(value, "s", name=name, place=(*place, name, i)) for i, value in enumerate(given))
     if not 0.0 <= begin < end:
-        raise invalid(f"{name} must be [t0, t1] with 0 <= t0 < t1 s, got [{begin:g}, {end:g}]", name)
+        raise invalid(f"{name} must be [t0, t1] with 0 <= t0 < t1 s, got [{begin:g}, {end:g}]", *place, name)
     if begin >= length:
-        raise invalid(f"{name} must begin within the recording of {length:g} s, got {begin:g}", name, 0)
+        raise invalid(f"{name} must begin within the recording of {length:g} s, got {begin:g}", *place, name, 0)
     return begin, min(end, length)

@@ -16,10 +16,10 @@ from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
 from api.errors import invalid
-from api.schemas.jobs import IdentificationRequest
+from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import JobReply, Page
-from api.services import identifications, jobs, optimizations, scripts
+from api.services import direct_identifications, identifications, jobs, optimizations, scripts
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=DocumentRoute)
@@ -44,16 +44,19 @@ def optimize(request: OptimizationRequest, caller: Runner, service: Installation
 
 
 @router.post("/identifications", status_code=202, response_model=JobReply, summary="Identify parameters")
-def identify(
-    request: IdentificationRequest, caller: Runner, service: InstallationDep, creation: CreationDep
-) -> Response:
-    """Prove that the recording and the model fit together, then hand them to a worker."""
-    subject = identifications.prepare(service, caller, request)
+def identify(request: AnyIdentification, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
+    """Prove that the recording and what is asked of it fit together, then hand them to a worker.
 
-    def work(session: Session) -> Answer:
-        return _accepted(identifications.submit(service, session, caller, request, subject))
-
-    return creation.create(work)
+    With a system its parameters are estimated (`grey_box`). Without one, `subspace` and `transfer_function` make a model,
+    `inverse_dynamics` finds the mass and friction of a drive, and `static_curve` draws a characteristic.
+    """
+    if isinstance(request, IdentificationRequest):
+        subject = identifications.prepare(service, caller, request)
+        return creation.create(
+            lambda session: _accepted(identifications.submit(service, session, caller, request, subject))
+        )
+    direct_identifications.prepare(service, caller, request)
+    return creation.create(lambda session: _accepted(direct_identifications.submit(service, session, caller, request)))
 
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from api.schemas.acquisitions import AcquisitionRequest
-from api.schemas.jobs import IdentificationRequest
+from api.schemas.identifications import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import Reply
 from api.schemas.validations import ValidationRequest

@@ -10,8 +10,9 @@ from sqlalchemy.orm import Session
 
 from api.convert.identifications import identification_from_wire, identified_to_wire
 from api.convert.studies import warnings_to_wire
-from api.schemas.jobs import IdentificationRequest
-from api.services import jobs
+from api.pointers import Place
+from api.schemas.identifications import IdentificationRequest
+from api.services import direct_identifications, jobs
 from api.services.installation import Caller, Installation
 from api.services.recordings import recording_of
 from api.services.systems import Subject, compiled, subject_of
@@ -35,8 +36,9 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)
-    recording = _recording(request, subject.diagram, service.database, caller.workspace)
-    identification_from_wire(request, subject.diagram, recording)
+    identification_from_wire(
+        request, subject.diagram, _recordings(request, subject.diagram, service.database, caller.workspace)
+    )
     return subject
 
 
@@ -57,17 +59,41 @@ def submit(
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:
     """Compute an identification (in a worker) and return what is remembered of it."""
+    if body["request"].get("method", "grey_box") != "grey_box":
+        return direct_identifications.run(body, database=database, workspace=workspace, monitor=monitor)
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
-    problem = identification_from_wire(request, diagram, _recording(request, diagram, database, workspace))
+    problem = identification_from_wire(request, diagram, _recordings(request, diagram, database, workspace))
     found = identify(problem, rng=np.random.default_rng(_SEED), monitor=monitor)
     reference = body["system_reference"]
     result = identified_to_wire(found, problem, system=reference)
     place = ("system",) if reference is None else None
-    return {**result, "dataset": request.dataset, "warnings": warnings_to_wire(diagram.warnings, place=place)}
+    return {
+        **result,
+        "dataset": _datasets(request)[0],
+        "datasets": _datasets(request),
+        "warnings": warnings_to_wire(diagram.warnings, place=place),
+    }
 
 
-def _recording(request: IdentificationRequest, diagram: Diagram, database: Database, workspace: str) -> Recording:
-    return recording_of(
-        request.dataset, request.inputs, request.outputs, diagram, database=database, workspace=workspace
-    )
+def _recordings(
+    request: IdentificationRequest, diagram: Diagram, database: Database, workspace: str
+) -> list[Recording]:
+    """Return what was recorded in each experiment."""
+    if request.experiments is None:
+        assert request.dataset is not None  # the request was refused else
+        given: list[tuple[str, Mapping[str, str], Mapping[str, str], Place]] = [
+            (request.dataset, request.inputs or {}, request.outputs or {}, ())
+        ]
+    else:
+        given = [(e.dataset, e.inputs, e.outputs, ("experiments", k)) for k, e in enumerate(request.experiments)]
+    return [
+        recording_of(dataset, inputs, outputs, diagram, database=database, workspace=workspace, place=place)
+        for dataset, inputs, outputs, place in given
+    ]
+
+
+def _datasets(request: IdentificationRequest) -> list[str]:
+    """Return every dataset once."""
+    experiments = request.experiments or ()
+    return list(dict.fromkeys([request.dataset] if request.dataset is not None else [e.dataset for e in experiments]))

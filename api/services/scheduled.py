@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from api.errors import invalid
 from api.schemas.acquisitions import AcquisitionRequest
-from api.schemas.jobs import IdentificationRequest
+from api.schemas.identifications import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.validations import ValidationRequest
 from api.services import acquisitions, identifications, optimizations, validations

@@ -1,0 +1,318 @@
+"""The order of a black-box model, chosen by what it simulates on samples that did not take part."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.fit import Fit, baselines, compare
+from optimizers.black_box.continuous import Continuous, Discrete, continuous
+from optimizers.black_box.output_error import OutputError
+from optimizers.black_box.subspace import Subspace
+from optimizers.identification.search import CancelledError
+from optimizers.noise import fitted
+from optimizers.problem import ProblemError
+from optimizers.recording import RecordedExperiment
+from optimizers.result import Monitor, Unwatched
+
+Samples = npt.NDArray[np.float64]
+Method = Literal["subspace", "transfer_function"]
+
+MOST_ORDER: Final = 20
+MOST_DELAYS: Final = 200
+_BETTER: Final = 0.3
+"""Points of FIT by which a higher order must be better to be preferred."""
+_SAMPLES_PER_COEFFICIENT: Final = 10
+_PROMISING: Final = 3
+"""So many delays of an order are followed to their minimum."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """One order: FIT (%) of its simulation where it was estimated and where it was not (None: no such window)."""
+
+    order: int
+    delay: float
+    estimation: float | None
+    validation: float | None
+    remark: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlackBox:
+    """The model chosen.
+
+    Attributes
+    ----------
+    order : int
+    delay : float
+        s, of all inputs.
+    system : Continuous
+    offsets : mapping of output to float
+    tried : tuple of Tried
+        Every order.
+    estimation, validation : mapping of output to Fit
+        Simulation fits; the state at the beginning of either window is found by regression.
+    one_step : mapping of output to Fit
+        One-step predictions where the validation is (the estimation without one): no simulations.
+    baselines : mapping of baseline to mapping of output to Fit
+    document : mapping
+        A system document with the model.
+    """
+
+    method: Method
+    order: int
+    delay: float
+    system: Continuous
+    offsets: Mapping[str, float]
+    tried: tuple[Tried, ...]
+    estimation: Mapping[str, Fit]
+    validation: Mapping[str, Fit]
+    one_step: Mapping[str, Fit]
+    baselines: Mapping[str, Mapping[str, Fit]]
+    document: Mapping[str, Any]
+    seconds: float
+
+
+def black_box(
+    experiment: RecordedExperiment,
+    *,
+    method: Method,
+    orders: Sequence[int] = (1, 2, 3, 4, 5, 6),
+    largest_delay: float = 0.0,
+    offsets: bool = True,
+    monitor: Monitor | None = None,
+) -> BlackBox:
+    """Return a model without a diagram.
+
+    Parameters
+    ----------
+    experiment : RecordedExperiment
+        Any names serve for its inputs and outputs; a transfer function has one of each.
+    method : {"subspace", "transfer_function"}
+    orders : sequence of int
+        Among which the validation chooses (the estimation where there is none, with a doubt): the lowest one that no other
+        beats by more than 0.3 points of FIT.
+    largest_delay : float
+        s; a transfer function is tried with every delay of whole samples up to it.
+    offsets : bool
+        Whether each output has an unknown constant.
+    monitor : Monitor, optional
+
+    Raises
+    ------
+    ProblemError
+        For orders that the recording is too short for, or when no order has a continuous, stable model.
+    """
+    began = time.perf_counter()
+    watch = monitor or Unwatched()
+    case = _Case(experiment, offsets=offsets)
+    _check(case, method, orders, largest_delay)
+    candidates: list[tuple[Tried, Discrete, int, Samples]] = []
+    tried = []
+    for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay)):
+        if watch.cancelled():
+            raise CancelledError
+        seconds = delay * case.h
+        if not model.stable or continuous(model, case.h) is None:
+            remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
+            tried.append(Tried(order=order, delay=seconds, estimation=None, validation=None, remark=remark))
+            continue
+        scores = [case.score(model, delay, constants, window) for window in experiment.windows]
+        tried.append(Tried(order=order, delay=seconds, estimation=scores[0], validation=scores[1]))
+        candidates.append((tried[-1], model, delay, constants))
+        watch.progress((done + 1) / (len(orders) + 1), f"order {order}: FIT {scores[0]:.2f} %")
+    if not candidates:
+        raise ProblemError(
+            "at least one order must have a stable continuous model, got none: "
+            + "; ".join(f"order {one.order}: {one.remark}" for one in tried),
+            at=("orders",),
+        )
+    judged = [_judged(one) for one, *_ in candidates]
+    best, model, delay, constants = next(
+        c for c, fit in zip(candidates, judged, strict=True) if fit >= max(judged) - _BETTER
+    )
+    system = continuous(model, case.h)
+    assert system is not None  # tried above
+    window = experiment.windows[1] or experiment.windows[0]
+    parts = [case.compared(model, delay, constants, part) for part in experiment.windows]
+    return BlackBox(
+        method=method, order=best.order, delay=best.delay, system=system,
+        offsets=dict(zip(case.outputs, constants.tolist(), strict=True)) if offsets else {}, tried=tuple(tried),
+        estimation={name: compare(*pair) for name, pair in parts[0].items()},
+        validation={name: compare(*pair) for name, pair in parts[1].items()},
+        one_step=case.predicted(model, delay, constants), baselines=case.trivial(window, offsets=offsets),
+        document=_document(case, method, system, best.delay), seconds=time.perf_counter() - began,
+    )  # fmt: skip
+
+
+class _Case:
+    """The recording as matrices."""
+
+    def __init__(self, experiment: RecordedExperiment, *, offsets: bool) -> None:
+        recording = experiment.recording
+        self.experiment, self.offsets, self.h = experiment, offsets, recording.sample_time
+        self.inputs, self.outputs = tuple(recording.inputs), tuple(recording.outputs)
+        self.u = np.array(list(recording.inputs.values()))
+        self.y = np.array(list(recording.outputs.values()))
+        window = experiment.windows[0]
+        if window is None:
+            raise ProblemError("the recording must have an estimation window, got none", at=("split",))
+        self.part = recording.within(window)
+
+    def driven(self, delay: int) -> Samples:
+        """Return the inputs later; each had its first value before the recording began, which is 0 where constants are free."""
+        u = self.u - self.u[:, :1] if self.offsets else self.u
+        return np.concatenate([np.repeat(u[:, :1], delay, axis=1), u[:, : u.shape[1] - delay]], axis=1)
+
+    def compared(
+        self, model: Discrete, delay: int, constants: Samples, window: tuple[float, float] | None
+    ) -> dict[str, tuple[Samples, Samples]]:
+        """Return measured and simulated outputs in a window, from the state that fits best."""
+        if window is None:
+            return {}
+        part = self.experiment.recording.within(window)
+        still = Discrete(a=model.a, b=model.b, c=model.c, d=model.d, x0=np.zeros(len(model.a)))
+        forced = still.simulate(self.driven(delay)[:, part]) + constants[:, None]
+        free = np.empty((forced.shape[1], len(self.y), len(model.a)))
+        rows = model.c
+        for k in range(len(free)):
+            free[k], rows = rows, rows @ model.a
+        y = self.y[:, part]
+        table = free.reshape(-1, len(model.a))
+        scale = np.linalg.norm(table, axis=0)
+        scale[scale == 0] = 1.0
+        state = np.linalg.lstsq(table / scale, (y - forced).T.ravel(), rcond=1e-9)[0] / scale
+        simulated = forced + (free @ state).T
+        return {name: (measured, own) for name, measured, own in zip(self.outputs, y, simulated, strict=True)}
+
+    def score(
+        self, model: Discrete, delay: int, constants: Samples, window: tuple[float, float] | None
+    ) -> float | None:
+        """Return the mean FIT of the outputs in a window, %."""
+        pairs = self.compared(model, delay, constants, window)
+        fits = [compare(*pair).fit_percent for pair in pairs.values()]
+        return float(np.mean([fit for fit in fits if fit is not None])) if fits else None
+
+    def predicted(self, model: Discrete, delay: int, constants: Samples) -> dict[str, Fit]:
+        """Return the fits of one-step predictions: the simulation plus an autoregression of the errors just measured."""
+        estimation, validation = self.experiment.windows
+        learnt = self.compared(model, delay, constants, estimation)
+        judged = self.compared(model, delay, constants, validation or estimation)
+        found = {}
+        for name, (measured, simulated) in judged.items():
+            noise = fitted(learnt[name][0] - learnt[name][1])
+            found[name] = compare(measured, measured - noise.innovations(measured - simulated))
+        return found
+
+    def trivial(self, window: tuple[float, float] | None, *, offsets: bool) -> dict[str, dict[str, Fit]]:
+        """Return what models without dynamics reach in a window."""
+        part = self.experiment.recording.within(window or (0.0, self.experiment.recording.end))
+        by_output = {
+            name: baselines(y[part], self.u[:, part], constant=offsets)
+            for name, y in zip(self.outputs, self.y, strict=True)
+        }
+        return {
+            kind: {name: fits[kind] for name, fits in by_output.items()} for kind in ("mean", "input", "static_gain")
+        }
+
+
+def _judged(tried: Tried) -> float:
+    fit = tried.estimation if tried.validation is None else tried.validation
+    return -np.inf if fit is None else fit
+
+
+def _check(case: _Case, method: Method, orders: Sequence[int], largest_delay: float) -> None:
+    if method == "transfer_function" and (len(case.inputs), len(case.outputs)) != (1, 1):
+        raise ProblemError(
+            f"a transfer function must have one input and one output, got {len(case.inputs)} and {len(case.outputs)}: "
+            "use subspace",
+            at=("inputs",),
+        )
+    if not orders or not all(1 <= order <= MOST_ORDER for order in orders):
+        raise ProblemError(f"orders must be 1 to {MOST_ORDER}, got {list(orders)}", at=("orders",))
+    delays = round(largest_delay / case.h)
+    if not 0 <= delays <= MOST_DELAYS or (delays and method == "subspace"):
+        most = "0 for a subspace model" if method == "subspace" else f"0 to {MOST_DELAYS * case.h:g}"
+        raise ProblemError(f"largest_delay must be {most} s, got {largest_delay:g}", at=("largest_delay",))
+    samples, signals = case.part.stop - case.part.start, len(case.inputs) + len(case.outputs)
+    fewest = _SAMPLES_PER_COEFFICIENT * (max(orders) + 1) * signals
+    if samples < fewest + delays:
+        raise ProblemError(
+            f"estimation must hold at least {fewest + delays} samples for order {max(orders)}, got {samples}",
+            at=("estimation",),
+        )
+    for kind, names, signals_of in (("inputs", case.inputs, case.u), ("outputs", case.outputs, case.y)):
+        for name, signal in zip(names, signals_of, strict=True):
+            if not np.isfinite(signal).all():
+                raise ProblemError(f"{name} must be finite at every sample, got NaN or infinity", at=(kind, name))
+            if np.ptp(signal[case.part]) == 0:
+                raise ProblemError(f"{name} must vary in the estimation window, got a constant", at=(kind, name))
+
+
+def _models(
+    case: _Case, method: Method, orders: Sequence[int], largest_delay: float
+) -> Iterator[tuple[int, int, Discrete, Samples]]:
+    """Yield order, delay in samples, model and constants."""
+    y = case.y[:, case.part]
+    if method == "subspace":
+        level = y.mean(axis=1) if case.offsets else np.zeros(len(y))
+        u = case.driven(0)[:, case.part]
+        drive = u.mean(axis=1, keepdims=True) if case.offsets else np.zeros((len(u), 1))
+        horizon = min(2 * max(orders) + 10, u.shape[1] // (4 * (len(u) + len(y))))
+        decomposed = Subspace(u - drive, y - level[:, None], horizon)
+        for order in sorted(orders):
+            model = decomposed.model(order)
+            settled = np.zeros(len(y))
+            if case.offsets and model.stable:
+                settled = (model.c @ np.linalg.solve(np.eye(order) - model.a, model.b) + model.d) @ drive[:, 0]
+            yield order, 0, model, level - settled if case.offsets else np.zeros(len(y))
+        return
+    delays = round(largest_delay / case.h)
+    whole = OutputError(case.driven(0)[0, case.part], y[0], offset=case.offsets)
+    before: tuple[Samples, int] | None = None
+    for order in sorted(orders):
+        begun = sorted(((*whole.started(order, delay), delay) for delay in range(delays + 1)), key=lambda one: one[1])
+        starts = [(f, delay) for f, _, delay in begun[:_PROMISING]]
+        if before is not None and len(before[0]) == order - 1:
+            starts.append((whole.extended(before[0]), before[1]))
+        found = [(whole.polished(f, delay), delay) for f, delay in starts]
+        made = [(delay, *whole.model(f, delay)) for f, delay in found]
+        fits = [
+            case.score(model, delay, np.array([c]), case.experiment.windows[0]) or -np.inf for delay, model, c in made
+        ]
+        before = found[int(np.argmax(fits))]
+        delay, model, constant = made[int(np.argmax(fits))]
+        yield order, delay, model, np.array([constant])
+
+
+def _document(case: _Case, method: Method, system: Continuous, delay: float) -> dict[str, Any]:
+    """Return a system document with the model."""
+    blocks: dict[str, Any] = {name: {"kind": "input"} for name in case.inputs}
+    wires: list[dict[str, str]] = []
+    if method == "transfer_function":
+        denominator = np.poly(system.a).real
+        numerator = np.poly(system.a - system.b @ system.c).real + (system.d[0, 0] - 1) * denominator
+        numerator[np.abs(numerator) < 1e-12 * np.abs(denominator) * np.abs(numerator).max()] = 0.0
+        blocks["model"] = {
+            "kind": "transfer_function",
+            "numerator": numerator.tolist(),
+            "denominator": denominator.tolist(),
+        }
+        source = case.inputs[0]
+        if delay:
+            blocks["transport"] = {"kind": "delay", "time": delay}
+            wires.append({"from": source, "to": "transport"})
+            source = "transport"
+        wires.append({"from": source, "to": "model"})
+        return {"name": "black box", "blocks": blocks, "connections": wires, "outputs": {case.outputs[0]: "model"}}
+    single_in, single_out = len(case.inputs) == 1, len(case.outputs) == 1
+    blocks["model"] = {"kind": "state_space", **{k: getattr(system, k.lower()).tolist() for k in "ABCD"}}
+    wires = [{"from": name, "to": "model" if single_in else f"model.in{k + 1}"} for k, name in enumerate(case.inputs)]
+    outputs = {name: "model" if single_out else f"model.out{k + 1}" for k, name in enumerate(case.outputs)}
+    return {"name": "black box", "blocks": blocks, "connections": wires, "outputs": outputs}

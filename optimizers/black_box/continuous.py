@@ -1,0 +1,90 @@
+"""The continuous system whose samples a discrete one describes, for inputs in straight lines between the samples.
+
+    Φ = e^(A h),   B_d = h (φ_1 - φ_2 + Φ φ_2) B,   D_d = D + h C φ_2 B,   φ_1 = (e^z - 1)/z,  φ_2 = (e^z - 1 - z)/z²  at z = A h
+
+References
+----------
+G. Franklin, J. Powell, M. Workman, "Digital Control of Dynamic Systems", 3rd ed., Addison-Wesley 1998, section 6.3.2
+(triangle hold).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm, logm
+
+Matrix = npt.NDArray[np.float64]
+
+_REAL = 1e-6
+"""Imaginary part that a logarithm may have from rounding, relative to its size."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discrete:
+    """x_{k+1} = A x_k + B u_k, y_k = C x_k + D u_k, from the state ``x0``."""
+
+    a: Matrix
+    b: Matrix
+    c: Matrix
+    d: Matrix
+    x0: Matrix
+
+    def simulate(self, inputs: Matrix) -> Matrix:
+        """Return the outputs (outputs, samples) for inputs (inputs, samples)."""
+        state, states = self.x0, np.empty((inputs.shape[1], self.x0.size))
+        driven = inputs.T @ self.b.T
+        for k in range(len(states)):
+            states[k] = state
+            state = self.a @ state + driven[k]
+        return np.asarray((states @ self.c.T + inputs.T @ self.d.T).T)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles are inside the unit circle."""
+        return bool(np.abs(np.linalg.eigvals(self.a)).max(initial=0.0) < 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Continuous:
+    """x' = A x + B u, y = C x + D u."""
+
+    a: Matrix
+    b: Matrix
+    c: Matrix
+    d: Matrix
+
+    @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """Poles, rad/s."""
+        return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
+
+
+def continuous(model: Discrete, sample_time: float) -> Continuous | None:
+    """Return the continuous system, None where there is none of the same order: a pole at or below 0.
+
+    Parameters
+    ----------
+    model : Discrete
+    sample_time : float
+        s.
+    """
+    n = len(model.a)
+    poles = np.linalg.eigvals(model.a)
+    if np.any((np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 0)):
+        return None
+    scaled = logm(model.a)
+    if np.iscomplexobj(scaled):
+        if np.abs(scaled.imag).max() > _REAL * np.abs(scaled).max():
+            return None
+        scaled = scaled.real
+    joint = np.zeros((3 * n, 3 * n))
+    joint[:n, :n], joint[:n, n : 2 * n], joint[n : 2 * n, 2 * n :] = scaled, np.eye(n), np.eye(n)
+    grown = expm(joint)
+    first, second = grown[:n, n : 2 * n], grown[:n, 2 * n :]
+    b = np.asarray(np.linalg.solve(sample_time * (first - second + model.a @ second), model.b), dtype=np.float64)
+    return Continuous(
+        a=np.asarray(scaled / sample_time), b=b, c=model.c, d=model.d - sample_time * model.c @ second @ b
+    )

@@ -1,0 +1,134 @@
+"""Transfer functions with a delay that simulate best: the numerator by regression, the denominator by Gauss and Newton.
+
+    ŷ = q^-d B(q)/F(q) u + X(q)/F(q) δ + c,   minimise over F  ||(1 - Q Qᵀ) y||²
+
+B, the initial state X and the constant c enter linearly: for each F they are a regression, whose columns Q spans.
+
+References
+----------
+L. Ljung, "System Identification: Theory for the User", 2nd ed., Prentice Hall 1999, section 10.2 (output error).
+K. Steiglitz, L. McBride, "A technique for the identification of linear systems", IEEE Trans. Autom. Control 10 (1965) 461-464
+(the start).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from optimizers.black_box.continuous import Discrete
+from optimizers.methods.least_squares import minimize_squares
+
+Samples = npt.NDArray[np.float64]
+
+_REPEATED = 12
+_EVALUATIONS = 40
+_FAST = 0.3
+
+
+class OutputError:
+    """One path: a recorded input and output.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (samples,)
+    offset : bool
+        Whether the output has an unknown constant.
+    """
+
+    def __init__(self, u: Samples, y: Samples, *, offset: bool) -> None:
+        self._u, self._y, self._offset = u, y, offset
+        self._spread = float(np.linalg.norm(y - y.mean()))
+
+    def started(self, order: int, delay: int) -> tuple[Samples, float]:
+        """Return the denominator (order,) without its leading 1 that Steiglitz and McBride come to, and what it leaves."""
+        f = np.zeros(order)
+        best, least = f, np.inf
+        u, y = _shifted(self._u, delay), self._y
+        for _ in range(_REPEATED):
+            whole = np.append(1.0, f)
+            uf, yf = lfilter([1.0], whole, u), lfilter([1.0], whole, y)
+            recursion = [-_shifted(yf, k) for k in range(1, order + 1)]
+            table = np.stack([*recursion, *(_shifted(uf, k) for k in range(order + 1)), np.ones(y.size)], axis=1)
+            if not self._offset:
+                table = table[:, :-1]
+            # the first samples begin from a state that is not in the regression
+            f = _reflected(np.linalg.lstsq(table[order:], yf[order:], rcond=1e-12)[0][:order])
+            left = float(np.linalg.norm(self._left(f, delay)[0])) / self._spread
+            if left < least:
+                best, least = f, left
+        return best, least
+
+    @staticmethod
+    def extended(f: Samples) -> Samples:
+        """Return a denominator with one fast pole more: where a higher order may begin without being worse."""
+        return np.convolve(np.append(1.0, f), [1.0, -_FAST])[1:]
+
+    def polished(self, f: Samples, delay: int) -> Samples:
+        """Return the denominator at the nearest minimum of the simulation's error."""
+
+        def errors(x: Samples) -> tuple[Samples, Samples]:
+            if np.abs(np.roots(np.append(1.0, x))).max(initial=0.0) >= 1:
+                return np.full(self._y.size, np.inf), np.zeros((self._y.size, x.size))
+            left, q, simulated = self._left(x, delay)
+            moved = lfilter([1.0], np.append(1.0, x), simulated)
+            jacobian = np.stack([_shifted(moved, k) for k in range(1, x.size + 1)], axis=1)
+            return left / self._spread, (jacobian - q @ (q.T @ jacobian)) / self._spread
+
+        free = np.full(f.size, np.inf)
+        found = minimize_squares(errors, f[None], lower=-free, upper=free, max_evaluations=_EVALUATIONS)
+        return f if found is None else found.x
+
+    def model(self, f: Samples, delay: int) -> tuple[Discrete, float]:
+        """Return the model behind its delay, in observer form, and the constant."""
+        table = self._columns(f, delay)
+        found = np.asarray(np.linalg.lstsq(table, self._y, rcond=1e-12)[0], dtype=np.float64)
+        n = f.size
+        b, x0 = found[: n + 1], found[n + 1 : 2 * n + 1]
+        a = np.diag(np.ones(n - 1), 1) if n else np.zeros((0, 0))
+        a[:, 0] = -f
+        # y = x_1 + b_0 u, x_i+ = -f_i y' ...: numerator B - b_0 F drives, and 1/F filters the initial state
+        c = np.zeros((1, n))
+        c[0, :1] = 1.0
+        model = Discrete(a=a, b=(b[1:] - b[0] * f)[:, None], c=c, d=np.array([[b[0]]]), x0=x0)
+        return model, float(found[-1]) if self._offset else 0.0
+
+    def _left(self, f: Samples, delay: int) -> tuple[Samples, Samples, Samples]:
+        """Return what the best numerator leaves, an orthonormal basis of its columns, and the simulation without constant."""
+        table = self._columns(f, delay)
+        scale = np.linalg.norm(table, axis=0)
+        scale[scale == 0] = 1.0
+        left, strength, right = np.linalg.svd(table / scale, full_matrices=False)
+        kept = strength > 1e-12 * strength[0]
+        q = left[:, kept]
+        within = q.T @ self._y
+        found = right[kept].T @ (within / strength[kept]) / scale
+        constant = found[-1] if self._offset else 0.0
+        return self._y - q @ within, q, table @ found - constant
+
+    def _columns(self, f: Samples, delay: int) -> Samples:
+        """Return the regressors of B, of the initial state and of the constant."""
+        whole = np.append(1.0, f)
+        driven = lfilter([1.0], whole, _shifted(self._u, delay))
+        impulse = np.zeros(self._y.size)
+        impulse[0] = 1.0
+        free = lfilter([1.0], whole, impulse)
+        columns = [_shifted(driven, k) for k in range(f.size + 1)]
+        columns += [_shifted(free, k) for k in range(f.size)]
+        return np.stack([*columns, np.ones(self._y.size)] if self._offset else columns, axis=1)
+
+
+def _shifted(signal: Samples, samples: int) -> Samples:
+    """Return a signal later; before it begins it has been 0."""
+    return np.concatenate([np.zeros(samples), signal[: signal.size - samples]]) if samples else signal
+
+
+def _reflected(f: Samples) -> Samples:
+    """Return a denominator whose roots outside the unit circle are mirrored into it."""
+    roots = np.roots(np.append(1.0, f))
+    outside = np.abs(roots) >= 1
+    if not outside.any():
+        return f
+    roots[outside] = 0.999 / np.conj(roots[outside])
+    return np.asarray(np.poly(roots).real[1:])

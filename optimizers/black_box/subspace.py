@@ -1,0 +1,79 @@
+"""State spaces from the row spaces of measured Hankel matrices (past outputs as instruments).
+
+    Y_f = Γ_i X + H_i U_f + N:   range of Γ_i from Y_f / U_f⊥ [U_p; Y_p],   A from its shift,   then B, D, x_0 by linear regression
+
+References
+----------
+M. Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form from
+input-output data", Automatica 30 (1994) 61-74 (PO-MOESP).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from optimizers.black_box.continuous import Discrete
+
+Matrix = npt.NDArray[np.float64]
+
+
+class Subspace:
+    """The decomposition of one recording, from which models of every order are made.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (inputs, samples)
+    outputs : ndarray, shape (outputs, samples)
+    horizon : int
+        Rows of blocks in past and future; larger than any order asked for.
+    """
+
+    def __init__(self, inputs: Matrix, outputs: Matrix, horizon: int) -> None:
+        self._u, self._y, self._horizon = inputs, outputs, horizon
+        u, y = _hankel(inputs, 2 * horizon), _hankel(outputs, 2 * horizon)
+        past_u, future_u = np.split(u, 2)
+        past_y, future_y = np.split(y, 2)
+        stacked = np.concatenate([future_u, past_u, past_y, future_y])
+        lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
+        first, second = len(future_u), len(future_u) + len(past_u) + len(past_y)
+        self._left, self.strengths, _ = np.linalg.svd(lower[second:, first:second], full_matrices=False)
+
+    def model(self, order: int) -> Discrete:
+        """Return the model of an order below ``horizon`` times the outputs; it may be unstable."""
+        outputs = len(self._y)
+        gamma = self._left[:, :order] * np.sqrt(self.strengths[:order])
+        a = np.linalg.lstsq(gamma[:-outputs], gamma[outputs:], rcond=None)[0]
+        c = gamma[:outputs]
+        b, d, x0 = self._driven(a, c)
+        return Discrete(a=a, b=b, c=c, d=d, x0=x0)
+
+    def _driven(self, a: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Return B, D and x_0: the outputs are linear in them."""
+        n, inputs, outputs = len(a), len(self._u), len(self._y)
+        samples = self._u.shape[1]
+        states = np.zeros((n, n * inputs + n))
+        states[:, n * inputs :] = np.eye(n)
+        columns = np.zeros((samples, outputs, n * inputs + outputs * inputs + n))
+        kicks = np.kron(self._u.T, np.eye(n)).reshape(samples, n, n * inputs)
+        for k in range(samples):
+            seen = c @ states
+            columns[k, :, : n * inputs], columns[k, :, -n:] = seen[:, : n * inputs], seen[:, n * inputs :]
+            states = a @ states
+            states[:, : n * inputs] += kicks[k]
+        direct = np.kron(self._u.T, np.eye(outputs)).reshape(samples, outputs, outputs * inputs)
+        columns[:, :, n * inputs : -n] = direct
+        table = columns.reshape(samples * outputs, -1)
+        if not np.isfinite(table).all():
+            return np.zeros((n, inputs)), np.zeros((outputs, inputs)), np.zeros(n)
+        scale = np.linalg.norm(table, axis=0)
+        scale[scale == 0] = 1.0
+        found = np.linalg.lstsq(table / scale, self._y.T.ravel(), rcond=1e-12)[0] / scale
+        b, d, x0 = np.split(found, [n * inputs, n * inputs + outputs * inputs])
+        return b.reshape(inputs, n).T, d.reshape(inputs, outputs).T, x0
+
+
+def _hankel(signals: Matrix, rows: int) -> Matrix:
+    """Return blocks of the signals shifted by 0, 1, ... samples below each other."""
+    columns = signals.shape[1] - rows + 1
+    return np.concatenate([signals[:, k : k + columns] for k in range(rows)])

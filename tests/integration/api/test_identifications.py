@@ -1,0 +1,177 @@
+"""Identifications over HTTP: several recordings at once, models without a diagram, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tests.integration.api.conftest import finished
+from tests.integration.api.documents import LAG, upload
+
+RATE = 200.0
+K, TAU = 3.0, 0.05
+RNG = np.random.default_rng(3)
+U = np.repeat(RNG.choice([-1.0, 1.0], size=60), 20)
+
+
+def lag(k: float, tau: float, u: np.ndarray = U) -> np.ndarray:
+    """Return y of τ y' + y = k u for an input in straight lines: exact, by its own recursion; from rest under u_0."""
+    p = np.exp(-1 / (RATE * tau))
+    r = tau * RATE * (1 - p)
+    y, value = np.empty_like(u), k * u[0]
+    for i in range(u.size):
+        if i:
+            value = p * value + k * ((r - p) * u[i - 1] + (1 - r) * u[i])
+        y[i] = value
+    return y
+
+
+def made(client: httpx.Client, **columns: np.ndarray) -> str:
+    described = [{"name": name, "unit": "" if name == "u" else "N"} for name in columns]
+    document = {"name": "made", "format": "raw", "sample_rate": RATE, "channels": described}
+    data = np.column_stack(list(columns.values())).astype("<f8").tobytes()
+    reply = upload(client, document, data, segment=len(data))
+    assert reply.status_code == 200, reply.text
+    return str(reply.json()["id"])
+
+
+@pytest.fixture(scope="module")
+def client(sqlite_service):
+    with sqlite_service.client() as own:
+        yield own
+
+
+@pytest.fixture(scope="module")
+def recordings(client) -> list[str]:
+    """Return two recordings of the same lag with other gains and sensor zeros, as channel y in N."""
+    return [
+        made(client, u=U, y=lag(gain, TAU) + zero + 0.01 * RNG.normal(size=U.size))
+        for gain, zero in ((3, 0.2), (6, -0.1))
+    ]
+
+
+def result(client: httpx.Client, body: dict[str, Any]) -> dict[str, Any]:
+    reply = client.post("/v1/identifications", json=body)
+    assert reply.status_code == 202, reply.text
+    job = finished(client, reply.json())
+    assert job["status"] == "succeeded", job
+    found: dict[str, Any] = client.get(f"/v1/jobs/{job['id']}/result").json()
+    return found
+
+
+SYSTEM = {
+    **LAG,
+    "parameters": {
+        "k": {"value": 1.0, "lower": 0.1, "upper": 10.0},
+        "tau": {"value": 0.2, "unit": "s", "lower": 0.001, "upper": 1.0},
+    },
+}
+CHANNELS = {"inputs": {"u": "u"}, "outputs": {"y": "y"}}
+
+
+def test_two_experiments_with_gains_of_their_own_give_one_time_constant(client, sqlite_worker, recordings) -> None:
+    first, second = recordings
+    found = result(
+        client,
+        {
+            "system": SYSTEM, "parameters": ["tau"], "offsets": "estimate",
+            "experiments": [
+                {"name": "slow", "dataset": first, **CHANNELS, "parameters": {"k": 3.0}, "split": 1.0},
+                {"name": "fast", "dataset": second, **CHANNELS, "parameters": {"k": 6.0}, "split": 0.0},
+            ],
+        },
+    )  # fmt: skip
+    assert found["parameters"]["tau"]["value"] == pytest.approx(TAU, rel=0.01)
+    assert [one["name"] for one in found["experiments"]] == ["slow", "fast"]
+    assert [one["offsets"]["y"] for one in found["experiments"]] == pytest.approx([0.2, -0.1], abs=0.01)
+    # noise of 0.01 beside signals of spread 3 and 6
+    assert found["fit"]["validation"]["y"]["fit_percent"] > 99
+    assert found["datasets"] == [first, second]
+    assert set(found["one_step"]) == {"y"}
+
+
+def test_a_transfer_function_is_made_from_a_recording_alone(client, sqlite_worker, recordings) -> None:
+    found = result(
+        client,
+        {"method": "transfer_function", "dataset": recordings[0], **CHANNELS, "orders": [1, 2], "largest_delay": 0.02},
+    )
+    assert found["order"] == 1
+    assert found["delay"] == 0
+    assert found["poles"][0] == pytest.approx([-1 / TAU, 0], rel=0.02)
+    assert [one["order"] for one in found["tried"]] == [1, 2]
+    document = found["document"]
+    body = {"system": document, "dataset": recordings[0], **CHANNELS, "offsets": "estimate"}
+    validation = client.post("/v1/validations", json=body)
+    assert validation.status_code == 200, validation.text
+    assert validation.json()["outputs"]["y"]["fit_percent"] > 99
+
+
+def test_the_friction_of_a_drive_is_found_without_a_start(client, sqlite_worker) -> None:
+    t = np.arange(2000) / RATE
+    velocity = np.sin(3 * t) + 0.5 * np.sin(11 * t + 1)
+    acceleration = 3 * np.cos(3 * t) + 5.5 * np.cos(11 * t + 1)
+    force = 2 * acceleration + 5 * velocity + 0.7 * np.sign(velocity) - 0.3
+    dataset = made(client, v=velocity, f=force)
+    found = result(client, {"method": "inverse_dynamics", "dataset": dataset, "force": "f", "velocity": "v"})
+    values = {name: term["value"] for name, term in found["parameters"].items()}
+    # central differences miss sin(ωh)/(ωh): 0.05 % at 11 rad/s
+    assert values == pytest.approx({"mass": 2, "viscous": 5, "coulomb": 0.7, "offset": -0.3}, rel=2e-3)
+    assert found["equation_error"]["fit_percent"] > 99.9
+    assert "fit" not in found
+
+
+def test_a_static_curve_becomes_a_lookup_table(client, sqlite_worker) -> None:
+    u = np.sin(np.arange(1000) / 9)
+    dataset = made(client, u=u, y=u**3 - 0.5 * u)
+    found = result(client, {"method": "static_curve", "dataset": dataset, "input": "u", "output": "y"})
+    assert found["degree"] == 3
+    assert found["static_fit"]["fit_percent"] == pytest.approx(100, abs=1e-6)
+    assert found["document"]["blocks"]["curve"]["values"][-1] == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("body", "pointer", "detail"),
+    [
+        ({"system": SYSTEM, "parameters": ["k"]}, "", "dataset, inputs and outputs, or experiments"),
+        ({"system": SYSTEM, "parameters": ["k"], "dataset": "ds_1", **CHANNELS, "experiments": [{"dataset": "ds_1", **CHANNELS}]}, "", "in each of its experiments"),
+        ({"system": SYSTEM, "parameters": ["k"], "experiments": [{"dataset": "ds_none", **CHANNELS}]}, "/experiments/0/dataset", "must be one that exists"),
+        ({"method": "neural", "dataset": "ds_1"}, "", "must be grey_box"),
+        ({"method": "subspace", "dataset": "ds_none", **CHANNELS}, "/dataset", "must be one that exists"),
+        ({"method": "subspace", "dataset": "ds_none", **CHANNELS, "orders": [0]}, "/orders/0", ">= 1"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_together_is_refused_with_its_place(client, body, pointer, detail) -> None:
+    reply = client.post("/v1/identifications", json=body)
+    assert reply.status_code == 422, reply.text
+    errors = reply.json()["errors"]
+    assert errors[0]["pointer"] == pointer
+    assert detail in errors[0]["detail"]
+
+
+def test_bad_recordings_are_refused_by_name(client, recordings) -> None:
+    def refused(**change: Any) -> str:
+        body = {"system": SYSTEM, "dataset": recordings[0], **CHANNELS, "parameters": ["k"], **change}
+        reply = client.post("/v1/identifications", json=body)
+        assert reply.status_code == 422, reply.text
+        return str(reply.json()["errors"][0]["detail"])
+
+    short = made(client, u=U[10:35], y=lag(K, TAU)[10:35])
+    constant = made(client, u=U, y=np.full(U.size, 2.0))
+    still = made(client, u=np.ones(U.size), y=lag(K, TAU))
+    assert "at least 20 samples, got 13" in refused(dataset=short)
+    assert "output y must vary" in refused(dataset=constant)
+    assert "inputs must vary" in refused(dataset=still)
+    assert "must be one of the dataset's" in refused(inputs={"u": "w"})
+    assert "starts" in client.post("/v1/identifications", json={"system": SYSTEM, "dataset": short, **CHANNELS, "parameters": ["k"], "starts": 0}).text  # fmt: skip
+
+
+def test_the_recursion_of_the_test_is_the_lag() -> None:
+    """Against the impulse response of the same lag, summed by brute force on a grid twenty times finer."""
+    fine = np.interp(np.arange(U.size * 20) / 20, np.arange(U.size), U)
+    p = np.exp(-1 / (20 * RATE * TAU))
+    y = lfilter([0.0, K * (1 - p)], [1.0, -p], fine, zi=[K * U[0] * p])[0]
+    assert lag(K, TAU)[5:] == pytest.approx(y[::20][5:], abs=0.02)
