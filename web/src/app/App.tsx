@@ -1,5 +1,6 @@
 import { Center, Loader, MantineProvider } from "@mantine/core";
 import { MutationCache, QueryCache, QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { setNonce } from "get-nonce";
 import { useEffect } from "react";
 import { RouterProvider } from "react-router";
 import { isProblem } from "@/shared/api/problem";
@@ -15,7 +16,9 @@ const queries = new QueryClient({
   mutationCache: new MutationCache(),
   defaultOptions: { queries: { retry: (count, error) => count < 2 && !isProblem(error), refetchOnWindowFocus: false, staleTime: 5000 } },
 });
+/** The policy on styles asks for it: Mantine's own, and those that keep the page behind a dialog from scrolling. */
 const nonce = document.querySelector<HTMLMetaElement>('meta[name="csp-nonce"]')?.content;
+if (nonce) setNonce(nonce);
 
 export function App() {
   return (

@@ -52,7 +52,11 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
       onChange={(event) => setText(event.currentTarget.value)}
       onBlur={commit}
       onKeyDown={(event) => {
-        if (event.key === "Enter") commit();
+        if (event.key === "Enter") {
+          // In a form it takes the number over, and does not yet send everything.
+          event.preventDefault();
+          commit();
+        }
         if (event.key === "Escape") setText(given);
       }}
       rightSection={unit && unit !== "1" ? <span style={{ fontSize: "0.75rem", paddingRight: 8, whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined}

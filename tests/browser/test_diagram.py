@@ -1,0 +1,183 @@
+"""The diagram editor: a loop drawn by mouse and keyboard, problems on their blocks, undo, and two tabs at once."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+
+import pytest
+from playwright.sync_api import Page, expect
+
+LOOP = {
+    "name": "two tabs",
+    "parameters": {"k": {"value": 2}},
+    "blocks": {
+        "u": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "gain": {"kind": "gain", "gain": "=k"},
+        "plant": {"kind": "transfer_function", "numerator": [1], "denominator": [0.5, 1, 0]},
+    },
+    "connections": [
+        {"from": "u", "to": "error.in1"},
+        {"from": "plant", "to": "error.in2"},
+        {"from": "error", "to": "gain"},
+        {"from": "gain", "to": "plant"},
+    ],
+    "outputs": {"y": "plant"},
+}
+
+
+@pytest.fixture
+def system(client) -> str:
+    return str(client.post("/v1/systems", json=LOOP).json()["id"])
+
+
+def opened(page: Page, system: str) -> None:
+    page.goto(f"/systems/{system}/diagram")
+    page.locator(".react-flow__node").first.wait_for()
+    expect(page.get_by_test_id("check")).to_have_attribute("data-pending", "false")
+
+
+def node(page: Page, name: str):
+    return page.locator(f'.react-flow__node[data-id="{name}"]')
+
+
+def test_a_loop_is_drawn_by_mouse_and_keyboard_and_simulated(page: Page, client) -> None:
+    page.goto("/systems")
+    page.get_by_role("button", name="New system").click()
+    page.wait_for_url("**/diagram")
+    system = re.search(r"sys_\w+", page.url)[0]  # type: ignore[index]
+    node(page, "plant").wait_for()
+    # An empty canvas: everything is selected and removed.
+    page.locator(".react-flow__pane").click(position={"x": 40, "y": 500})
+    page.keyboard.press("Control+a")
+    page.keyboard.press("Delete")
+    expect(page.locator(".react-flow__node")).to_have_count(0)
+    expect(page.get_by_test_id("check")).to_have_text("needs an input and an output")
+    canvas = page.locator(".react-flow__pane").bounding_box()
+    assert canvas is not None
+
+    def put(kind: str, search: str, x: float, y: float) -> None:
+        page.get_by_role("searchbox", name="Find a block").fill(search)
+        page.locator(f'[data-kind="{kind}"]').drag_to(
+            page.locator(".react-flow__pane"), target_position={"x": x, "y": y}
+        )
+
+    put("input", "input", 90, 150)
+    put("sum", "sum", 240, 150)
+    put("integrator", "integrator", 420, 150)
+    expect(page.locator(".react-flow__node")).to_have_count(3)
+    # By mouse, from port to port.
+    node(page, "input").locator(".source").drag_to(node(page, "sum").locator('[data-handleid="in1"]'))
+    expect(page.locator(".react-flow__edge")).to_have_count(1)
+    node(page, "sum").locator(".source").drag_to(node(page, "integrator").locator(".target"))
+    # By keyboard alone: the block is added from the palette by Enter, and connected in its properties.
+    page.get_by_role("searchbox", name="Find a block").fill("transfer function")
+    page.locator('[data-kind="transfer_function"]').focus()
+    page.keyboard.press("Enter")
+    page.get_by_label("in gets").select_option("integrator")
+    page.get_by_label("denominator *").fill("0.1, 1")
+    page.keyboard.press("Enter")
+    page.get_by_label("numerator *").fill("4")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Make out an output").click()
+    node(page, "sum").click()
+    page.get_by_label("signs *").fill("+-")
+    page.keyboard.press("Enter")
+    page.get_by_label("in2 gets").select_option("transfer_function")
+    page.get_by_role("button", name="Lay out").click()
+    page.keyboard.press("Control+s")
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    document = client.get(f"/v1/systems/{system}").json()["document"]
+    assert document["blocks"]["transfer_function"] == {
+        "kind": "transfer_function", "numerator": [4], "denominator": [0.1, 1]
+    }  # fmt: skip
+    body = {"system": system, "input": {"port": "input", "signal": {"kind": "step"}}, "metrics": ["overshoot"]}
+    reply = client.post("/v1/simulations", json=body).json()["variants"][0]["metrics"]["transfer_function"]
+    # 4/(s (0.1 s + 1)) closed: w0^2 = 40, d = 10/(2 sqrt(40)); overshoot exp(-pi d/sqrt(1 - d^2)).
+    d = 10 / (2 * 40**0.5)
+    assert reply["overshoot"]["value"] == pytest.approx(
+        2.718281828459045 ** (-3.141592653589793 * d / (1 - d**2) ** 0.5)
+    )
+
+
+def test_what_is_wrong_stands_on_its_block_and_at_its_field(page: Page, system) -> None:
+    opened(page, system)
+    node(page, "plant").click()
+    page.get_by_label("denominator *").fill("0, 0")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("check")).to_have_text("something is wrong")
+    expect(node(page, "plant").locator('[data-problem="true"]')).to_be_visible()
+    page.locator(".react-flow__pane").click(position={"x": 40, "y": 500})
+    page.keyboard.press("Control+z")
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    page.keyboard.press("Control+Shift+z")
+    expect(page.get_by_test_id("check")).to_have_text("something is wrong")
+
+
+def test_copies_renames_and_signals(page: Page, system) -> None:
+    opened(page, system)
+    node(page, "gain").click()
+    page.keyboard.press("Control+c")
+    page.keyboard.press("Control+v")
+    expect(node(page, "gain_2")).to_be_visible()
+    page.get_by_role("textbox", name="Name").fill("booster")
+    page.keyboard.press("Enter")
+    expect(node(page, "booster")).to_be_visible()
+    page.locator('.react-flow__edge[data-id="plant.in"] path').first.dispatch_event("click")
+    expect(page.get_by_role("heading", name="Signal at gain")).to_be_visible()
+
+
+def test_the_second_of_two_tabs_is_told_and_merges(page: Page, visitor, system, client) -> None:
+    other = visitor.new_page()
+    opened(page, system)
+    opened(other, system)
+    other.get_by_label("≤").fill("9")
+    other.keyboard.press("Enter")
+    other.get_by_role("button", name="Save").click()
+    expect(other.get_by_test_id("check")).to_have_text("saved")
+    other.close()
+    page.get_by_role("textbox", name="k", exact=True).fill("5")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Save").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("parameters.k.upper")
+    dialog.get_by_role("button", name="Merge").click()
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    assert client.get(f"/v1/systems/{system}").json()["document"]["parameters"]["k"] == {"value": 5, "upper": 9}
+
+
+def test_three_hundred_blocks_stay_fluid(page: Page, client) -> None:
+    blocks: dict[str, object] = {"u": {"kind": "input"}}
+    wires = []
+    before = "u"
+    for i in range(299):
+        blocks[f"b{i}"] = {"kind": "gain", "gain": 1}
+        wires.append({"from": before, "to": f"b{i}"})
+        before = f"b{i}"
+    document = {"name": "long", "blocks": blocks, "connections": wires, "outputs": {"y": before}}
+    system = client.post("/v1/systems", json=document).json()["id"]
+    places = {"": {name: {"x": 200 * (i % 20), "y": 110 * (i // 20)} for i, name in enumerate(blocks)}}
+    page.goto("/systems")
+    page.evaluate(
+        "([id, places]) => localStorage.setItem(`servotune-places-${id}`, places)", [system, json.dumps(places)]
+    )
+    page.goto(f"/systems/{system}/diagram")
+    node(page, "b5").wait_for()
+    pane = page.locator(".react-flow__pane")
+    box = pane.bounding_box()
+    assert box is not None
+    started = time.monotonic()
+    page.mouse.move(box["x"] + 300, box["y"] + 10)
+    page.mouse.down()
+    for i in range(20):
+        page.mouse.move(box["x"] + 300 - 8 * i, box["y"] + 10 + 4 * i)
+    page.mouse.up()
+    frames = page.evaluate(
+        "() => new Promise(done => { let n = 0; const t = performance.now();"
+        "const f = () => { n++; performance.now() - t < 500 ? requestAnimationFrame(f) : done(n); }; f(); })"
+    )
+    # Twenty movements of the whole diagram; a page that hangs needs seconds for them.
+    assert time.monotonic() - started < 8
+    assert frames > 5

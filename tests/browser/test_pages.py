@@ -1,0 +1,124 @@
+"""Every page: its main path, and axe in both themes."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.driving import PAGES, faults, signed_in
+
+#: Page -> what is on it when it has come.
+LISTED = {
+    "/systems": "h2#templates",
+    "/jobs": "h1",
+    "/systems/{system}/panel?s=motor.leakage,law.kp&in=reference&loop=error": "[data-testid=plots][data-frame]",
+    "/systems/{system}/diagram": ".react-flow__edge",
+    "/systems/{system}/influence": "[data-testid=influence]",
+    "/systems/{system}/optimise": "form button[type=submit]",
+    "/systems/{system}/revisions": "table",
+    "/jobs/{job}": "[data-testid=optimum]",
+}
+
+
+@pytest.fixture(scope="module")
+def hydraulic(client) -> str:
+    templates = json.loads((PAGES.parents[1] / "web/src/features/systems/templates.json").read_text())
+    document = next(t for t in templates if t["id"] == "hydraulic-velocity")["document"]
+    return str(client.post("/v1/systems", json=document).json()["id"])
+
+
+@pytest.fixture(scope="module")
+def job(visitor, hydraulic) -> str:
+    """An optimisation that was asked for, followed and understood on the pages."""
+    page = visitor.new_page()
+    page.goto(f"/systems/{hydraulic}/optimise")
+    page.get_by_label("Method").select_option("grid")
+    page.get_by_role("textbox", name="points").fill("5")
+    page.get_by_role("textbox", name="points").press("Enter")
+    page.get_by_role("button", name="Remove law.kd2").click()
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_url("**/jobs/job_*")
+    expect(page.get_by_test_id("optimum")).to_be_visible(timeout=120_000)
+    found = page.url.rsplit("/", 1)[1]
+    page.close()
+    return found
+
+
+def test_an_optimum_is_shown_and_opened_on_the_panel(page: Page, job, client) -> None:
+    result = client.get(f"/v1/jobs/{job}/result").json()
+    page.goto(f"/jobs/{job}")
+    expect(page.get_by_test_id("goals").get_by_role("row")).to_have_count(1 + len(result["goals"]))
+    after = result["goals"][1]["after"]["value"]
+    expect(page.get_by_test_id("goals")).to_contain_text(f"{100 * after:.4g}")
+    page.get_by_role("link", name="Open on the panel").click()
+    page.locator("[data-testid=plots][data-frame]").wait_for()
+    expect(page.get_by_role("textbox", name="Value of law.kp")).to_have_value(f"{result['best']['law.kp']:.6g}")
+    expect(page.get_by_test_id("reference")).to_be_visible()
+
+
+def test_a_wrong_goal_is_told_beside_it(page: Page, hydraulic) -> None:
+    page.goto(f"/systems/{hydraulic}/optimise")
+    page.get_by_role("textbox", name="At most, goal 2").fill("5 kg")
+    page.get_by_role("textbox", name="At most, goal 2").press("Enter")
+    page.get_by_role("button", name="Start").click()
+    expect(
+        page.get_by_role("row").filter(has=page.get_by_label("Goal 2", exact=True)).get_by_role("alert")
+    ).to_contain_text("kg")
+
+
+def test_influence_is_read_by_rows_and_leads_to_the_slider(page: Page, hydraulic, client) -> None:
+    page.goto(f"/systems/{hydraulic}/influence?p=law.kp,motor.mass&m=overshoot,bandwidth")
+    body = {
+        "system": hydraulic, "input": "reference", "output": "velocity", "open_at": "error",
+        "parameters": ["law.kp", "motor.mass"], "metrics": ["overshoot"],
+    }  # fmt: skip
+    exact = client.post("/v1/influence", json=body).json()["elasticities"]["overshoot"]["law.kp"]["value"]
+    expect(page.get_by_test_id("influence").get_by_role("row").nth(1)).to_contain_text(f"{exact:.3g}")
+    page.get_by_role("button", name="bandwidth").click()
+    expect(page.get_by_role("heading", name="What moves the bandwidth")).to_be_visible()
+    page.get_by_test_id("influence").get_by_role("link", name="motor.mass").click()
+    expect(page.get_by_role("slider").first).to_have_attribute("aria-label", "motor.mass")
+
+
+@pytest.fixture(scope="module", params=["light", "dark"])
+def themed(request, browser, service):
+    context = signed_in(browser, service.url, scheme=request.param)
+    yield context
+    context.close()
+
+
+def test_no_page_has_faults_that_axe_finds(themed, hydraulic, job) -> None:
+    page = themed.new_page()
+    found = {}
+    for address, there in LISTED.items():
+        page.goto(address.format(system=hydraulic, job=job))
+        page.locator(there).first.wait_for()
+        if wrong := faults(page):
+            found[address] = wrong
+    page.close()
+    assert found == {}
+
+
+def test_the_way_in_has_no_faults_and_no_page_lies_behind_it(browser, service) -> None:
+    context = browser.new_context(base_url=service.url)
+    page = context.new_page()
+    page.goto("/jobs")
+    page.get_by_test_id("key").wait_for()
+    assert faults(page) == []
+    context.close()
+
+
+def test_an_address_without_a_page_says_so(page: Page) -> None:
+    page.goto("/nothing-here")
+    expect(page.get_by_role("heading", name="There is no such page")).to_be_visible()
+
+
+def test_a_page_fits_a_tablet(browser, service, hydraulic) -> None:
+    context = signed_in(browser, service.url, size=(800, 1100))
+    page = context.new_page()
+    page.goto(f"/systems/{hydraulic}/panel?s=law.kp&in=reference&loop=error")
+    page.locator("[data-testid=plots][data-frame]").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    context.close()
