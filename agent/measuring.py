@@ -128,7 +128,6 @@ class Measurement:
             outcome.error = AttemptError("internal", f"an error of the agent ({type(error).__name__}): see its log")
         if plan is not None and plan.output is not None:
             self._rest(plan.output, outcome)
-        self._lease.tell(status="uploading", message="on its way")
         told = None if outcome.error is None else {"code": outcome.error.code, "detail": outcome.error.detail}
         try:
             run.write("end", {"facts": self._facts, "error": told})

@@ -33,6 +33,7 @@ class Uploader:
         """The id under which this agent is registered; nothing is sent before."""
         self._there: dict[str, set[str]] = {}
         self._aside: set[str] = set()
+        self._told: set[str] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="uploader", daemon=True)
 
@@ -88,6 +89,8 @@ class Uploader:
 
     def _forward(self, run: Run, agent: str) -> bool:
         begin, ended = run.read("begin"), run.ended
+        if ended and run.name not in self._told:
+            self._tell(run, agent)
         if begin is None:
             return self._finish(run, agent) if ended else False
         dataset = self._dataset(run, agent, begin)
@@ -103,6 +106,15 @@ class Uploader:
             self._commit(run, dataset)
             return self._finish(run, agent)
         return worked
+
+    def _tell(self, run: Run, agent: str) -> None:
+        """Say that the rig rests and the samples are on their way, which may take longer than a lease."""
+        document = {"agent": agent, "status": "uploading", "message": "on its way"}
+        try:
+            self._service.heartbeat(run.claim, document)
+        except RefusedError as error:
+            _log.info("%s comes late: %s", run.name, error)
+        self._told.add(run.name)
 
     def _dataset(self, run: Run, agent: str, begin: dict[str, Any]) -> str:
         known = run.read("dataset")
