@@ -167,14 +167,13 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
     if binary:
         fields = kind.split()
         try:
-            order = {"1": "<", "2": ">"}[fields[1]]
-            if fields[2] != "2":
-                raise FormatError(f"binary ordinates must be in the format of IEEE 754 (2), got {fields[2]}")
-            length = int(fields[4])
+            order, form, length = {"1": "<", "2": ">"}[fields[1]], fields[2], int(fields[4])
         except (IndexError, KeyError, ValueError) as error:
             raise FormatError(
                 f"the first line of a binary dataset 58 must name byte order and sizes, got {kind[:80]!r}"
             ) from error
+        if form != "2":
+            raise FormatError(f"binary ordinates must be in the format of IEEE 754 (2), got {form}")
         if length > size - offset:
             raise FormatError(f"the ordinates must be {length} bytes, got {size - offset} before the file ends")
         claimed(f"ordinates of {head[0].strip()!r}", count * per_point, size=length, itemsize=8 if double else 4)

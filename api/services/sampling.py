@@ -67,7 +67,8 @@ class TimeAxis:
         if not instants.size:
             return
         if not np.all(np.isfinite(instants)):
-            raise FormatError(f"time must be given for every sample, got none at sample {self.count}")
+            at = self.count + int(np.flatnonzero(~np.isfinite(instants))[0])
+            raise FormatError(f"time must be given for every sample, got none at sample {at}")
         if self.of_day:
             instants = self._past_midnight(instants)
         steps = np.diff(instants, prepend=self._last)
@@ -102,7 +103,8 @@ class TimeAxis:
         positive = steps[steps > 0.0]
         if not positive.size:
             raise FormatError(f"time must rise, got {steps.size + 1} equal instants")
-        usual = float(np.median(steps))
+        # the mean of what is no gap, so that steps which take turns do not count as gaps
+        usual = float(steps[steps <= 1.75 * np.median(steps)].mean())
         if positive.size < steps.size:
             # instants of a coarse clock: several samples share one
             usual = float(steps.sum()) / steps.size
