@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
 import os
 import subprocess
@@ -19,6 +20,12 @@ from tests.integration.api.conftest import Service, finished, serving, working
 from tests.integration.api.documents import LAG, RAW, lag_recording, upload
 
 SAMPLES = 1500
+FASTER = {
+    "variables": [{"parameter": "tau", "lower": 0.01, "upper": 0.2}],
+    "experiments": [{"name": "step", "input": {"port": "u", "signal": {"kind": "step"}}}],
+    "goals": [{"metric": "rise_time", "experiment": "step", "output": "y", "sense": "minimize"}],
+    "method": {"kind": "gradient", "starts": 1, "seed": 3},
+}
 CASE = {"inputs": {"u": "u"}, "outputs": {"y": "y"}}
 
 
@@ -30,7 +37,7 @@ def client(sqlite_service):
 
 @pytest.fixture(scope="module")
 def chain(client, sqlite_worker) -> dict[str, str]:
-    """Record, cut, identify, write the estimates into the model, validate, optimise."""
+    """Record, cut, identify, write the estimates into the model, validate, optimise, write that into the model, simulate."""
     dataset = upload(client, RAW, lag_recording(samples=SAMPLES)).json()["id"]
     cut = client.post(
         "/v1/processings",
@@ -61,6 +68,14 @@ def chain(client, sqlite_worker) -> dict[str, str]:
         ).json(),
     )
     assert client.get(validation["result"]).json()["verdict"] == "pass"
+    optimization = finished(client, client.post("/v1/optimizations", json=FASTER | {"system": system}).json())
+    model["parameters"]["tau"] = {"value": client.get(optimization["result"]).json()["best"]["tau"], "unit": "s"}
+    client.put(
+        f"/v1/systems/{system}",
+        json=model,
+        headers={"If-Match": '"2"'},
+        params={"derived_from": optimization["id"]},
+    )
     kept = client.post(
         "/v1/simulations",
         json={"system": system, "input": {"port": "u", "signal": {"kind": "step"}}, "samples": 50, "keep": True},
@@ -72,7 +87,9 @@ def chain(client, sqlite_worker) -> dict[str, str]:
         "first": f"{system}@1",
         "second": f"{system}@2",
         "identification": identification["id"],
+        "third": f"{system}@3",
         "validation": validation["id"],
+        "optimization": optimization["id"],
         "kept": kept,
     }
 
@@ -160,15 +177,20 @@ def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[st
 
 def test_a_bundle_repeats_to_the_same_numbers_elsewhere(sqlite_service, chain, sqlite_template, tmp_path) -> None:
     output = tmp_path / "bundle.zip"
-    exported = command(sqlite_service, "export", chain["validation"], "--output", str(output))
+    exported = command(sqlite_service, "export", chain["kept"], "--output", str(output))
     assert exported.returncode == 0, exported.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["bundle.zip"]
     with zipfile.ZipFile(output) as archive:
         names = set(archive.namelist())
         assert archive.read(f"datasets/{chain['dataset']}/original") == lag_recording(samples=SAMPLES)
         manifest = json.loads(archive.read("manifest.json"))
-    assert {f"models/{chain['second']}.json", f"jobs/{chain['identification']}.json"} <= names
+    made = ("first", "second", "third")
+    assert {f"models/{chain[name]}.json" for name in made} <= names
+    assert {f"jobs/{chain[name]}.json" for name in ("identification", "optimization")} <= names
+    # it holds what the numbers need, not what else was made from the same samples
+    assert f"jobs/{chain['validation']}.json" not in names
     assert set(manifest["versions"]) >= {"servotune", "numpy", "scipy"}
+    assert manifest["seeds"] == {chain["optimization"]: 3}
 
     database = tmp_path / "other.db"
     database.write_bytes(sqlite_template.read_bytes())
@@ -176,30 +198,33 @@ def test_a_bundle_repeats_to_the_same_numbers_elsewhere(sqlite_service, chain, s
         done = command(other, "replay", str(output), "--tolerance", "1e-9")
         assert done.returncode == 0, done.stdout + done.stderr
         assert "the same within 1e-09" in done.stdout
-        assert "identification" in done.stdout
+        assert all(word in done.stdout for word in ("identification", "optimization", "simulation", "dataset"))
         with servotune.connect(other.url, key=other.keys["admin"]) as client:
-            datasets = [dataset["id"] for dataset in client.datasets.list()]
-            assert len(datasets) == 2
             # the lineage there is the same graph
-            validation = next(job.id for job in client.jobs.list() if job.kind == "validation")
-            there = client.lineage.get(validation, direction="up")
-            assert sorted(edge["role"] for edge in there["edges"]) == sorted(edge["role"] for edge in manifest["edges"])
-        # a number that was changed is found, wherever it stands
-        spoiled = spoil(output, f"jobs/{chain['identification']}.json", tmp_path / "spoiled.zip")
-        failed = command(other, "replay", str(spoiled))
-        assert failed.returncode == 1
-        assert "NOT the same" in failed.stdout
-        assert "parameters.k.value" in failed.stdout
+            kept = client._transport.get("/v1/results", params={"kind": "simulation"})["items"][0]["id"]
+            there = client.lineage.get(kept, direction="up")
+            assert sorted(e["role"] for e in there["edges"]) == sorted(e["role"] for e in manifest["edges"])
+
+
+def test_a_number_that_was_changed_is_found(client, sqlite_service, tmp_path) -> None:
+    dataset = upload(client, RAW, lag_recording(samples=40)).json()["id"]
+    kept = client.post("/v1/validations", json={"system": LAG, "dataset": dataset, **CASE, "keep": True}).json()["id"]
+    output = tmp_path / "bundle.zip"
+    with servotune.connect(sqlite_service.url, key=sqlite_service.keys["admin"]) as own:
+        own.lineage.export(kept, output)
+    spoiled = spoil(output, f"studies/{kept}.json", tmp_path / "spoiled.zip")
+    failed = command(sqlite_service, "replay", str(spoiled))
+    assert failed.returncode == 1
+    assert "NOT the same" in failed.stdout
+    assert "outputs.y.fit_percent" in failed.stdout
 
 
 def spoil(bundle: Path, name: str, target: Path) -> Path:
-    """Change the estimate of k by a thousandth, with a checksum that hides it."""
-    import hashlib
-
+    """Change a fit by a thousandth, with a checksum that hides it."""
     with zipfile.ZipFile(bundle) as source, zipfile.ZipFile(target, "w") as copied:
         manifest = json.loads(source.read("manifest.json"))
         document = json.loads(source.read(name))
-        document["result"]["parameters"]["k"]["value"] *= 1.001
+        document["result"]["outputs"]["y"]["fit_percent"] *= 1.001
         changed = json.dumps(document).encode()
         manifest["files"][name] = hashlib.sha256(changed).hexdigest()
         for entry in source.namelist():
