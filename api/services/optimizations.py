@@ -47,10 +47,11 @@ def method_options(request: OptimizationRequest) -> tuple[str, dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A request that can be run: its system, and the documents of the structures that it compares."""
+    """A request that can be run: its system, the documents of the structures that it compares, and which of them are stored."""
 
     subject: Subject
     alternatives: tuple[dict[str, Any], ...]
+    stored: tuple[Mapping[str, Any], ...]
 
 
 def prepare(service: Installation, caller: Caller, request: OptimizationRequest) -> Prepared:
@@ -67,11 +68,12 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
     methods.catalogue()[kind].resolve(options)
     if request.alternatives is None:
         _proven(problem_from_wire(request, subject.diagram, read_channel=read_channel), request)
-        return Prepared(subject=subject, alternatives=())
-    documents = []
+        return Prepared(subject=subject, alternatives=(), stored=())
+    documents, stored = [], []
     for index, alternative in enumerate(request.alternatives):
         place = ("alternatives", index)
-        document = _document(service, caller, subject, alternative, place)
+        document, reference = _document(service, caller, subject, alternative, place)
+        stored += [] if reference is None else [dict(reference)]
         diagram = compiled(document, place=(*place, "system"))
         try:
             problem = problem_from_wire(
@@ -89,7 +91,7 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
             raise invalid(
                 f"name must be different for each alternative, got {name!r} twice", "alternatives", index, "name"
             )
-    return Prepared(subject=subject, alternatives=tuple(documents))
+    return Prepared(subject=subject, alternatives=tuple(documents), stored=tuple(stored))
 
 
 def _proven(problem: Problem, request: OptimizationRequest) -> None:
@@ -99,8 +101,9 @@ def _proven(problem: Problem, request: OptimizationRequest) -> None:
 
 def _document(
     service: Installation, caller: Caller, subject: Subject, alternative: AlternativeDocument, place: Place
-) -> dict[str, Any]:
-    """Return the document of an alternative: a system of its own, or the request's with its differences."""
+) -> tuple[dict[str, Any], Mapping[str, Any] | None]:
+    """Return the document of an alternative (a system of its own, or the request's with its differences), and what is stored."""
+    reference = None
     if alternative.system is None:
         document = altered(subject.document, alternative, place)
     else:
@@ -108,11 +111,12 @@ def _document(
             if getattr(alternative, key) is not None:
                 raise invalid(f"{key} must be left out beside a system of its own", *place, key)
         try:
-            document = subject_of(service, caller, alternative.system).document
+            own = subject_of(service, caller, alternative.system)
         except Refused as error:
             raise error.within(*place) from error
+        document, reference = own.document, own.reference
     try:
-        return document_of(SystemDocument.model_validate(document))
+        return document_of(SystemDocument.model_validate(document)), reference
     except ValidationError as error:
         raise invalid(
             f"alternative {alternative.name!r} makes no system: {error.errors()[0]['msg']}", *place
@@ -130,6 +134,7 @@ def submit(
     body = {
         "request": asked,
         "system_reference": dict(subject.reference) if subject.reference else None,
+        "alternative_references": list(prepared.stored),
         "warnings": subject.warnings(),
     }
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)

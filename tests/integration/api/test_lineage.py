@@ -121,6 +121,16 @@ def test_one_call_returns_the_way_from_the_samples_to_the_verdict(client, chain)
     assert {chain["validation"], chain["identification"], chain["kept"]} <= {node["id"] for node in down["nodes"]}
 
 
+def test_structures_that_were_compared_belong_to_it(client) -> None:
+    first, second = (client.post("/v1/systems", json=LAG | {"name": name}).json()["id"] for name in ("one", "two"))
+    alternatives = [{"name": "given", "system": first}, {"name": "other", "system": second}]
+    job = client.post("/v1/optimizations", json=FASTER | {"system": first, "alternatives": alternatives})
+    assert job.status_code == 202, job.text
+    client.post(f"/v1/jobs/{job.json()['id']}/cancel")
+    sources = {edge["from"] for edge in graph(client, job.json()["id"], direction="up")["edges"]}
+    assert sources == {f"{first}@1", f"{second}@1"}
+
+
 def test_a_revision_must_say_where_its_numbers_really_come_from(client, chain) -> None:
     for wrong in ("job_" + "0" * 26, chain["dataset"]):
         reply = client.post("/v1/systems", json=LAG, params={"derived_from": wrong})
