@@ -98,7 +98,9 @@ def run(running: Lab) -> Findings:
         f"measured     {facts['samples']} samples of 2 channels at {facts['actual_rate']:.2f}/s "
         f"({facts['requested_rate']:.0f} were asked for)"
     )
-    textbook = client.validate(model, dataset=str(acquisition["dataset"]), limit_percent=5.0, **CHANNELS)
+    textbook = client.validate(
+        model, dataset=str(acquisition["dataset"]), limit_percent=5.0, diagnose="never", points=4000, **CHANNELS
+    )
     identification, validation = attempt["then"]
     for step in (identification, validation):
         if step["status"] != "done":
@@ -141,7 +143,17 @@ def _measured(client: servotune.Client, model: Mapping[str, Any]) -> servotune.a
             "kind": "identification",
             "body": {"system": model, **CHANNELS, "parameters": IDENTIFIED, "offsets": "estimate"},
         },
-        {"kind": "validation", "body": {"system": model, **CHANNELS, "offsets": "estimate", "limit_percent": 5.0}},
+        {
+            "kind": "validation",
+            "body": {
+                "system": model,
+                **CHANNELS,
+                "offsets": "estimate",
+                "limit_percent": 5.0,
+                "diagnose": "never",
+                "points": 4000,
+            },
+        },
     ]
     nightly = client.schedules.create("every night", cron="0 3 * * *", kind="acquisition", body=CHIRP | {"then": then})
     run_ = client.schedules.trigger(nightly["id"])

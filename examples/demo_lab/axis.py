@@ -153,7 +153,7 @@ CHIRP: dict[str, Any] = {
     "rig": "bench-1",
     "channels": ["reference", "position"],
     "sample_rate": 1600,
-    "duration": 10.0,
+    "duration": 8.0,
     "pre_trigger": 0.2,
     "drive": {
         "output": "reference",
@@ -162,7 +162,7 @@ CHIRP: dict[str, Any] = {
             "amplitude": 2.0,
             "start_frequency": {"value": 0.2, "unit": "Hz"},
             "end_frequency": {"value": 6, "unit": "Hz"},
-            "duration": 9.5,
+            "duration": 7.5,
         },
     },
 }
