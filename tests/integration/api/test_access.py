@@ -128,8 +128,11 @@ def test_a_wrong_key_is_refused_at_its_place(client, body, pointer) -> None:
 
 def test_only_who_runs_the_installation_makes_workspaces(service, client) -> None:
     room = made(client, "/v1/workspaces", name="test bench", limits={"systems": 1})
-    assert room["limits"] == {"systems": 1, "schedules": 10_000, "stored_bytes": 100 * 2**30, "jobs": 1000}
-    assert room["used"] == {"systems": 0, "schedules": 0, "stored_bytes": 0, "jobs": 0}
+    assert room["limits"] == {
+        "systems": 1, "schedules": 10_000, "webhooks": 20, "stored_bytes": 100 * 2**30, "jobs": 1000,
+        "running_jobs": 1000,
+    }  # fmt: skip
+    assert room["used"] == dict.fromkeys(room["limits"], 0)
     assert client.post("/v1/workspaces", json={"name": "test bench"}).status_code == 409
     key = made(client, "/v1/keys", name="bench", scopes=["admin"], workspace=room["id"])["key"]
     with with_key(service, key) as bench:
