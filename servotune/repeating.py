@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -31,6 +31,8 @@ _STUDIES = {
     "spectrum": "/v1/spectra",
     "validation": "/v1/validations",
 }
+_PARTS = frozenset({"dataset", "processing", "acquisition"})
+"""Jobs that make a recording: they are repeated with it."""
 _COMPARED_SAMPLES = 1_000_000
 
 
@@ -95,6 +97,9 @@ def repeat(transport: Transport, path: Path, *, told: Told = lambda _: None) -> 
     return done
 
 
+Maker = Callable[[Mapping[str, Any]], Repeated]
+
+
 class _Run:
     """The state of one repetition: which new identifier stands for which old one."""
 
@@ -108,18 +113,18 @@ class _Run:
 
     def again(self, node: Mapping[str, Any]) -> Repeated | None:
         """Make one thing again; None for what is a part of another one."""
-        match node["id"].partition("_")[0]:
-            case "sys":
-                return self._model(node)
-            case "ds":
-                return self._dataset(node)
-            case "job" if node["kind"] in _JOBS:
-                return self._job(node)
-            case "res":
-                return self._study(node)
-            case "acq":
-                return _skipped(node, "a measurement is not repeated; its recording is here")
-        return None  # the job that read a file is repeated with the file
+        place, kind = node["id"].partition("_")[0], node["kind"]
+        if place == "job" and kind in _PARTS:
+            return None
+        makers: dict[str, tuple[Maker, Collection[str]]] = {
+            "sys": (self._model, {"model"}),
+            "ds": (self._dataset, {"dataset"}),
+            "job": (self._job, _JOBS),
+            "res": (self._study, _STUDIES),
+        }
+        if place not in makers or kind not in makers[place][1]:
+            return _skipped(node, f"{kind}: this cannot be repeated; what it made is here")
+        return makers[place][0](node)
 
     def _model(self, node: Mapping[str, Any]) -> Repeated:
         document = self._bundle.document(f"models/{node['id']}.json")["document"]
@@ -191,9 +196,7 @@ class _Run:
             return _skipped(node, "it had no result", new_id=job.id)
         return _compared(node, job.id, list(differences(kept["result"], result)))
 
-    def _study(self, node: Mapping[str, Any]) -> Repeated | None:
-        if node["kind"] not in _STUDIES:
-            return _skipped(node, f"a kept {node['kind']} is not repeated")
+    def _study(self, node: Mapping[str, Any]) -> Repeated:
         kept = self._bundle.document(f"studies/{node['id']}.json")
         request = self._request(kept["request"], kept["result"].get("system"))
         result = self._post(_STUDIES[node["kind"]], request)

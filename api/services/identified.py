@@ -44,14 +44,19 @@ def adjusted_by(identifier: str, diagram: Diagram, *, database: Database, worksp
             )
         results = ResultRepository(session, workspace)
         body = results.body(results.get(job.result_id))
-    for path in body["parameters"]:
+    parameters = body.get("parameters")
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise invalid(
+            f"identification must be of a system's parameters, {identifier!r} made a model of its own", *_PLACE
+        )
+    for path in parameters:
         info = diagram.parameters.get(path)
         if info is None or info.bound:
             raise invalid(
                 f"identification must be of this system's parameters, {identifier!r} estimated {path!r}", *_PLACE
             )
     return Adjusted(
-        values={path: float(e["value"]) for path, e in body["parameters"].items() if e["value"] is not None},
-        intervals={path: (e["lower95"], e["upper95"]) for path, e in body["parameters"].items()},
-        offsets={name: float(value) for name, value in body["offsets"].items() if value is not None},
+        values={path: float(e["value"]) for path, e in parameters.items() if e["value"] is not None},
+        intervals={path: (e.get("lower95"), e.get("upper95")) for path, e in parameters.items()},
+        offsets={name: float(value) for name, value in body.get("offsets", {}).items() if value is not None},
     )

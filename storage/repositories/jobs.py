@@ -82,7 +82,8 @@ class JobRepository:
         )
         self._session.add(job)
         self._session.flush()
-        remember(self._session, self._workspace_id, job.id, sources_in(body))
+        if "request" in body:  # without one it reads a file into its place: nothing is made from anything
+            remember(self._session, self._workspace_id, job.id, sources_in(body))
         append_event(self._session, job.id, "status", {"status": JobStatus.QUEUED})
         record(self._session, self._workspace_id, "job.create", job.id, kind=kind)
         self._session.refresh(job)

@@ -58,7 +58,7 @@ def _known(connection: sa.Connection) -> Iterator[tuple[str, str, str]]:
         for number in range(2, row.revision + 1):
             yield row.workspace_id, f"{row.id}@{number}", f"{row.id}@{number - 1}"
     for row in connection.execute(sa.select(job)):
-        for source in _sources(row.body):
+        for source in _sources(row.body if "request" in row.body else None):
             yield row.workspace_id, row.id, source
     # the result of a job is one node with it
     of_jobs = sa.select(job.c.result_id).where(job.c.result_id.is_not(None))

@@ -107,6 +107,7 @@ def test_siblings_are_no_relatives(session) -> None:
 def test_a_recording_comes_from_the_job_that_wrote_it(session) -> None:
     datasets, jobs = DatasetRepository(session, OWN), JobRepository(session, OWN)
     file = datasets.create(name="file", format="csv")
+    jobs.create(kind="dataset", body={"dataset": file.id})  # a look at the file, before it was read
     parsing = jobs.create(kind="dataset", body={"dataset": file.id}).id
     file.job_id = parsing
     session.flush()
@@ -176,7 +177,11 @@ def test_another_workspace_sees_nothing(session) -> None:
         with pytest.raises(NotFoundError):
             other.graph(key)
     # naming a foreign thing in one's own request shows that one named it, and nothing else
-    job = JobRepository(session, "ws_lineage").create(kind="validation", body={"dataset": made["dataset"]}).id
+    job = (
+        JobRepository(session, "ws_lineage")
+        .create(kind="validation", body={"request": {"dataset": made["dataset"]}})
+        .id
+    )
     found = other.graph(job)
     assert [(node.id, node.exists, dict(node.facts)) for node in found.nodes if node.id != job] == [
         (made["dataset"], False, {})
