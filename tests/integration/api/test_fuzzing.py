@@ -81,7 +81,7 @@ def test_every_reply_is_in_the_contract(fuzzed, session, label, mode) -> None:
             session=session,
             headers={"Authorization": f"Bearer {fuzzed.keys['admin']}"},
             checks=CHECKS,
-            timeout=30,
+            timeout=120,  # a machine may be busy; that the service is quick is shown elsewhere
         )
 
     ask()
