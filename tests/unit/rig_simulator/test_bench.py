@@ -1,0 +1,81 @@
+"""Devices, tasks and rates as a driver has them."""
+
+from __future__ import annotations
+
+import pytest
+
+from rig_simulator.bench import Bench
+from rig_simulator.commands import obey
+from rig_simulator.description import DescriptionError, read
+from rig_simulator.devices import FINITE, Device, expand
+from rig_simulator.faults import DriverError
+
+
+@pytest.mark.parametrize(
+    ("asked", "got"),
+    [(51200, 51200.0), (50000, 51200.0), (25600, 25600.0), (20000, 25600.0), (5000, 5120.0), (1000, 51200 / 31)],
+)
+def test_a_delta_sigma_module_takes_the_next_rate_that_it_has(asked, got) -> None:
+    """NI 9234: 51.2 kS/s divided by 1 to 31 (NI 9234 datasheet, data rates)."""
+    assert Device(name="Mod1", model="NI 9234", serial=1).coerce(asked) == pytest.approx(got)
+
+
+def test_a_rate_beyond_the_module_is_refused() -> None:
+    with pytest.raises(DriverError) as refused:
+        Device(name="Mod1", model="NI 9234", serial=1).coerce(51201)
+    assert refused.value.code == -200077
+
+
+def test_names_of_channels_are_listed() -> None:
+    assert expand("Dev1/ai0:2, Dev1/ai5") == ["Dev1/ai0", "Dev1/ai1", "Dev1/ai2", "Dev1/ai5"]
+    assert expand("Dev1/ai1:Dev1/ai2") == ["Dev1/ai1", "Dev1/ai2"]
+    with pytest.raises(DriverError):
+        expand("Dev1/ai0:x")
+
+
+def test_two_tasks_do_not_share_the_inputs_of_a_module() -> None:
+    bench = Bench([Device(name="Mod1", model="NI 9234", serial=1, inputs=4)])
+    tasks = [bench.create(name) for name in ("one", "two")]
+    for task in tasks:
+        bench.add_channels(task, "AI", "Mod1/ai0", "", usage=0, lower=-5, upper=5, gain=1.0)
+        bench.set_clock(task, rate=5120, source="", mode=FINITE, samples=5120)
+    bench.start(tasks[0])
+    with pytest.raises(DriverError) as busy:
+        bench.start(tasks[1])
+    assert busy.value.code == -50103
+    bench.clear("one")
+    bench.start(tasks[1])
+
+
+def test_faults_come_on_command() -> None:
+    bench = Bench([Device(name="Mod1", model="NI 9234", serial=1, inputs=4)])
+    obey(bench, ["unplug", "Mod1"])
+    with pytest.raises(DriverError, match="unplugged"):
+        bench.device("Mod1")
+    obey(bench, ["plug", "Mod1"])
+    obey(bench, ["swap", "Mod1", "NI", "9239"])
+    assert (bench.device("Mod1").model, bench.device("Mod1").serial) == ("NI 9239", 2)
+    obey(bench, ["freeze"])
+    assert not bench.awake.is_set()
+    obey(bench, ["thaw"])
+    for words in (["melt"], ["unplug", "Mod9"], ["unplug"]):
+        with pytest.raises(ValueError, match="must be one of"):
+            obey(bench, words)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("devices = []", "devices: List should have at least 1 item"),
+        ("[[devices]]\nname = 'a'\ninput = 3", "devices.0.input: Extra inputs are not permitted"),
+        ("[[devices]]\nname = 'a'\n[[drives]]\nchannel = 'a/ao0'\ninput = 'u'", "input must be one of the plant's"),
+        ("[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\noutput = 'y'", "output must be one of the plant's"),
+        ("[plant]\nsystem = 'none.json'\n[[devices]]\nname = 'a'", "none.json must be readable"),
+        ("[[", "must be TOML"),
+    ],
+)
+def test_a_description_that_makes_no_rig_is_refused(tmp_path, text, says) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(DescriptionError, match=says):
+        read(path)
