@@ -1,67 +1,20 @@
-"""What takes the service longer: estimating parameters and choosing them."""
+"""What takes the service longer: choosing parameters, and what is asked for later."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from servotune.documents import Document, SystemLike, given
+from servotune.identifications import Identifications
 from servotune.jobs import Job
-from servotune.transport import Transport
 
 if TYPE_CHECKING:
-    from servotune.replies import Identification, Optimization, Validation
+    from servotune.replies import Optimization, Validation
 
 
-class Searches:
+class Searches(Identifications):
     """The part of `Client` whose methods return a job."""
-
-    _transport: Transport
-
-    def identify(
-        self,
-        system: SystemLike,
-        *,
-        dataset: str,
-        inputs: Mapping[str, str],
-        outputs: Mapping[str, str],
-        parameters: Sequence[str | Document],
-        offsets: str | None = None,
-        estimation: Sequence[float] | None = None,
-        validation: Sequence[float] | None = None,
-        split: float | None = None,
-        queue: Document | None = None,
-    ) -> Job[Identification]:
-        """Start the estimation of parameters from a recording.
-
-        Parameters
-        ----------
-        inputs, outputs : mapping
-            Which channel of the dataset drives which port, and which one measures which output.
-        parameters : sequence
-            Names, or `{"parameter": "lag.time_constant", "lower": 0, "upper": 0.1, "start": 0.01}`.
-        offsets : str, optional
-            `"estimate"` adds an unknown constant to each output (a sensor's zero).
-        estimation, validation : (start, end), optional
-            Parts of the recording (s).
-        split : float, optional
-            The first part of the recording that estimates, when no parts are given.
-        queue : mapping, optional
-            As for `optimize`.
-        """
-        body = given(
-            system=system,
-            dataset=dataset,
-            inputs=inputs,
-            outputs=outputs,
-            parameters=parameters,
-            offsets=offsets,
-            estimation=estimation,
-            validation=validation,
-            split=split,
-            queue=queue,
-        )
-        return self._start("/v1/identifications", body)
 
     def optimize(
         self,
@@ -131,6 +84,3 @@ class Searches:
         body = given(system=system, **fields)
         headers = {"Prefer": "respond-async"}
         return Job(self._transport, self._transport.post("/v1/validations", body, creates=True, headers=headers))
-
-    def _start(self, path: str, body: Document) -> Job[Any]:
-        return Job(self._transport, self._transport.post(path, body, creates=True))

@@ -42,6 +42,9 @@ _STIFFER: Final = 64
 """Steps of a trial may be so much shorter than they were before."""
 _MOST_STEPS: Final = 1 << 24
 """Steps of a whole response."""
+_FEWEST_FOLLOWED: Final = 8
+_ALIKE: Final = 1e-2
+"""Samples, and how near to each other, that two marches of a response that grows must show."""
 _ROWS: Final = 1 << 17
 """Rows of a table of inputs at a time."""
 
@@ -121,15 +124,12 @@ class MarchedModel:
         base, steps = self._candidates(values, deviation, final=final)
         alone = base.first
         tolerance = SHOWN if final else SEARCHED
-        stride, grown = self._stride, -1
+        stride = self._stride
         finest = min(_FINEST, _STIFFER * stride) if self._followed and not final else _FINEST
         coarse, fine = self._run(alone, stride // 2), self._run(alone, stride)
         while not _agree(fine, coarse, tolerance):
-            if not np.isfinite(fine).all():
-                sample = int(np.argmin(np.isfinite(fine).all(axis=(0, 2))))
-                if stride > 8 * _COARSEST and abs(sample - grown) <= 1 + 0.02 * self._samples:
-                    return self._nothing(len(values))  # shorter steps do not keep it from growing
-                grown = sample
+            if _grows(fine, coarse):
+                return self._nothing(len(values))
             stride *= 2
             if stride > finest or stride * self._samples > _MOST_STEPS:
                 return None
@@ -217,6 +217,16 @@ def _agree(fine: Samples, coarse: Samples, tolerance: float) -> bool:
     with np.errstate(invalid="ignore"):
         apart, size = np.abs(fine - coarse).max(axis=(1, 2)), np.abs(fine).max(axis=(1, 2))
     return bool((np.isfinite(size) & (apart <= tolerance * size)).all())
+
+
+def _grows(fine: Samples, coarse: Samples) -> bool:
+    """Tell whether a response grows beyond all numbers by itself: two marches show the same on the way there.
+
+    Where steps are too long for what is stiff, they differ from the beginning.
+    """
+    followed = np.isfinite(fine).all(axis=(0, 2)) & np.isfinite(coarse).all(axis=(0, 2))
+    end = int(np.argmin(followed)) if not followed.all() else 0
+    return end > _FEWEST_FOLLOWED and _agree(fine[:, : end // 2], coarse[:, : end // 2], _ALIKE)
 
 
 def _away(lower: float, upper: float, start: float, value: float) -> float:

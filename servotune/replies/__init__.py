@@ -5,12 +5,15 @@ from __future__ import annotations
 from servotune.replies.cycles import LimitCycle, OperatingPoint, PredictedCycle
 from servotune.replies.datasets import ChannelData, Dataset
 from servotune.replies.fits import (
+    BlackBox,
+    DriveParameters,
     Estimate,
     Fit,
     FitReport,
     Identification,
     MeasuredCurves,
     OutputValidation,
+    StaticCurve,
     Validation,
 )
 from servotune.replies.frfs import Frf, FrfOutput
@@ -52,6 +55,7 @@ from servotune.replies.values import Metric, Root, Warned
 __all__ = [
     "Alternative",
     "BandEnergy",
+    "BlackBox",
     "CatalogItem",
     "Certificate",
     "CertifiedGoal",
@@ -61,6 +65,7 @@ __all__ = [
     "CrossCheck",
     "Crossing",
     "Dataset",
+    "DriveParameters",
     "Elasticity",
     "Estimate",
     "Evaluated",
@@ -95,6 +100,7 @@ __all__ = [
     "Spectrum",
     "SpectrumVariant",
     "StateSpace",
+    "StaticCurve",
     "Stored",
     "Strongest",
     "Validation",

@@ -40,9 +40,46 @@ class Identification(TypedDict):
     correlations: list[list[float]]
     indistinguishable: list[str]
     fit: FitReport
+    one_step: dict[str, Fit]
+    experiments: list[dict[str, Any]]
     residuals: dict[str, Any]
     status: str
     advice: str
+
+
+class BlackBox(TypedDict):
+    """A model without a diagram: its order, every order tried, its simulation fits, and itself as a system document."""
+
+    order: int
+    delay: float
+    poles: list[list[float]]
+    tried: list[dict[str, Any]]
+    offsets: dict[str, float]
+    fit: FitReport
+    one_step: dict[str, Fit]
+    document: dict[str, Any]
+
+
+class DriveParameters(TypedDict):
+    """Mass, friction and offset of a drive, and the error of the equation of forces: no simulation."""
+
+    parameters: dict[str, Estimate]
+    correlations: list[list[float]]
+    indistinguishable: list[str]
+    equation_error: Fit
+    samples: int
+
+
+class StaticCurve(TypedDict):
+    """A polynomial in (u - center)/scale, its fit, and itself as a lookup table in a system document."""
+
+    degree: int
+    center: float
+    scale: float
+    coefficients: list[float]
+    tried: list[dict[str, Any]]
+    static_fit: Fit
+    document: dict[str, Any]
 
 
 class MeasuredCurves(TypedDict):
