@@ -34,7 +34,7 @@ from engine.validation.validate import Compared, Validated, validate
 from engine.validation.verdict import Grade
 from optimizers.recording import Recording
 from storage.errors import NotFoundError
-from storage.repositories import DatasetRepository
+from storage.repositories import DatasetRepository, ProcessingRepository
 from storage.session import Database
 
 KIND = "validation"
@@ -47,10 +47,11 @@ _AT_ONCE = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A validation that has been proven to make sense."""
+    """A validation that has been proven to make sense; ``begin`` is the first sample of the experiment that ``part`` lies in."""
 
     diagram: Diagram
     recording: Recording
+    begin: int
     part: slice
     window: tuple[float, float]
     overrides: Mapping[str, float]
@@ -103,6 +104,7 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
     return Prepared(
         diagram=diagram,
         recording=recording,
+        begin=_begin(request, part, recording, database=database, workspace=workspace),
         part=part,
         window=chosen,
         overrides=asked.overrides,
@@ -110,6 +112,29 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
         offsets=asked.offsets,
         movable=asked.movable,
         request=request,
+    )
+
+
+def _begin(request: ValidationRequest, part: slice, recording: Recording, *, database: Database, workspace: str) -> int:
+    """Return where the experiment begins that the window lies in: a model does not run across the joints of a merge.
+
+    Raises
+    ------
+    Problem
+        422 for a window that holds a joint.
+    """
+    with database.session() as session:
+        counts = ProcessingRepository(session, workspace).experiments(request.dataset) or (recording.samples,)
+    begin = 0
+    for count in counts:
+        if begin <= part.start and part.stop <= begin + count:
+            return begin
+        begin += count
+    ends = ", ".join(f"{end * recording.sample_time:g}" for end in np.cumsum(counts)[:-1])
+    raise invalid(
+        f"window must lie in one of the {len(counts)} experiments, which are joined at {ends} s, "
+        f"got {part.start * recording.sample_time:g} to {(part.stop - 1) * recording.sample_time:g} s",
+        "window",
     )
 
 
@@ -172,15 +197,16 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     api.errors.Problem
         422 where the model has no finite answer.
     """
-    diagram, recording, part = prepared.diagram, prepared.recording, prepared.part
+    diagram, recording, part, begin = prepared.diagram, prepared.recording, prepared.part, prepared.begin
+    shown = slice(part.start - begin, part.stop - begin)
     # what comes after the window does not matter to a causal system
-    inputs = {name: values[: part.stop] for name, values in recording.inputs.items()}
+    inputs = {name: values[begin : part.stop] for name, values in recording.inputs.items()}
     names = tuple(recording.outputs)
     place: Place = ("parameters",) if prepared.overrides else ("system",)
 
     def answer(overrides: Mapping[str, float]) -> dict[str, Values]:
         found = respond(diagram, inputs, recording.sample_time, outputs=names, overrides=overrides)
-        return {name: values[part] for name, values in found.items()}
+        return {name: values[shown] for name, values in found.items()}
 
     tell(0.1, "simulating")
     with at(*place):
@@ -220,7 +246,7 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     except UnresolvedError as error:
         note = f"no parameter was moved: {error.message}"
         return found.diagnosed(diagnose(found.comparisons({})), note=note)
-    parts = {output: {name: values[part] for name, values in own.items()} for output, own in by.items()}
+    parts = {output: {name: values[shown] for name, values in own.items()} for output, own in by.items()}
     # where a response is near its limit of growth, its derivative may be beyond it
     told = [m for m in prepared.movable if all(np.isfinite(own[m.parameter]).all() for own in parts.values())]
     kept = {output: {m.parameter: own[m.parameter] for m in told} for output, own in parts.items()}

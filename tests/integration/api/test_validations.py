@@ -259,3 +259,21 @@ def test_what_is_too_long_for_a_request_is_left_to_a_worker(sqlite_template, tmp
         many = client.post("/v1/validations", json=asked(short))
         assert many.json()["errors"][0]["pointer"] == "/points"
         assert client.post("/v1/validations", json=asked(short, points=100)).status_code == 200
+
+
+def test_a_model_does_not_run_across_the_joint_of_two_experiments(client) -> None:
+    first = upload(client, RAW, lag_recording(samples=1000)).json()["id"]
+    second = upload(client, RAW, lag_recording(samples=1500)).json()["id"]
+    merged = client.post(
+        "/v1/processings", json={"name": "both", "sources": [first, second], "combine": "append", "steps": []}
+    )
+    assert merged.status_code == 201, merged.text
+    dataset = merged.json()["id"]
+    refused = client.post("/v1/validations", json=asked(dataset, **TRUE))
+    assert refused.json()["errors"][0]["pointer"] == "/window"
+    assert "one of the 2 experiments, which are joined at 1 s" in refused.json()["detail"]
+    # each begins at rest: from the joint on, the answer is that of the second recording alone
+    behind = answered(client, asked(dataset, window=[1.0, 2.499], **TRUE))["outputs"]["y"]
+    alone = answered(client, asked(second, **TRUE))["outputs"]["y"]
+    assert behind["fit_percent"] == pytest.approx(alone["fit_percent"], abs=1e-9)
+    assert behind["curves"]["time"][0] == 1.0
