@@ -12,7 +12,10 @@ from tests.browser.driving import PAGES, faults, signed_in
 #: Page -> what is on it when it has come.
 LISTED = {
     "/systems": "h2#templates",
-    "/jobs": "h1",
+    "/jobs": "[data-testid=jobs]",
+    "/datasets": "h2",
+    "/access": "[data-testid=keys]",
+    "/about": "[data-testid=checks]",
     "/systems/{system}/panel?s=motor.leakage,law.kp&in=reference&loop=error": "[data-testid=plots][data-frame]",
     "/systems/{system}/diagram": ".react-flow__edge",
     "/systems/{system}/influence": "[data-testid=influence]",

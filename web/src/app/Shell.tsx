@@ -7,7 +7,7 @@ import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
 import classes from "./Shell.module.css";
 
-const PLACES = ["systems", "jobs"] as const;
+const PLACES = ["systems", "datasets", "jobs", "access", "about"] as const;
 
 export function Shell() {
   const { t } = useTranslation();

@@ -102,7 +102,7 @@ export function renameBlock(document: SystemDocument, before: string, after: str
 /** A fresh block of a kind, with the example's values for what must be given. */
 export function blockOf(entry: ElementEntry): Block {
   if (entry.kind === "subsystem") return { kind: "subsystem", system: { blocks: { in: { kind: "input" }, gain: { kind: "gain", gain: 1 } }, connections: [{ from: "in", to: "gain" }], outputs: { out: "gain" } } };
-  return { kind: entry.kind, ...(entry.example ?? {}) } as Block;
+  return { kind: entry.kind, ...entry.example } as Block;
 }
 
 /** Copies of blocks with the connections among them, under free names. */

@@ -1,0 +1,95 @@
+"""Recordings: import with a preview, an upload that is interrupted and resumed, plots, a spectrum; keys; the page about the service."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.driving import faults
+
+
+def recording(rows: int) -> str:
+    """A sine of 5 Hz and amplitude 2, sampled 1000 times a second, with decimal commas."""
+    lines = ["Recorded on the test bench", "Time [s];Position [mm];Force (N)"]
+    for i in range(rows):
+        values = (i / 1000, 2 * math.sin(2 * math.pi * 5 * i / 1000), 0.5)
+        lines.append(";".join(f"{value:.6f}".replace(".", ",") for value in values))
+    return "\n".join(lines) + "\n"
+
+
+def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, client) -> None:
+    file = tmp_path / "bench run.csv"
+    file.write_text(recording(4000))
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    expect(page.get_by_label("Samples per second")).to_have_value("1000")
+    expect(page.get_by_role("textbox", name="Unit of column 2")).to_have_value("mm")
+    assert faults(page) == []
+    page.get_by_role("button", name="Import", exact=True).click()
+    page.wait_for_url("**/datasets/ds_*")
+    expect(page.get_by_text("4000 samples")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("heading", name="Spectrum of position")).to_be_visible()
+    expect(page.get_by_role("img", name="position over time")).to_be_visible()
+    assert faults(page) == []
+    page.get_by_role("button", name="Zoom in").click()
+    expect(page.get_by_label("From")).to_have_value("1.333")
+    with page.expect_download() as table:
+        page.get_by_role("button", name="Export Spectrum of position").click()
+        page.get_by_role("menuitem", name="Table").click()
+    rows = [line.split(",") for line in table.value.path().read_text().splitlines()[1:]]
+    peak = max((row for row in rows if row[1]), key=lambda row: float(row[1]))
+    # 5 Hz and 2 mm, on lines as far apart as the recording is short; Hann's window shows at least 85 % between two lines.
+    assert float(peak[0]) == pytest.approx(2 * math.pi * 5, abs=2 * math.pi * 0.8)
+    assert 0.84 * 2 <= float(peak[1]) * (1e3 if float(peak[1]) < 0.01 else 1) <= 2.01
+
+
+def test_an_upload_that_breaks_off_goes_on_where_it_was(page: Page, tmp_path, client) -> None:
+    file = tmp_path / "long.csv"
+    file.write_text(recording(180_000))  # two segments
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.url) if request.method == "PUT" else None)
+    broken = {"count": 0}
+
+    def cut(route) -> None:
+        broken["count"] += 1
+        if broken["count"] == 2:
+            route.abort()
+        else:
+            route.continue_()
+
+    page.route("**/segments/*", cut)
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    page.get_by_role("button", name="Import", exact=True).click()
+    expect(page.get_by_role("alert")).to_contain_text("the connection was lost")
+    page.unroute("**/segments/*")
+    page.reload()
+    sent.clear()
+    page.locator("input[type=file]").set_input_files(file)
+    expect(page.get_by_text("was interrupted")).to_be_visible()
+    page.get_by_role("button", name="Go on").click()
+    page.wait_for_url("**/datasets/ds_*")
+    assert len(sent) == 1
+    expect(page.get_by_text("180000 samples")).to_be_visible(timeout=60_000)
+
+
+def test_a_key_is_made_shown_once_used_and_revoked(page: Page, service) -> None:
+    page.goto("/access")
+    page.get_by_role("textbox", name="Name").fill("lab PC")
+    page.get_by_role("button", name="Make a key").click()
+    key = page.get_by_test_id("new-key").inner_text()
+    with service.client() as client:
+        client.headers["Authorization"] = f"Bearer {key}"
+        assert client.get("/v1/systems").status_code == 200
+        page.reload()
+        expect(page.get_by_test_id("new-key")).to_have_count(0)
+        page.get_by_role("button", name="Revoke lab PC").click()
+        expect(page.get_by_role("row").filter(has_text="lab PC")).to_contain_text("revoked")
+        assert client.get("/v1/systems").status_code == 401
+
+
+def test_the_service_tells_how_it_is(page: Page) -> None:
+    page.goto("/about")
+    expect(page.get_by_test_id("checks").get_by_role("row").filter(has_text="Worker")).to_contain_text("ok")

@@ -1,0 +1,149 @@
+import { Button, Group, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import { Link, useParams, useSearchParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { Problem } from "@/shared/api/problem";
+import type { components } from "@/shared/api/schema";
+import { stroke } from "@/shared/plots/palette";
+import { Plot } from "@/shared/plots/Plot";
+import type { Curve, PlotSpec } from "@/shared/plots/types";
+import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { formatNumber, prettyUnit, words } from "@/shared/units/format";
+
+const POINTS = 1600;
+
+/** A recording: every channel over the same stretch of time, thinned by the service to lowest and highest values, and a spectrum. */
+export function DatasetPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const [query, setQuery] = useSearchParams();
+  const dataset = useQuery({
+    queryKey: ["dataset", id],
+    refetchInterval: (q) => (q.state.data && ["open", "parsing"].includes(q.state.data.status as string) ? 1000 : false),
+    queryFn: (): Promise<components["schemas"]["DatasetReply"]> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
+  });
+  const ready = dataset.data?.status === "ready";
+  const names = (dataset.data?.channels ?? []).map((channel) => String(channel.name));
+  const end = dataset.data?.duration ?? 0;
+  const from = Math.max(0, Number(query.get("from") ?? 0));
+  const to = Math.min(end, Number(query.get("to") ?? end)) || end;
+  const look = (a: number, b: number) =>
+    setQuery(
+      (before) => {
+        const next = new URLSearchParams(before);
+        next.set("from", String(Number(Math.max(0, a).toPrecision(8))));
+        next.set("to", String(Number(Math.min(end, b).toPrecision(8))));
+        return next;
+      },
+      { replace: true },
+    );
+  const channels = useQueries({
+    queries: names.map((name) => ({
+      queryKey: ["channel", id, name, from, to],
+      enabled: ready && to > from,
+      placeholderData: keepPreviousData,
+      queryFn: () => must(api.GET("/v1/datasets/{identifier}/channels/{name}", { params: { path: { identifier: id, name }, query: { start: from, end: to, points: POINTS } } })),
+    })),
+  });
+  const chosen = query.get("channel") ?? names[0] ?? "";
+  const spectrum = useQuery({
+    queryKey: ["spectrum", id, chosen, from, to],
+    enabled: ready && chosen !== "" && to > from,
+    retry: false,
+    placeholderData: keepPreviousData,
+    queryFn: () => must(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity: "amplitude", window: "hann" } as unknown as components["schemas"]["SpectrumRequest"] })),
+  });
+  if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
+  if (!dataset.data) return null;
+  const third = (to - from) / 3;
+  return (
+    <div className="page">
+      <PageHead title={dataset.data.name} doc={ready ? t("datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
+        <StatusBadge status={dataset.data.status} />
+        <Button component={Link} to="/datasets" variant="default">
+          {t("datasets.back")}
+        </Button>
+      </PageHead>
+      <Stack gap="md">
+        {dataset.data.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(dataset.data.error as object) })} />}
+        <ProblemAlert error={channels.find((c) => c.error)?.error} />
+        {dataset.data.status === "open" && <Text fz="sm">{t("datasets.open")}</Text>}
+        {ready && (
+          <>
+            <Group align="flex-end" gap="xs">
+              <NumberEntry label={t("datasets.from")} unit="s" value={from} onCommit={(value) => typeof value === "number" && look(value, to)} w={120} />
+              <NumberEntry label={t("datasets.to")} unit="s" value={to} onCommit={(value) => typeof value === "number" && look(from, value)} w={120} />
+              <Button variant="default" onClick={() => look(from + third, to - third)}>
+                {t("datasets.zoomIn")}
+              </Button>
+              <Button variant="default" onClick={() => look(from - 3 * third, to + 3 * third)}>
+                {t("datasets.zoomOut")}
+              </Button>
+              <Button variant="default" onClick={() => look(from - third, to - third)} disabled={from <= 0} aria-label={t("datasets.earlier")}>
+                ←
+              </Button>
+              <Button variant="default" onClick={() => look(from + third, to + third)} disabled={to >= end} aria-label={t("datasets.later")}>
+                →
+              </Button>
+              <Button variant="default" onClick={() => look(0, end)}>
+                {t("datasets.whole")}
+              </Button>
+            </Group>
+            <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
+              {names.map((name, i) => {
+                const data = channels[i]?.data;
+                return data ? <Channel key={name} name={name} data={data} index={i} /> : null;
+              })}
+            </SimpleGrid>
+            <section>
+              <Group align="flex-end" mb="xs">
+                <Title order={2}>{t("datasets.spectrum")}</Title>
+                <NativeSelect size="xs" aria-label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), channel: event.currentTarget.value }), { replace: true })} />
+              </Group>
+              <ProblemAlert error={spectrum.error} />
+              {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}
+            </section>
+          </>
+        )}
+      </Stack>
+    </div>
+  );
+}
+
+const plain = (values: (number | null)[] | null | undefined): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
+
+function Channel({ name, data, index }: { name: string; data: components["schemas"]["ChannelReply"]; index: number }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const thinned = data.min != null && data.max != null;
+  const spec = useMemo<PlotSpec>(() => {
+    const { color } = stroke(index, dark);
+    const series = thinned ? [{ label: t("datasets.lowest"), color, dash: [] }, { label: t("datasets.highest"), color, dash: [5, 2] }] : [{ label: name, color, dash: [] }];
+    return { title: words(name), x: { label: t("panel.time"), unit: "s" }, y: { label: words(name), unit: prettyUnit(data.unit) }, series, dark };
+  }, [name, data.unit, thinned, index, dark, t]);
+  const curves = useMemo<Curve[]>(() => {
+    const x = plain(data.time);
+    return thinned ? [{ x, y: plain(data.min) }, { x, y: plain(data.max) }] : [{ x, y: plain(data.values) }];
+  }, [data, thinned]);
+  return <Plot spec={spec} curves={curves} height={200} summary={t("datasets.summary", { name, unit: data.unit })} />;
+}
+
+function Spectrum({ name, reply }: { name: string; reply: components["schemas"]["SpectrumReply"] }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const spec = useMemo<PlotSpec>(() => ({ title: t("datasets.spectrumOf", { name }), x: { label: "ω", unit: "rad/s", log: true }, y: { label: t("datasets.amplitude"), unit: prettyUnit(reply.unit) }, series: [{ label: words(name), ...stroke(0, dark), width: 1.2 }], dark }), [name, reply.unit, dark, t]);
+  const curves = useMemo<Curve[]>(() => {
+    const variant = reply.variants[0];
+    const x = plain(variant?.frequency);
+    const y = plain(variant?.value);
+    // A logarithmic axis has no place for 0 rad/s.
+    const first = x.findIndex((w) => w > 0);
+    return [{ x: x.subarray(Math.max(first, 0)), y: y.subarray(Math.max(first, 0)) }];
+  }, [reply]);
+  return <Plot spec={spec} curves={curves} height={220} summary={t("datasets.spectrumOf", { name })} />;
+}

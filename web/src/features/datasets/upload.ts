@@ -1,0 +1,69 @@
+import { api, csrfHeaders, must } from "@/shared/api/client";
+import { Problem } from "@/shared/api/problem";
+
+const SEGMENT = 4 << 20;
+const KEY = (file: File) => `servotune-upload-${file.name}-${file.size}-${file.lastModified}`;
+
+async function sha256(part: Blob): Promise<string> {
+  const digest = await crypto.subtle.digest("SHA-256", await part.arrayBuffer());
+  return [...new Uint8Array(digest)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+function put(url: string, part: Blob, onProgress: (sent: number) => void, signal: AbortSignal): Promise<void> {
+  // fetch() tells nothing of how far an upload is.
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("PUT", url);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    for (const [name, value] of Object.entries(csrfHeaders())) request.setRequestHeader(name, value);
+    request.upload.onprogress = (event) => onProgress(event.loaded);
+    request.onload = () => (request.status < 300 ? resolve() : reject(Problem.of(parsed(request.responseText), request.status)));
+    request.onerror = () => reject(new Problem({ status: 0, title: "", detail: "the connection was lost" }));
+    request.onabort = () => reject(new DOMException("aborted", "AbortError"));
+    signal.addEventListener("abort", () => request.abort());
+    request.send(part);
+  });
+}
+
+function parsed(text: string): unknown {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return text;
+  }
+}
+
+/** The dataset that an interrupted upload of this very file was for. */
+export function interrupted(file: File): string | null {
+  return localStorage.getItem(KEY(file));
+}
+
+/**
+ * Sends a file in verified segments and returns the dataset's id. What the service has already is not sent again: an upload that was
+ * interrupted goes on where it was.
+ */
+export async function upload(file: File, request: object, onProgress: (part: number) => void, signal: AbortSignal): Promise<string> {
+  const kept = interrupted(file);
+  let id = kept;
+  let present = new Set<string>();
+  if (kept) {
+    const found = await api.GET("/v1/datasets/{identifier}/segments", { params: { path: { identifier: kept }, query: { limit: 1000 } } });
+    if (found.data) present = new Set(found.data.items.map((segment) => segment.sha256));
+    else id = null;
+  }
+  if (id === null) {
+    id = (await must(api.POST("/v1/datasets", { body: request as never }))).id;
+    localStorage.setItem(KEY(file), id);
+  }
+  const segments: string[] = [];
+  for (let start = 0; start < file.size; start += SEGMENT) {
+    const part = file.slice(start, Math.min(start + SEGMENT, file.size));
+    const digest = await sha256(part);
+    segments.push(digest);
+    if (!present.has(digest)) await put(`/v1/datasets/${id}/segments/${digest}`, part, (sent) => onProgress((start + sent) / file.size), signal);
+    onProgress(Math.min(1, (start + part.size) / file.size));
+  }
+  await must(api.POST("/v1/datasets/{identifier}/commit", { params: { path: { identifier: id } }, body: { segments, sha256: await sha256(file) } }));
+  localStorage.removeItem(KEY(file));
+  return id;
+}
