@@ -227,7 +227,8 @@ def _is_counter(rows: Sequence[Sequence[str]], column: int, names: dict[int, str
     if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
         return False
     steps = {int(b) - int(a) for a, b in pairwise(cells)}
-    return steps == {1} and (column == 0 or _COUNTER_NAME.fullmatch(names.get(column, "")) is not None)
+    name = names.get(column, "")
+    return steps == {1} and (_COUNTER_NAME.fullmatch(name) is not None or (column == 0 and not _TIME_NAME.match(name)))
 
 
 def _is_rising(rows: Sequence[Sequence[str]], column: int, decimal: str) -> bool:
