@@ -159,7 +159,8 @@ def _movable(request: ValidationRequest, diagram: Diagram, values: Mapping[str, 
     if request.diagnose == "never":
         return ()
     if request.movable is None:
-        free = [info for info in diagram.parameters.values() if not info.bound]
+        # what is 0 is switched off (a lag, a delay): its absence is part of the structure
+        free = [i for i in diagram.parameters.values() if not i.bound and values.get(i.path, i.value) != 0.0]
         own = [info for info in free if "." not in info.path]
         # the document's author named what matters; without such names, every number of a block may be the one
         chosen = (own or free)[:_MOST_MOVABLE]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.errors import UnresolvedError
 from engine.linear.path import connected
 from engine.linear.sampled import Drive, simulate_sampled
 from engine.linear.tangent import INFINITESIMAL
@@ -74,15 +75,23 @@ def tangents(
     """Return the exact derivative of each output by each parameter, output -> parameter -> samples.
 
     ``wall_limit`` (s) is when a nonlinear response is given up; the rest is as in :func:`respond`.
+
+    Raises
+    ------
+    UnresolvedError
+        Where a nonlinear response, or its derivative, cannot be followed.
     """
     if not parameters:
         return {name: {} for name in outputs}
     steps = dict.fromkeys(parameters, INFINITESIMAL)
     if diagram.nonlinear:
         laws = diagram.laws(overrides, steps)
-        _, found = simulate_recorded(
-            laws, _driven(diagram, inputs), sample_time, outputs=outputs, wall_limit=wall_limit
-        )
+        with np.errstate(all="ignore"):  # a parameter at the edge of its range may have no derivative: told below
+            values, found = simulate_recorded(
+                laws, _driven(diagram, inputs), sample_time, outputs=outputs, wall_limit=wall_limit
+            )
+        if not np.isfinite(values).all():
+            raise UnresolvedError("the response has no derivative by every one of these parameters")
     else:
         sources = [diagram.inputs.index(name) for name in inputs]
         targets = [diagram.outputs.index(name) for name in outputs]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.errors import UnresolvedError
 from engine.validation.response import respond, tangents
 
 H = 0.01
@@ -54,3 +55,32 @@ def test_a_limit_has_no_derivative_where_it_holds() -> None:
     by = tangents(LIMIT, {"u": U}, H, outputs=("y",), overrides={"k": 2.0}, parameters=["k"])
     clear = np.abs(np.abs(2 * U) - 1) > 0.05
     assert by["y"]["k"][clear] == pytest.approx(np.where(np.abs(2 * U) < 1, U, 0.0)[clear], abs=1e-6)
+
+
+def test_a_parameter_that_switches_something_on_has_no_derivative() -> None:
+    """A damper without a lag of its coil: at 0 the lag has no state that could carry a derivative."""
+    damper = compile_system(
+        System(
+            name="damper",
+            parameters={},
+            blocks={
+                "x": Block(kind="input"),
+                "v": Block(kind="input"),
+                "i": Block(kind="input"),
+                "d": Block(
+                    kind="mr_damper_spencer",
+                    values={"alpha": [1e3], "c0": [1e3], "c1": [1e4], "k0": [0.0], "k1": 0.0, "x0": 0.0, "gamma": 1e4},
+                ),
+            },
+            connections=tuple(
+                Connection(source=a, target=f"d.{b}") for a, b in (("x", "displacement"), ("v", "velocity"), ("i", "current"))
+            ),
+            outputs={"f": "d"},
+        )
+    )  # fmt: skip
+    driven = {"x": 0.01 * U[:50], "v": 0.01 * np.gradient(U, H)[:50], "i": np.ones(50)}
+    with pytest.raises(UnresolvedError, match="no derivative"):
+        tangents(damper, driven, H, outputs=("f",), overrides={}, parameters=["d.k1", "d.coil_time_constant"])
+    by = tangents(damper, driven, H, outputs=("f",), overrides={}, parameters=["d.k1"])
+    # k1 (x - x0) is added to the force: its derivative is the displacement
+    assert by["f"]["d.k1"] == pytest.approx(driven["x"], abs=1e-9)
