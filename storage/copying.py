@@ -115,16 +115,16 @@ def content(connection: Connection) -> dict[str, Content]:
 
 
 def requeue(session: Session, enqueue: Callable[[Session, str], None]) -> int:
-    """Hand the unfinished jobs of a copy to the job engine; return how many there are.
+    """Hand the jobs of a copy to the job engine that the old one had; return how many there are.
 
     Parameters
     ----------
     enqueue : callable
         Gives a job, by its id, its place in the queue.
     """
-    unfinished = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
-    session.execute(update(Job).where(unfinished).values(status=JobStatus.QUEUED, worker=None))
-    identifiers = session.scalars(select(Job.id).where(unfinished).order_by(Job.created_at, Job.id)).all()
+    carried = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING)) & Job.ticket.is_not(None)
+    session.execute(update(Job).where(carried).values(status=JobStatus.QUEUED, worker=None))
+    identifiers = session.scalars(select(Job.id).where(carried).order_by(Job.created_at, Job.id)).all()
     for identifier in identifiers:
         enqueue(session, identifier)
     return len(identifiers)

@@ -79,8 +79,8 @@ def fill(database: Database) -> dict[str, str]:
         running = queue.enqueue(session, kind="echo", body={"say": "running"}, workspace_id=DEFAULT_WORKSPACE)
         ended = queue.enqueue(session, kind="echo", body={"say": "ended"}, workspace_id=DEFAULT_WORKSPACE)
     with database.session() as session:
-        jobs.begin(session, running.id, worker="gone-0")
-        jobs.begin(session, ended.id, worker="gone-0")
+        jobs.begin(session, running.id, worker="gone-0", ticket=running.ticket)
+        jobs.begin(session, ended.id, worker="gone-0", ticket=ended.ticket)
         jobs.finish(session, ended.id, status=JobStatus.FAILED, attempt=1)
     queue.close()
     return {"waiting": waiting.id, "running": running.id, "dataset": dataset.id, "result": result.id}
@@ -187,7 +187,7 @@ def test_a_backup_is_one_moment_of_a_database_in_use(fresh_database, tmp_path, m
             with fresh_database.session() as session:
                 job = queue.enqueue(session, kind="echo", body={}, workspace_id=DEFAULT_WORKSPACE)
             with fresh_database.session() as session:
-                jobs.begin(session, job.id, worker="w")
+                jobs.begin(session, job.id, worker="w", ticket=job.ticket)
         queue.close()
 
     thread = threading.Thread(target=work)

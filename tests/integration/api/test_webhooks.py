@@ -53,7 +53,7 @@ class Desk:
         with self.database.session() as session:
             job = self.queue.enqueue(session, kind="optimization", body={}, workspace_id=DEFAULT_WORKSPACE)
         with self.database.session() as session:
-            jobs.begin(session, job.id, worker="w")
+            jobs.begin(session, job.id, worker="w", ticket=job.ticket)
             error = {"type": "t", "title": "T", "detail": "why"} if status == JobStatus.FAILED else None
             jobs.finish(session, job.id, status=status, attempt=1, error=error)
             if roll_back:
