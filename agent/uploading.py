@@ -13,7 +13,7 @@ from agent.spool import Run, Segment, Spool
 
 _log = logging.getLogger(__name__)
 _LOOK = 0.2
-_PAUSE, _LONGEST_PAUSE = 0.5, 60.0
+_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
 _SENDINGS = 3
 """Of a segment that arrives otherwise than it left."""
 
