@@ -193,7 +193,12 @@ class AcquisitionRepository:
         self._change(row, dataset_id=dataset_id, late=row.status not in _ALIVE)
 
     def finish(self, row: AcquisitionAttempt, *, facts: Document, error: Document | None) -> AcquisitionAttempt:
-        """Bring an attempt to its end; one that was given up before stays so, and keeps what is now known of it."""
+        """Bring an attempt to its end; one that was given up before stays so, and keeps what is now known of it.
+
+        Said twice, it is the same.
+        """
+        if row.status in {AcquisitionStatus.DONE, AcquisitionStatus.FAILED}:
+            return row
         if row.status not in _ALIVE:
             self._change(row, facts=facts, error=error or row.error, late=True)
             return row
