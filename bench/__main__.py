@@ -12,14 +12,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import batch, cold_start, latency, loop, nonlinear_batch, throughput
+from bench import batch, cold_start, imports, latency, loop, nonlinear_batch, throughput
 from bench.table import Job, markdown, render
 
-SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000}
-SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000}
+SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000, "megabytes": 51.2, "samples": 100_000_000}
+SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000, "megabytes": 1.0, "samples": 100_000}
 
 
-def jobs(*, runs: int, sets: int, candidates: int, most: int) -> Iterator[Job]:
+def jobs(*, runs: int, sets: int, candidates: int, most: int, megabytes: float, samples: int) -> Iterator[Job]:
     """Measure all jobs, one after the other.
 
     Parameters
@@ -28,12 +28,15 @@ def jobs(*, runs: int, sets: int, candidates: int, most: int) -> Iterator[Job]:
         Repetitions of which the median counts.
     sets, candidates, most : int
         Sizes of the batches: sets of gains, candidates, and candidates on one and two threads.
+    megabytes, samples : float, int
+        Size of the file that is imported, and of the recording that is plotted.
     """
     yield from loop.jobs(runs=runs, sets=sets)
     yield from batch.jobs(runs=runs, candidates=candidates)
     yield throughput.job(most)
     yield from latency.jobs(runs=runs)
     yield from nonlinear_batch.jobs(runs=runs, candidates=sets)
+    yield from imports.jobs(runs=max(3, runs // 3) if runs > 1 else 1, megabytes=megabytes, samples=samples)
     yield cold_start.job(runs=max(1, runs // 5))
 
 

@@ -127,3 +127,41 @@ def test_a_file_that_cannot_be_read_fails_with_the_reason(service: Service, clie
     service.on("GET /v1/jobs/job_1", Answer(state))
     with pytest.raises(servotune.JobFailedError, match="line 8: column 2 is not a number"):
         client.datasets.send("ds_1", b"words")
+
+
+def test_a_file_is_looked_at_before_it_is_read(service: Service, client: servotune.Client):
+    proposal = {"import": {"delimiter": ";", "columns": [{"index": 1, "name": "x"}]}, "remarks": []}
+    store = Store(service, FILE | {"format": "csv"}, pieces=TWO)
+    job = {"id": "job_1", "kind": "preview", "status": "succeeded", "progress": 1.0, "message": ""}
+    service.on(
+        "POST /v1/datasets/ds_1/preview", Answer({"dataset": "ds_1", "job": job}, 202, {"Location": "/v1/jobs/job_1"})
+    )
+    service.on("GET /v1/jobs/job_1", Answer(job))
+    service.on("GET /v1/jobs/job_1/result", Answer(proposal))
+    content = b"".join(TWO)
+    dataset = client.datasets.create(FILE | {"format": "csv"})["id"]
+    found = client.datasets.preview(dataset, content, document={"delimiter": ";"})
+    assert found == proposal
+    asked = next(one for one in service.asked if one.path.endswith("/preview"))
+    assert asked.json == {"segments": [digest(piece) for piece in TWO], "import": {"delimiter": ";"}}
+    client.datasets.send(dataset, content, document=found["import"])
+    assert store.sent == [digest(piece) for piece in TWO]  # not a second time
+    assert store.manifest["import"] == proposal["import"]
+
+
+def test_an_export_is_written_as_a_whole_or_not_at_all(service: Service, client: servotune.Client, tmp_path: Path):
+    service.on("GET /v1/datasets/ds_1/export", Answer(b"time [s],x\n0,1\n"))
+    target = tmp_path / "out.csv"
+    found = client.datasets.export("ds_1", target, channels=["a", "b c"], start=0.5)
+    assert (found, target.read_bytes()) == (target, b"time [s],x\n0,1\n")
+    assert service.asked[-1].path == "/v1/datasets/ds_1/export?format=csv&channel=a&channel=b+c&start=0.5"
+    with pytest.raises(servotune.NotFoundError):
+        client.datasets.export("ds_2", tmp_path / "other.h5")
+    with pytest.raises(ValueError, match=r"target must end in one of .csv, .mat, .parquet, .h5, .hdf5"):
+        client.datasets.export("ds_1", tmp_path / "out.xls")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv"]
+
+
+def test_a_channel_of_any_name_is_asked_for(service: Service, client: servotune.Client):
+    service.on("GET /v1/datasets/ds_1/channels/rig%201%2Fforce%20%231", Answer({"unit": "N", "time": [], "values": []}))
+    assert client.datasets.channel("ds_1", "rig 1/force #1")["unit"] == "N"
