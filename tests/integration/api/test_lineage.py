@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import servotune
@@ -216,8 +217,25 @@ def test_a_bundle_repeats_to_the_same_numbers_elsewhere(sqlite_service, chain, s
             assert sorted(e["role"] for e in there["edges"]) == sorted(e["role"] for e in manifest["edges"])
 
 
-def test_a_number_that_was_changed_is_found(client, sqlite_service, tmp_path) -> None:
-    dataset = upload(client, RAW, lag_recording(samples=40)).json()["id"]
+TEXT = {
+    "name": "text",
+    "format": "txt",
+    "import": {
+        "delimiter": ",",
+        "decimal": ".",
+        "header_lines": 1,
+        "sample_rate": 1000,
+        "columns": [{"index": 0, "name": "u", "unit": "V"}, {"index": 1, "name": "y", "unit": "mm"}],
+    },
+}
+
+
+def test_a_number_that_was_changed_is_found(client, sqlite_service, sqlite_worker, tmp_path) -> None:
+    rows = np.frombuffer(lag_recording(samples=40)).reshape(-1, 2)
+    text = "u,y\n" + "\n".join(f"{u!r},{y!r}" for u, y in rows.tolist()) + "\n"
+    parsing = upload(client, TEXT, text.encode()).json()["job"]
+    assert finished(client, parsing)["status"] == "succeeded"
+    dataset = client.get("/v1/datasets").json()["items"][0]["id"]
     kept = client.post("/v1/validations", json={"system": LAG, "dataset": dataset, **CASE, "keep": True}).json()["id"]
     output = tmp_path / "bundle.zip"
     with servotune.connect(sqlite_service.url, key=sqlite_service.keys["admin"]) as own:
@@ -227,6 +245,10 @@ def test_a_number_that_was_changed_is_found(client, sqlite_service, tmp_path) ->
     assert failed.returncode == 1
     assert "NOT the same" in failed.stdout
     assert "outputs.y.fit_percent" in failed.stdout
+    # the file was read again as it had been described
+    again = client.get("/v1/datasets").json()["items"][0]["id"]
+    assert again != dataset
+    assert client.get(f"/v1/datasets/{again}/original").text == text
 
 
 def spoil(bundle: Path, name: str, target: Path) -> Path:
