@@ -48,7 +48,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         undo.callback(recording.close)
         plan = settle(format_, recording, given)
         with Import(database, workspace, identifier) as writing:
-            taken = _Taking(recording, plan, progress, size=size)
+            taken = _Taking(recording, plan, progress, read=lambda: file.tell() / size)
             taken.into(writing)
             count = writing.finish(
                 channels=plan.channels,
@@ -129,13 +129,13 @@ def _of_day(recording: Recording, plan: Plan) -> bool:
 
 
 class _Taking:
-    """The samples of the chosen channels on their way, watched."""
+    """The samples of the chosen channels on their way, watched; ``read`` is the share of the file that has been read."""
 
-    def __init__(self, recording: Recording, plan: Plan, progress: Progress, *, size: int) -> None:
+    def __init__(self, recording: Recording, plan: Plan, progress: Progress, *, read: Callable[[], float]) -> None:
         self._recording = recording
         self._plan = plan
         self._progress = progress
-        self._size = size
+        self._read = read
         self._qualities = [ChannelQuality() for _ in plan.places]
         self._axis: TimeAxis | None = None
         if plan.time is not None:
@@ -161,10 +161,8 @@ class _Taking:
                 self._axis.add(values * self._plan.time_scale)
             else:
                 self._hand_on(writing, channel, values)
-            if total:
-                self._progress(0.1 + 0.9 * min(done / total, 1.0), f"{done} of {total} values")
-            else:
-                self._progress(0.1, f"{done} values")
+            share = done / total if total else self._read()
+            self._progress(0.1 + 0.9 * min(share, 1.0), f"{done} values")
         self._check()
 
     def _hand_on(self, writing: Import, channel: int, values: Values) -> None:
