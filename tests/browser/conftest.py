@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 from tests.browser.driving import Running, launched, running, signed_in
 
-expect.set_options(timeout=20_000)  # beside other tests a page may wait for its processor
+expect.set_options(timeout=30_000)  # beside other tests a page may wait for its processor
 
 
 @pytest.fixture(scope="session")

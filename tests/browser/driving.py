@@ -98,7 +98,8 @@ def signed_in(
         timezone_id="UTC",
         reduced_motion="reduce",
     )
-    context.set_default_timeout(15_000)
+    context.set_default_timeout(30_000)
+    context.set_default_navigation_timeout(90_000)
     page = context.new_page()
     page.goto("/systems")
     page.get_by_test_id("key").fill(KEY)
