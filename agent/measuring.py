@@ -17,11 +17,12 @@ from agent.hardware import Hardware, Running
 from agent.lease import Lease
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
-from agent.spool import Recorder, Run, Spool
+from agent.spool import USUAL_BYTES, Recorder, Run, Spool
 
 Samples = npt.NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
+_MOST_SEGMENTS = 10_000
 _STRETCHES = 20
 """Of one preview."""
 
@@ -169,13 +170,17 @@ class Measurement:
             self._ask(plan)
             self._lease.check()
             run.write("begin", self._begin(plan, rate))
-            segment = max(self._settings.spool.segment, plan.seconds / 10_000)
-            recorder = Recorder(run, channels=len(plan.inputs), samples=int(segment * rate))
+            recorder = Recorder(run, channels=len(plan.inputs), samples=self._segment(plan, rate))
             try:
                 self._record(plan, running, recorder, samples)
             finally:
                 recorder.close()
                 self._facts |= {"samples": recorder.samples, "complete": recorder.samples == samples}
+
+    def _segment(self, plan: Plan, rate: float) -> int:
+        """Return the samples of a segment: small, because several copies of one are in memory; few enough for a manifest."""
+        usual = min(self._settings.spool.segment * rate, USUAL_BYTES / (8 * len(plan.inputs)))
+        return int(max(usual, plan.seconds * rate / _MOST_SEGMENTS, 1))
 
     def _drive(self, plan: Plan, *, rate: float, wait: int, length: int) -> Drive | None:
         if plan.output is None or plan.signal is None:

@@ -31,6 +31,7 @@ Samples = npt.NDArray[np.float64]
 
 MOST_BYTES = 8 * 1024 * 1024
 """In one segment; the service takes no more."""
+USUAL_BYTES = 2 * 1024 * 1024
 _SUFFIX = ".part"
 
 

@@ -48,10 +48,10 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         asked = lab.ask(duration=SECONDS, pre_trigger=0, sample_rate=51200, channels=CHANNELS, drive=None)
         done = lab.wait(asked, within=60 * SECONDS)
         took, used = time.monotonic() - began, peak(agent.pid)
+        lab.until(lambda: lab.runs() == [])
     assert done["status"] == "done", done
     dataset = lab.client.get(f"/v1/datasets/{done['dataset']}").json()
     assert dataset["sample_count"] == SECONDS * 51200
     assert dataset["size"] == SECONDS * 51200 * 8 * 8
     sys.stderr.write(f"{SECONDS} s of 8 x 51200/s in {took:.0f} s, agent {used / 1e6:.0f} MB\n")
     assert used < MOST
-    assert lab.runs() == []
