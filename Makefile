@@ -71,7 +71,7 @@ format: setup  ## let ruff put the code into form
 	@$(BIN)/ruff check --fix --quiet .
 
 proof: setup  ## the random-system properties at full size (long; the same code that `make test` runs small)
-	@$(BIN)/pytest -q tests/property tests/reference --hypothesis-profile=proof
+	@$(BIN)/pytest -q tests/property tests/reference tests/integration/agent/test_memory.py --hypothesis-profile=proof
 
 fuzz: setup  ## random requests made from the contract, eighty times as many as in `make test` (long)
 	@$(BIN)/pytest -q tests/integration/api/test_fuzzing.py --hypothesis-profile=proof
