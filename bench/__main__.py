@@ -12,18 +12,30 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import batch, cold_start, imports, latency, loop, nonlinear_batch, throughput
+from bench import batch, cold_start, identification, imports, latency, loop, nonlinear_batch, throughput
 from bench.table import Job, markdown, render
 
-SIZES = {"runs": 15, "sets": 1000, "candidates": 4096, "most": 1_000_000, "megabytes": 51.2, "samples": 100_000_000}
-SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000, "megabytes": 1.0, "samples": 100_000}
+SIZES = {
+    "runs": 15,
+    "sets": 1000,
+    "candidates": 4096,
+    "most": 1_000_000,
+    "simulations": 60,
+    "megabytes": 51.2,
+    "samples": 100_000_000,
+}
+SMALL = {"runs": 1, "sets": 4, "candidates": 4, "most": 1000, "simulations": 2, "megabytes": 1.0, "samples": 100_000}
 
 
-def jobs(*, runs: int, sets: int, candidates: int, most: int, megabytes: float, samples: int) -> Iterator[Job]:
+def jobs(
+    *, runs: int, sets: int, candidates: int, most: int, megabytes: float, samples: int, simulations: int
+) -> Iterator[Job]:
     """Measure all jobs, one after the other.
 
     Parameters
     ----------
+    simulations : int
+        Of an identification, for each start.
     runs : int
         Repetitions of which the median counts.
     sets, candidates, most : int
@@ -37,6 +49,7 @@ def jobs(*, runs: int, sets: int, candidates: int, most: int, megabytes: float, 
     yield from latency.jobs(runs=runs)
     yield from nonlinear_batch.jobs(runs=runs, candidates=sets)
     yield from imports.jobs(runs=max(3, runs // 3) if runs > 1 else 1, megabytes=megabytes, samples=samples)
+    yield from identification.jobs(most=simulations)
     yield cold_start.job(runs=max(1, runs // 5))
 
 

@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DATA = Path(__file__).parent / "data" / "hydraulic_bench" / "HangingLoad.csv"
+RATE = 50
+"""Samples per second."""
 LAYOUT = {
     "delimiter": ",",
     "decimal": ".",
     "header_lines": 0,
-    "sample_rate": 50,
+    "sample_rate": RATE,
     "columns": [{"index": 1, "name": "reference", "unit": ""}, {"index": 2, "name": "position", "unit": ""}],
 }
 UP, DOWN = (0, 178), (178.02, 321)
@@ -56,7 +58,7 @@ BY_DIRECTION = {
         "error": {"kind": "sum", "signs": "+-"},
         "valve": {
             "kind": "lookup_table",
-            "points": ["=-10-band_down", "=-band_down", 0, 10],
+            "points": ["=-10-band_down", "=-band_down", 0.01, 10.01],
             "values": ["=-10/tau_down", 0, 0, "=10/tau_up"],
             "extrapolation": "linear",
         },
@@ -85,13 +87,13 @@ def study(client: servotune.Client) -> Figure:
             offsets="estimate",
             estimation=window,
             validation=other,
-        ).result()
+        ).wait()
 
     both, up, down = lag((0, 321)), lag(UP, DOWN), lag(DOWN, UP)
     own = client.identify(
         BY_DIRECTION, dataset=dataset, **CHANNELS, parameters=["tau_up", "tau_down", "band_down"],
         initial_states="estimate", estimation=(0, 321),
-    ).result()  # fmt: skip
+    ).wait()  # fmt: skip
     rows = [
         ("one lag, up and down", found(both, "tau"), fit(both, "estimation"), "-"),
         ("one lag, up alone", found(up, "tau"), fit(up, "estimation"), fit(up, "validation")),
@@ -99,7 +101,7 @@ def study(client: servotune.Client) -> Figure:
         ("by direction", f"{found(own, 'tau_up')}, {found(own, 'tau_down')}", fit(own, "estimation"), "-"),
     ]
     table(("model", "time constant", "FIT where estimated", "FIT in the other direction"), rows)
-    return draw(client, dataset, both, own)
+    return draw(client, dataset, both, {"Lifting": up, "Lowering": down})
 
 
 def found(result: Any, name: str) -> str:
@@ -113,29 +115,22 @@ def fit(result: Any, part: str) -> str:
     return f"{result['fit'][part]['position']['fit_percent']:.2f} %"
 
 
-def draw(client: servotune.Client, dataset: str, both: Any, own: Any) -> Figure:
-    """Return the recording with both models, a step up and a step down."""
-    curves = {}
-    for name, system, result, offset in (
-        ("one lag", LAG, both, both["offsets"]),
-        ("by direction", BY_DIRECTION, own, None),
-    ):
+def draw(client: servotune.Client, dataset: str, both: Any, alone: Mapping[str, Any]) -> Figure:
+    """Return measured and simulated steps: up and down, with the lag of both and that of the direction."""
+
+    def curves(result: Any) -> Any:
         values = {path: estimate["value"] for path, estimate in result["parameters"].items()}
-        reply = client.validate(system, dataset=dataset, **CHANNELS, parameters=values, offsets=offset or "none")
-        curves[name] = reply["outputs"]["position"]["curves"]
+        reply = client.validate(LAG, dataset=dataset, **CHANNELS, parameters=values, offsets=result["offsets"])
+        return reply["outputs"]["position"]["curves"]
+
+    common = curves(both)
     figure, axes = panels(1, 2, size=(11, 4.2))
-    for axis, (begin, end), title in zip(axes, ((120, 150), (200, 230)), ("Lifting", "Lowering"), strict=True):
-        part = slice(begin * 50, end * 50)
-        for name, curve in curves.items():
+    for axis, (title, result), (begin, end) in zip(axes, alone.items(), ((120, 150), (200, 230)), strict=True):
+        part = slice(begin * RATE, end * RATE)
+        for name, curve in (("one lag", common), ("lag of this direction", curves(result))):
             axis.plot(scaled(curve["time"], 1)[part], scaled(curve["simulated"], 1)[part], label=name)
-        measured = next(iter(curves.values()))
-        axis.plot(
-            scaled(measured["time"], 1)[part],
-            scaled(measured["measured"], 1)[part],
-            color="0.45",
-            linestyle=":",
-            label="measured",
-        )
+        time, measured = scaled(common["time"], 1)[part], scaled(common["measured"], 1)[part]
+        axis.plot(time, measured, color="0.45", linestyle=":", label="measured")
         label(axis, title=title, x="time, s", y="position")
     return figure
 

@@ -23,6 +23,8 @@ from optimizers.result import Monitor, Status, Unwatched
 if TYPE_CHECKING:
     from optimizers.recording import Identification, RecordedExperiment, Unknown, Window
 
+LEAST_GAIN = 1e-7
+"""A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
 BASELINES = ("mean", "input", "static_gain")
 
 
@@ -82,8 +84,9 @@ def _searched(search: Search, rng: np.random.Generator) -> tuple[Minimum | None,
     starts = np.array([_first(search), *further])
     try:
         found = minimize_squares(
-            search.errors, starts, lower=lower, upper=upper, max_evaluations=search.problem.max_evaluations
-        )
+            search.errors, starts, lower=lower, upper=upper, max_evaluations=search.problem.max_evaluations,
+            least_gain=LEAST_GAIN,
+        )  # fmt: skip
     except CancelledError:
         return search.best, Status.CANCELLED
     if found is None:

@@ -38,7 +38,13 @@ class Minimum:
 
 
 def minimize_squares(
-    evaluate: Evaluation, starts: npt.NDArray[np.float64], *, lower: Vector, upper: Vector, max_evaluations: int = 100
+    evaluate: Evaluation,
+    starts: npt.NDArray[np.float64],
+    *,
+    lower: Vector,
+    upper: Vector,
+    max_evaluations: int = 100,
+    least_gain: float = 1e-9,
 ) -> Minimum | None:
     """Return the best local minimum of the sum of squares, None when the residuals exist at no start.
 
@@ -52,6 +58,8 @@ def minimize_squares(
         May be infinite.
     max_evaluations : int
         For each start.
+    least_gain : float
+        A minimum is one where the next step lowers the cost by less than this part of it.
 
     References
     ----------
@@ -60,13 +68,15 @@ def minimize_squares(
     """
     best: Minimum | None = None
     for start in starts:
-        minimum = _local(evaluate, start, lower, upper, max_evaluations)
+        minimum = _local(evaluate, start, lower, upper, max_evaluations, least_gain=least_gain)
         if minimum is not None and (best is None or minimum.cost < best.cost):
             best = minimum
     return best
 
 
-def _local(evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, max_evaluations: int) -> Minimum | None:
+def _local(
+    evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, max_evaluations: int, *, least_gain: float
+) -> Minimum | None:
     last: dict[bytes, tuple[Vector, Vector]] = {}
 
     def at(x: Vector) -> tuple[Vector, Vector]:
@@ -89,7 +99,7 @@ def _local(evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, ma
         return None
     result = least_squares(
         residuals_at, inside, jac=jacobian_at, bounds=(lower, upper), x_scale="jac",
-        xtol=1e-8, ftol=1e-9, gtol=1e-12, max_nfev=max_evaluations,
+        xtol=1e-8, ftol=least_gain, gtol=1e-12, max_nfev=max_evaluations,
     )  # fmt: skip
     x = _snapped(result.x, lower, upper)
     if not np.isfinite(at(x)[0]).all():
