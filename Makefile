@@ -8,7 +8,7 @@ PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof fuzz bench bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof faults fuzz bench bench-service bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -73,12 +73,18 @@ format: setup  ## let ruff put the code into form
 proof: setup  ## the random-system properties at full size (long; the same code that `make test` runs small)
 	@$(BIN)/pytest -q tests/property tests/reference tests/integration/agent/test_memory.py --hypothesis-profile=proof
 
+faults: setup  ## killed workers and services, a database that goes away or fills up, load; longer than in `make test`
+	@SERVOTUNE_FAULTS=full $(BIN)/pytest -q tests/integration/faults tests/integration/storage/test_jobs_recovery.py
+
 fuzz: setup  ## random requests made from the contract, eighty times as many as in `make test` (long)
 	@$(BIN)/pytest -q tests/integration/api/test_fuzzing.py --hypothesis-profile=proof
 
 # One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
 	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench $(if $(MARKDOWN),--markdown)
+
+bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
+	@$(BIN)/python -m bench.service
 
 bench-optimizers: setup  ## every published optimum by every method that covers it; writes docs/benchmarks/ (minutes)
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.optimizers

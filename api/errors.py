@@ -30,6 +30,7 @@ from storage.errors import (
     RevisionConflictError,
     StateError,
     StorageError,
+    why_unavailable,
 )
 
 MEDIA_TYPE = "application/problem+json"
@@ -148,7 +149,7 @@ def problem_of(error: Exception) -> Problem | None:
 
 def _storage_problem(error: Exception) -> Problem | None:
     if isinstance(error, UNAVAILABLE):
-        return Problem(503, "unavailable", "the database does not answer; try again", headers={"Retry-After": "5"})
+        return Problem(503, "unavailable", f"{why_unavailable(error)}; try again later", headers={"Retry-After": "5"})
     if isinstance(error, QuotaExceededError):
         return _quota_problem(error)
     for kind, (status, name) in _STORAGE.items():

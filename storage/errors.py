@@ -21,6 +21,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -29,6 +30,27 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 #: What the driver raises when the database cannot be reached, is full, locked or read-only.
 UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError)
+
+#: What Postgres says of a server that only reads and of a full disk; SQLite's numbers are in its module.
+_READ_ONLY, _DISK_FULL = "25006", "53100"
+
+
+def why_unavailable(error: Exception) -> str:
+    """Return a clause that says why the database could not do its work, without anything of what it was."""
+    cause = getattr(error, "orig", None)
+    state, code = getattr(cause, "sqlstate", None), getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    if state == _READ_ONLY or code == sqlite3.SQLITE_READONLY:
+        return "the database takes no changes: it is read-only"
+    if state == _DISK_FULL or code == sqlite3.SQLITE_FULL:
+        return "the database takes no changes: its disk is full"
+    if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+        return "the database is busy"
+    return "the database does not answer"
+
+
+def is_read_only(cause: BaseException | None) -> bool:
+    """Tell whether Postgres refused to change anything, which its driver does not count among operational errors."""
+    return getattr(cause, "sqlstate", None) == _READ_ONLY
 
 
 class StorageError(Exception):

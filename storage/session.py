@@ -14,11 +14,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import URL, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, text
+from sqlalchemy.exc import ArgumentError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 
-from storage.errors import DatabaseUrlError, DocumentError
+from storage.errors import DatabaseUrlError, DocumentError, is_read_only
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
@@ -88,11 +88,19 @@ def open_database(url: str) -> Database:
         event.listen(engine, "connect", _prepare_sqlite)
     else:
         engine = create_engine(parsed, json_serializer=_to_json, pool_pre_ping=True, **_ENGINE)
+        event.listen(engine, "handle_error", _count_read_only_as_unavailable)
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
         sessions=sessionmaker(engine, expire_on_commit=False),
     )
+
+
+def _count_read_only_as_unavailable(context: ExceptionContext) -> None:
+    """Raise what a read-only server says as what it is: a database that cannot do its work now."""
+    cause = context.original_exception
+    if is_read_only(cause):
+        raise OperationalError(context.statement, None, cause, hide_parameters=True) from cause
 
 
 def _to_json(document: Any) -> str:

@@ -82,7 +82,7 @@ def wait_until_gone(process: int, timeout: float) -> None:
         time.sleep(0.01)
 
 
-def wait_for(found: Callable[[], bool], what: str, timeout: float = 20.0) -> None:
+def wait_for(found: Callable[[], bool], what: str, timeout: float = 90.0) -> None:
     """Wait until something is so."""
     give_up_at = time.monotonic() + timeout
     while not found():

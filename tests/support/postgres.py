@@ -42,54 +42,79 @@ def binaries() -> Path:
 UNTIL_STDIN_CLOSES = '"$0" "$@" & read _; kill -QUIT $!; wait $!'
 
 
+class Server:
+    """A server on a Unix socket in a temporary directory, which can be stopped and started again.
+
+    Parameters
+    ----------
+    settings
+        In place of those of `SETTINGS`.
+    """
+
+    def __init__(self, **settings: str) -> None:
+        self._directory = binaries()
+        self._settings = SETTINGS | settings
+        # Postgres refuses to run as root.
+        self._user = next(name for name in ("postgres", "nobody") if _exists(name)) if os.geteuid() == 0 else None
+        self._home = Path(tempfile.mkdtemp(prefix="pg-", dir="/tmp"))  # a socket's path may have 107 characters only
+        if self._user is not None:
+            shutil.chown(self._home, self._user)
+        self._environment = {key: value for key, value in os.environ.items() if not key.startswith("PG")}
+        self._process: subprocess.Popen[bytes] | None = None
+        #: The URL of its databases, with ``{name}`` for the name of one.
+        self.url = f"postgresql+psycopg://postgres@/{{name}}?host={self._home}"
+        with (self._home / "log").open("wb") as log:
+            subprocess.run(
+                [
+                    self._directory / "initdb", "-D", self._home / "data", "-U", "postgres", "-A", "trust", "-E", "UTF8",
+                    "--locale=C", "-N",
+                ],
+                check=True,
+                stdout=log,
+                stderr=log,
+                cwd=self._home,
+                user=self._user,
+                env=self._environment,
+            )  # fmt: skip
+
+    def start(self) -> None:
+        """Start it and wait until it answers."""
+        settings = [f"-c{key}={value}" for key, value in self._settings.items()]
+        server = [self._directory / "postgres", "-D", self._home / "data", f"-cunix_socket_directories={self._home}"]
+        with (self._home / "log").open("ab") as log:
+            self._process = subprocess.Popen(
+                ["sh", "-c", UNTIL_STDIN_CLOSES, *server, *settings],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                cwd=self._home,
+                user=self._user,
+                env=self._environment,
+            )
+        _wait(self._process, self._home)
+
+    def stop(self) -> None:
+        """Stop it at once, whoever is connected: what is committed is recovered from its log."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
+
+    def remove(self) -> None:
+        """Delete what it left."""
+        shutil.rmtree(self._home)
+
+
 @contextmanager
 def server() -> Iterator[str]:
-    """Run a server on a Unix socket in a temporary directory; give its URL without a database's name."""
-    directory = binaries()
-    # Postgres refuses to run as root.
-    user = next(name for name in ("postgres", "nobody") if _exists(name)) if os.geteuid() == 0 else None
-    home = Path(tempfile.mkdtemp(prefix="pg-", dir="/tmp"))  # a socket's path may have 107 characters only
-    if user is not None:
-        shutil.chown(home, user)
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("PG")}
-    with (home / "log").open("wb") as log:
-        data = home / "data"
-        subprocess.run(
-            [directory / "initdb", "-D", data, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C", "-N"],
-            check=True,
-            stdout=log,
-            stderr=log,
-            cwd=home,
-            user=user,
-            env=environment,
-        )
-        settings = [f"-c{key}={value}" for key, value in SETTINGS.items()]
-        process = subprocess.Popen(
-            [
-                "sh",
-                "-c",
-                UNTIL_STDIN_CLOSES,
-                directory / "postgres",
-                "-D",
-                data,
-                f"-cunix_socket_directories={home}",
-                *settings,
-            ],
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=log,
-            cwd=home,
-            user=user,
-            env=environment,
-        )
-        assert process.stdin is not None
-        try:
-            _wait(process, home)
-            yield f"postgresql+psycopg://postgres@/{{name}}?host={home}"
-        finally:
-            process.stdin.close()
-            process.wait()
-            shutil.rmtree(home)
+    """Run a server; give its URL without a database's name."""
+    own = Server()
+    try:
+        own.start()
+        yield own.url
+    finally:
+        own.stop()
+        own.remove()
 
 
 def create_database(url: str, name: str, *, template: str = "template1") -> str:

@@ -16,6 +16,7 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
+from fastapi import FastAPI
 
 from api.main import create_app
 from api.settings import Settings
@@ -32,6 +33,7 @@ class Service:
     url: str
     database_url: str
     keys: dict[str, str]
+    app: FastAPI | None = None
 
     def client(self, key: str = "admin") -> httpx.Client:
         return httpx.Client(
@@ -61,7 +63,9 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
     # Tests show many wrong keys.
     app = create_app(Settings(database_url=database_url, **({"wrong_keys_per_minute": 0} | settings)))
     listener = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+    server = uvicorn.Server(
+        uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1, timeout_keep_alive=75)
+    )
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     port = listener.getsockname()[1]
@@ -69,7 +73,7 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
         assert thread.is_alive(), "the server did not start"
         time.sleep(0.01)
     try:
-        yield Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url))
+        yield Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url), app=app)
     finally:
         server.should_exit = True
         thread.join(timeout=20)

@@ -20,7 +20,7 @@ import pytest
 
 from api.commands import openapi
 from tests.integration.api.conftest import finished
-from tests.integration.api.documents import LAG, RAW, lag_recording, upload
+from tests.integration.api.documents import LAG, upload
 from tests.integration.api.test_datasets import FILE, TEXT
 from tests.support import postgres
 
@@ -96,18 +96,6 @@ def test_the_first_key_is_printed_once_and_kept_only_as_a_hash(tmp_path) -> None
         assert "st_" not in (tmp_path / "log.txt").read_text()
         client.headers["Authorization"] = f"Bearer {key}"
         assert client.get("/v1/systems").status_code == 200
-
-
-def test_without_its_worker_the_service_is_not_ready(tmp_path) -> None:
-    with served(tmp_path, bootstrap_key=KEY, worker_stale_seconds="3") as (process, client):
-        children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=True)
-        for child in children.stdout.split():
-            os.kill(int(child), signal.SIGKILL)
-        reply = wait(client, 503, process, tmp_path)
-        assert reply.json()["checks"]["worker"] == "stale"
-        assert client.get("/healthz").status_code == 200
-        # what needs no worker goes on
-        assert upload(client, RAW, lag_recording(samples=100)).status_code == 200
 
 
 def test_the_worker_ends_with_a_killed_service(tmp_path) -> None:

@@ -123,6 +123,7 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url):
     stopped = start_worker(database_url)
     job_id = desk.ask("spin")
     first = desk.process_of(job_id)
+    dead_name = desk.get(job_id).worker
     heir = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
     heir.start()
     assert heir.name.endswith("-1")
@@ -137,6 +138,9 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url):
     wait_until_gone(first, timeout=3.0)
     job = desk.get(job_id)
     assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
+    # It has lost its name, and works on under another one.
+    other = desk.ask("spin")
+    assert desk.wait(other, "running").worker not in {heir.name, dead_name}
     heir.stop()
     stopped.kill()
     stopped.wait()

@@ -1,0 +1,85 @@
+"""`make bench-service`: rates of the queue, what a second worker brings, and two hundred clients for a minute."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+from bench.service import workers
+from bench.service.load import load
+from tests.support import postgres
+
+KEY = "a-key-of-the-benchmark"
+
+
+@contextmanager
+def serving(database: str, log: Path) -> Iterator[str]:
+    """Run the service without a worker; give its address."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = int(listener.getsockname()[1])
+    environment = os.environ | {
+        "SERVOTUNE_DATABASE_URL": database, "SERVOTUNE_BOOTSTRAP_KEY": KEY, "SERVOTUNE_REQUESTS_PER_MINUTE": "0",
+    }  # fmt: skip
+    command = [sys.executable, "-m", "servotune", "serve", "--no-worker", "--port", str(port)]
+    with log.open("w") as written:
+        process = subprocess.Popen(command, env=environment, stdout=written, stderr=written)  # noqa: S603 - our own
+    try:
+        while True:
+            try:
+                if httpx.get(f"http://127.0.0.1:{port}/readyz", trust_env=False).status_code == 200:
+                    break
+            except httpx.TransportError:
+                time.sleep(0.1)
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def main() -> None:
+    """Measure on both databases, and print."""
+    parser = argparse.ArgumentParser(prog="make bench-service", description=__doc__)
+    parser.add_argument("--clients", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--jobs", type=int, default=300, help="jobs that do nothing")
+    parser.add_argument("--parts", type=int, default=8, help="parts of a job")
+    parser.add_argument("--work", type=float, default=4.0, help="processor time of a part, s")
+    given = parser.parse_args()
+    print(f"load of the machine: {', '.join(f'{value:.1f}' for value in os.getloadavg())}; {os.cpu_count()} cores")
+    with tempfile.TemporaryDirectory() as folder, postgres.server() as server:
+        for name in ("sqlite", "postgres"):
+
+            def fresh(what: str, name: str = name) -> str:
+                if name == "sqlite":
+                    return f"sqlite:///{folder}/{what}.db"
+                return postgres.create_database(server, what)
+
+            for what, rate in workers.rates(fresh("rates"), jobs=given.jobs).items():
+                print(f"{name}: jobs {what}: {rate:.0f}/s")
+            taken = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
+            print(
+                f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {taken[1]:.1f} s, 2 workers {taken[2]:.1f} s, {taken[1] / taken[2]:.2f}x"
+            )
+            with serving(fresh("load"), Path(folder) / f"{name}.log") as url:
+                outcome = asyncio.run(load(url, KEY, clients=given.clients, seconds=given.seconds))
+            times = ", ".join(
+                f"p{100 * share:g} {1000 * outcome.percentile(share):.0f} ms" for share in (0.5, 0.9, 0.99)
+            )
+            print(
+                f"{name}: {given.clients} clients, one request a second each: reads {times}; {dict(outcome.statuses)}, failed {dict(outcome.failures)}"
+            )
+
+
+if __name__ == "__main__":
+    main()

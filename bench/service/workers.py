@@ -1,0 +1,107 @@
+"""How throughput grows with workers: a job in parts, and the rates of the queue itself.
+
+Each worker has a core of its own, as `deploy/servotune-worker@.service` gives it one. A part spends processor time, not
+wall-clock time, so the ratio says what the queue and the putting together cost.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from storage import Database, open_database
+from storage.jobs.queue import JobQueue
+from storage.models import DEFAULT_WORKSPACE, JobStatus
+from storage.repositories import JobRepository, WorkerRepository
+
+_CODE = (
+    "import os, sys, threading; os.sched_setaffinity(0, {int(sys.argv[2])}); from storage.jobs.worker import Worker; "
+    "Worker(sys.argv[1], compute='bench.service.computing:run').run(threading.Event())"
+)
+
+
+class Desk:
+    """Asks for jobs and waits for them."""
+
+    def __init__(self, url: str) -> None:
+        self.database: Database = open_database(url)
+        self.database.migrate()
+        self.queue = JobQueue(self.database)
+
+    def ask(self, kind: str, **body: float) -> str:
+        """Ask for one job."""
+        with self.database.session() as session:
+            return self.queue.enqueue(session, kind=kind, body=body, workspace_id=DEFAULT_WORKSPACE).id
+
+    def wait(self, job: str) -> float:
+        """Return how long (s) the job took, from the first start to its end."""
+        while True:
+            with self.database.session() as session:
+                row = JobRepository(session, DEFAULT_WORKSPACE).get(job)
+            if JobStatus(row.status).final:
+                assert row.status == JobStatus.SUCCEEDED, row.error
+                assert row.started_at is not None
+                assert row.finished_at is not None
+                return (row.finished_at - row.started_at).total_seconds()
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self.queue.close()
+        self.database.dispose()
+
+
+@contextmanager
+def working(desk: Desk, url: str, count: int) -> Iterator[None]:
+    """Run workers, each on a core of its own, from when all of them are there."""
+    cores = sorted(os.sched_getaffinity(0))
+    running = [
+        subprocess.Popen([sys.executable, "-c", _CODE, url, str(cores[number % len(cores)])])  # noqa: S603 - our own code
+        for number in range(count)
+    ]
+    try:
+        while True:
+            with desk.database.session() as session:
+                if len(WorkerRepository(session).alive()) >= count:
+                    break
+            time.sleep(0.1)
+        desk.wait(desk.ask("nothing"))
+        time.sleep(1.0)
+        yield
+    finally:
+        for worker in running:
+            worker.terminate()
+        for worker in running:
+            worker.wait()
+
+
+def parts(url: str, *, count: int, seconds: float) -> dict[int, float]:
+    """Return how long a job of so many parts takes with one and with two workers."""
+    taken = {}
+    for number in (1, 2):
+        desk = Desk(url)
+        with working(desk, url, number):
+            taken[number] = desk.wait(desk.ask("parts", count=count, work=seconds))
+        desk.close()
+    return taken
+
+
+def rates(url: str, *, jobs: int) -> dict[str, float]:
+    """Return jobs asked for in a second, and jobs done in a second by one worker and by two."""
+    found = {}
+    for number in (1, 2):
+        desk = Desk(url)
+        with working(desk, url, number):
+            begun = time.perf_counter()
+            asked = [desk.ask("nothing") for _ in range(jobs)]
+            found["asked"] = jobs / (time.perf_counter() - begun)
+            begun = time.perf_counter()
+            for job in asked:
+                desk.wait(job)
+            found[f"done, {number} worker{'s' * (number > 1)}"] = jobs / (time.perf_counter() - begun)
+        desk.close()
+    return found

@@ -1,0 +1,147 @@
+"""The database goes away, fills up or only reads: a clear 503, nothing lost, and everything goes on afterwards."""
+
+from __future__ import annotations
+
+import gc
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from sqlalchemy import event, text
+
+from storage import open_database
+from tests.integration.api.conftest import serving
+from tests.integration.api.documents import LAG
+from tests.integration.faults.load import Load, summed, workers
+from tests.support.desk import Desk
+from tests.support.postgres import Server, create_database
+
+SYSTEMS = "/v1/systems"
+
+
+@pytest.fixture(autouse=True)
+def _connections_that_the_server_cut() -> Iterator[None]:
+    """Collect what the driver calls open although its server is gone, and would complain about in another test."""
+    yield
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
+
+
+def reads_and_writes(client: httpx.Client, number: int) -> httpx.Response:
+    if number % 3:
+        return client.get(SYSTEMS, params={"limit": 5})
+    return client.post(SYSTEMS, json=LAG | {"name": f"system {number}"})
+
+
+def test_postgres_restarts_under_load(tmp_path: Path, seconds: float, rounds: int) -> None:
+    server = Server(synchronous_commit="on")  # what is answered must be there after a crash of the server
+    server.start()
+    try:
+        url = create_database(server.url, "loaded")
+        database = open_database(url)
+        database.migrate()
+        desk = Desk(database)
+        log = tmp_path / "workers.txt"
+        with workers(url, 2, log=log), serving(url, requests_per_minute=0) as service:
+            jobs = [desk.ask("square", values=[1, 2], pause=0.02) for _ in range(20)]
+            with Load(service.client, reads_and_writes, threads=6) as load:
+                load.wait(30)
+                for _ in range(rounds):
+                    server.stop()
+                    time.sleep(0.3)
+                    with service.client() as client:
+                        assert client.get("/healthz").status_code == 200
+                        away = client.get("/readyz")
+                        assert (away.status_code, away.json()["checks"]["database"]) == (503, "unavailable")
+                        refused = client.get(SYSTEMS)
+                        assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
+                        assert "the database does not answer" in refused.json()["detail"]
+                    server.start()
+                    load.wait(30)
+                time.sleep(seconds / 3)
+            assert summed(load.statuses, 200, 201, 503) == {}, load.texts[:3]
+            assert load.statuses[201] > 0
+            with service.client() as client:
+                assert client.get("/readyz").status_code == 200
+                kept = 0
+                cursor = None
+                while True:
+                    page = client.get(SYSTEMS, params={"limit": 1000, **({"cursor": cursor} if cursor else {})}).json()
+                    kept += len(page["items"])
+                    if (cursor := page["next_cursor"]) is None:
+                        break
+            assert kept >= load.statuses[201]  # one whose answer was cut off may be there, too
+            for job in jobs:
+                assert desk.wait(job, timeout=60).status == "succeeded"
+        desk.queue.close()
+        database.dispose()
+    finally:
+        server.stop()
+        server.remove()
+
+
+@pytest.mark.parametrize("fault", ["full", "read-only"])
+def test_a_database_that_takes_no_changes_says_so_and_recovers(
+    sqlite_template: Path, tmp_path: Path, fault: str
+) -> None:
+    path = tmp_path / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    with serving(f"sqlite:///{path}") as service, service.client() as client:
+        system = client.post(SYSTEMS, json=LAG).json()["id"]
+        engine = service.app.state.installation.database.engine
+        wrong = {"full": "PRAGMA max_page_count = 1", "read-only": "PRAGMA query_only = ON"}[fault]
+        right = {"full": "PRAGMA max_page_count = 1000000", "read-only": "PRAGMA query_only = OFF"}[fault]
+
+        def break_it(connection, *_: object) -> None:
+            connection.execute(wrong)
+
+        def mend_it(connection, *_: object) -> None:
+            connection.execute(right)
+
+        event.listen(engine, "checkout", break_it)
+        big = LAG | {"name": "y" * 200}
+        replies = [client.post(SYSTEMS, json=big) for _ in range(40)]
+        refused = [reply for reply in replies if reply.status_code != 201]
+        assert {reply.status_code for reply in refused} == {503}, [reply.text for reply in refused[:2]]
+        says = {"full": "its disk is full", "read-only": "it is read-only"}[fault]
+        assert says in refused[-1].json()["detail"]
+        assert refused[-1].headers["Retry-After"] == "5"
+        assert client.get(f"{SYSTEMS}/{system}").status_code == 200
+        event.remove(engine, "checkout", break_it)
+        event.listen(engine, "checkout", mend_it)
+        before = client.get(SYSTEMS, params={"limit": 1000}).json()["items"]
+        assert len(before) == 1 + len(replies) - len(refused)  # what was refused left nothing
+        assert client.post(SYSTEMS, json=big).status_code == 201
+
+
+def test_a_postgres_that_only_reads_says_so_and_recovers(postgres_url, postgres_template) -> None:
+    url = create_database(postgres_url, "only_reads", template=postgres_template)
+    operator = open_database(url)
+    with serving(url) as service, service.client() as client:
+        assert client.post(SYSTEMS, json=LAG).status_code == 201
+        _let_it_write(operator, allowed=False)
+        refused = client.post(SYSTEMS, json=LAG)
+        assert refused.status_code == 503, refused.text
+        assert "it is read-only" in refused.json()["detail"]
+        assert client.get(SYSTEMS).status_code == 200
+        _let_it_write(operator, allowed=True)
+        assert client.post(SYSTEMS, json=LAG).status_code == 201
+    operator.dispose()
+
+
+def _let_it_write(operator, *, allowed: bool) -> None:
+    """Change what new connections may do, and end all others."""
+    with operator.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        connection.execute(text("SET default_transaction_read_only = off"))
+        connection.execute(
+            text(f"ALTER DATABASE only_reads SET default_transaction_read_only = {'off' if allowed else 'on'}")
+        )
+        connection.execute(
+            text(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = 'only_reads' AND pid <> pg_backend_pid()"
+            )
+        )

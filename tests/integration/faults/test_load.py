@@ -1,0 +1,44 @@
+"""Many clients and workers at once: no error of the service, no lock that anybody notices. `make bench-load` measures the times."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import httpx
+
+from tests.integration.api.conftest import serving
+from tests.integration.api.documents import LAG
+from tests.integration.faults.conftest import FULL
+from tests.integration.faults.load import Load, summed, workers
+from tests.support.desk import Desk
+
+CLIENTS = 20
+
+
+def test_four_workers_and_twenty_clients_on_one_sqlite_file(
+    sqlite_template: Path, tmp_path: Path, seconds: float
+) -> None:
+    path = tmp_path / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    url, log = f"sqlite:///{path}", tmp_path / "workers.txt"
+
+    def work(client: httpx.Client, number: int) -> httpx.Response:
+        if number % 4 == 0:
+            return client.post("/v1/systems", json=LAG | {"name": f"system {number}"})
+        if number % 4 == 1:
+            return client.get("/v1/systems", params={"limit": 3})
+        return client.get("/v1/jobs", params={"limit": 3})
+
+    with serving(url, requests_per_minute=0) as service, workers(url, 4, log=log):
+        desk = Desk(service.app.state.installation.database)
+        with Load(service.client, work, threads=CLIENTS) as load:
+            jobs = [desk.ask("square", values=[1], pause=0.01) for _ in range(200 if FULL else 20)]
+            for job in jobs:
+                assert desk.wait(job, timeout=120).status == "succeeded"
+            time.sleep(seconds)
+        desk.queue.close()
+    assert summed(load.statuses, 200, 201) == {}, load.texts[:3]
+    assert load.cut_off == 0
+    assert load.done > CLIENTS
+    assert "lock" not in log.read_text(), log.read_text()
