@@ -14,7 +14,7 @@ from api.settings import Settings
 
 DOCUMENT: dict[str, Any] = create_app(Settings.model_construct()).openapi()
 ROUTES = {
-    f"{method} {route.path}": route
+    f"{method} {route.path_format}": route
     for router in (*ROUTERS, HEALTH)
     for route in router.routes
     if isinstance(route, APIRoute)
