@@ -261,17 +261,11 @@ def _models(
     """Yield order, delay in samples, model and constants."""
     y = case.y[:, case.part]
     if method == "subspace":
-        level = y.mean(axis=1) if case.offsets else np.zeros(len(y))
         u = case.driven(0)[:, case.part]
-        drive = u.mean(axis=1, keepdims=True) if case.offsets else np.zeros((len(u), 1))
         horizon = min(2 * max(orders) + 10, u.shape[1] // (4 * (len(u) + len(y))))
-        decomposed = Subspace(u - drive, y - level[:, None], horizon)
+        decomposed = Subspace(u, y, horizon, offset=case.offsets)
         for order in sorted(orders):
-            model = decomposed.model(order)
-            settled = np.zeros(len(y))
-            if case.offsets and model.stable:
-                settled = (model.c @ np.linalg.solve(np.eye(order) - model.a, model.b) + model.d) @ drive[:, 0]
-            yield order, 0, model, level - settled if case.offsets else np.zeros(len(y))
+            yield order, 0, *decomposed.model(order)
         return
     delays = round(largest_delay / case.h)
     whole = OutputError(case.driven(0)[0, case.part], y[0], offset=case.offsets)

@@ -27,29 +27,33 @@ class Subspace:
     outputs : ndarray, shape (outputs, samples)
     horizon : int
         Rows of blocks in past and future; larger than any order asked for.
+    offset : bool
+        Whether each output has an unknown constant.
     """
 
-    def __init__(self, inputs: Matrix, outputs: Matrix, horizon: int) -> None:
-        self._u, self._y, self._horizon = inputs, outputs, horizon
+    def __init__(self, inputs: Matrix, outputs: Matrix, horizon: int, *, offset: bool) -> None:
+        self._u, self._y, self._offset = inputs, outputs, offset
         u, y = _hankel(inputs, 2 * horizon), _hankel(outputs, 2 * horizon)
         past_u, future_u = np.split(u, 2)
         past_y, future_y = np.split(y, 2)
-        stacked = np.concatenate([future_u, past_u, past_y, future_y])
+        # constants are taken out of every row exactly, as the future inputs are
+        known = np.concatenate([np.ones((1, u.shape[1])), future_u]) if offset else future_u
+        stacked = np.concatenate([known, past_u, past_y, future_y])
         lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
-        first, second = len(future_u), len(future_u) + len(past_u) + len(past_y)
+        first, second = len(known), len(known) + len(past_u) + len(past_y)
         self._left, self.strengths, _ = np.linalg.svd(lower[second:, first:second], full_matrices=False)
 
-    def model(self, order: int) -> Discrete:
-        """Return the model of an order below ``horizon`` times the outputs; it may be unstable."""
+    def model(self, order: int) -> tuple[Discrete, Matrix]:
+        """Return the model of an order below ``horizon`` times the outputs, which may be unstable, and the constants."""
         outputs = len(self._y)
         gamma = self._left[:, :order] * np.sqrt(self.strengths[:order])
         a = np.linalg.lstsq(gamma[:-outputs], gamma[outputs:], rcond=None)[0]
         c = gamma[:outputs]
-        b, d, x0 = self._driven(a, c)
-        return Discrete(a=a, b=b, c=c, d=d, x0=x0)
+        b, d, x0, constants = self._driven(a, c)
+        return Discrete(a=a, b=b, c=c, d=d, x0=x0), constants
 
-    def _driven(self, a: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """Return B, D and x_0: the outputs are linear in them."""
+    def _driven(self, a: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """Return B, D, x_0 and the constants: the outputs are linear in them."""
         n, inputs, outputs = len(a), len(self._u), len(self._y)
         samples = self._u.shape[1]
         states = np.zeros((n, n * inputs + n))
@@ -65,12 +69,20 @@ class Subspace:
         columns[:, :, n * inputs : -n] = direct
         table = columns.reshape(samples * outputs, -1)
         if not np.isfinite(table).all():
-            return np.zeros((n, inputs)), np.zeros((outputs, inputs)), np.zeros(n)
+            return np.zeros((n, inputs)), np.zeros((outputs, inputs)), np.zeros(n), np.zeros(outputs)
+        if self._offset:
+            table = np.concatenate([table, np.tile(np.eye(outputs), (samples, 1))], axis=1)
         scale = np.linalg.norm(table, axis=0)
         scale[scale == 0] = 1.0
         found = np.linalg.lstsq(table / scale, self._y.T.ravel(), rcond=1e-12)[0] / scale
-        b, d, x0 = np.split(found, [n * inputs, n * inputs + outputs * inputs])
-        return b.reshape(inputs, n).T, d.reshape(inputs, outputs).T, x0
+        ends = np.cumsum([n * inputs, outputs * inputs, n])
+        b, d, x0, constants = np.split(found, ends)
+        return (
+            b.reshape(inputs, n).T,
+            d.reshape(inputs, outputs).T,
+            x0,
+            constants if self._offset else np.zeros(outputs),
+        )
 
 
 def _hankel(signals: Matrix, rows: int) -> Matrix:
