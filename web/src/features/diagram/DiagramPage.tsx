@@ -13,14 +13,16 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { BlockNode, OutputNode, type BlockData } from "./BlockNode";
 import { ConflictDialog, type Conflict } from "./ConflictDialog";
 import classes from "./DiagramPage.module.css";
+import { FeedbackEdge } from "./FeedbackEdge";
 import { Inspector } from "./Inspector";
-import { laidOut } from "./layout";
+import { laidOut, sizeOf } from "./layout";
 import { blockOf, connect, connectionsOf, disconnect, endOf, feedbackOf, freeName, partOf, pasted, portsOf, removeBlocks, scoped, withScoped, type Catalogue } from "./model";
 import { DRAGGED, Palette } from "./Palette";
 import { SignalPlot } from "./SignalPlot";
 import { keepPlaces, keptPlaces, useEditor, type Point } from "./store";
 import { useCheck } from "./useCheck";
 
+const EDGES = { feedback: FeedbackEdge };
 const NODES = { block: BlockNode, sink: OutputNode };
 const OUT = "out:";
 
@@ -103,10 +105,22 @@ function Editor({ id, catalogue }: { id: string; catalogue: Catalogue }) {
 
   const edges = useMemo<Edge[]>(() => {
     const line = { type: "smoothstep", markerEnd: { type: MarkerType.ArrowClosed, width: 14, height: 14 } };
+    const bottoms = Object.entries(document.blocks).flatMap(([name, block]) => {
+      const at = own?.[name];
+      const ports = portsOf(block, catalogue);
+      return at ? [{ x: at.x, y: at.y + sizeOf(ports.inputs.length, ports.outputs.length, block.kind).height }] : [];
+    });
+    let lanes = 0;
     const wires = connectionsOf(document).map((w): Edge => {
       const from = endOf(w.from, document, catalogue, "outputs");
       const to = endOf(w.to, document, catalogue, "inputs");
       const key = `${to.block}.${to.port}`;
+      const [left, right] = [own?.[to.block]?.x, own?.[from.block]?.x];
+      if (feedback.has(w.to) && left !== undefined && right !== undefined && right >= left) {
+        // Loops inside of loops run beside each other, the outer one lower.
+        const below = Math.max(...bottoms.filter((b) => b.x >= left && b.x <= right).map((b) => b.y)) + 22 + 12 * lanes++;
+        return { id: key, source: from.block, sourceHandle: from.port, target: to.block, targetHandle: to.port, selected: wire === key, data: { from: w.from, below }, ariaLabel: `${w.from} → ${w.to}`, ...line, type: "feedback" };
+      }
       return { id: key, source: from.block, sourceHandle: from.port, target: to.block, targetHandle: to.port, selected: wire === key, data: { from: w.from }, ariaLabel: `${w.from} → ${w.to}`, ...line };
     });
     const outs = Object.entries(document.outputs).map(([name, text]): Edge => {
@@ -114,7 +128,7 @@ function Editor({ id, catalogue }: { id: string; catalogue: Catalogue }) {
       return { id: OUT + name, source: from.block, sourceHandle: from.port, target: OUT + name, targetHandle: "in", selected: wire === OUT + name, data: { from: text }, ariaLabel: `${text} → ${name}`, style: { strokeDasharray: "4 3" }, ...line };
     });
     return [...wires, ...outs].filter((edge) => document.blocks[edge.source]);
-  }, [document, catalogue, wire]);
+  }, [document, catalogue, wire, own, feedback]);
 
   const add = useCallback(
     (entry: ElementEntry, at?: Point) => {
@@ -275,6 +289,7 @@ function Editor({ id, catalogue }: { id: string; catalogue: Catalogue }) {
             nodes={nodes}
             edges={edges}
             nodeTypes={NODES}
+            edgeTypes={EDGES}
             colorMode={dark ? "dark" : "light"}
             onNodesChange={(changes) => {
               setNodes((before) => applyNodeChanges(changes, before));
