@@ -110,6 +110,10 @@ function Editor({ id, catalogue }: { id: string; catalogue: Catalogue }) {
       const ports = portsOf(block, catalogue);
       return at ? [{ x: at.x, y: at.y + sizeOf(ports.inputs.length, ports.outputs.length, block.kind).height }] : [];
     });
+    for (const name of Object.keys(document.outputs)) {
+      const at = own?.[OUT + name];
+      if (at) bottoms.push({ x: at.x, y: at.y + 28 });
+    }
     let lanes = 0;
     const wires = connectionsOf(document).map((w): Edge => {
       const from = endOf(w.from, document, catalogue, "outputs");

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { csvOf } from "./export";
-import { clamped, equalRanges, extent, padded, tickTexts } from "./ranges";
+import { clamped, decadeText, equalRanges, extent, padded, tickTexts } from "./ranges";
 
 describe("ranges", () => {
   it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
@@ -34,3 +34,5 @@ describe("ticks", () => {
     [[0, 2.5e6], 2.5e6, ["0", "2.5e6"]],
   ])("%j", (splits, step, texts) => expect(tickTexts(splits, step)).toEqual(texts));
 });
+
+it("decades are short", () => expect([0.001, 0.1, 1000, 1e4].map(decadeText)).toEqual(["1e-3", "0.1", "1000", "1e4"]));

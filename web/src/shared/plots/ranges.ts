@@ -62,3 +62,9 @@ export function tickTexts(splits: readonly (number | null)[], step: number): str
   }
   return splits.map((v) => (v === null ? "" : v.toFixed(Math.max(0, more - power)).replace(/^-(0(\.0*)?)$/, "$1")));
 }
+
+/** A whole decade on a logarithmic axis: short enough to stand beside its neighbours. */
+export function decadeText(value: number): string {
+  const power = Math.round(Math.log10(value));
+  return power > 3 || power < -2 ? `1e${power}` : String(Number(value.toPrecision(6)));
+}

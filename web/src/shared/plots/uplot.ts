@@ -1,6 +1,6 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { clamped, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
+import { clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
 import type { Curve, LivePlot, PlotSpec, Series } from "./types";
 
 const FONT = "11px system-ui, sans-serif";
@@ -112,7 +112,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     labelGap: 0,
     size,
     label: label(own),
-    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? String(Number(v.toPrecision(6))) : "")) } 
+    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? decadeText(v) : "")) } 
       : { values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => tickTexts(splits, step) }),
   });
   const yRange = (): Range => clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]])])), spec.clamp);
@@ -129,7 +129,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     height: Math.max(element.clientHeight, 60),
     mode: spec.equal ? 2 : 1,
     legend: { show: false },
-    padding: [8, 10, 0, 0],
+    padding: [8, 20, 0, 0],
     cursor: { show: true, x: true, y: true, points: { show: !spec.equal }, drag: { x: !spec.equal, y: false } },
     scales: spec.equal
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
