@@ -36,7 +36,7 @@ def black_box_from_wire(
 def black_box_to_wire(found: BlackBox) -> dict[str, Any]:
     """Return the body of a finished black box."""
     return {
-        "status": "converged",
+        "status": str(found.status),
         "advice": "A simulation is judged, not a one-step prediction. Give the document parameters of its own to go on.",
         "order": found.order,
         "delay": number(found.delay),
@@ -58,7 +58,7 @@ def black_box_to_wire(found: BlackBox) -> dict[str, Any]:
             "validation": fits_to_wire(found.validation),
             "baselines": {kind: fits_to_wire(fits) for kind, fits in found.baselines.items()},
         },
-        "one_step": fits_to_wire(found.one_step),
+        "one_step_prediction": fits_to_wire(found.one_step),
         "document": dict(found.document),
         "seconds": found.seconds,
     }

@@ -121,7 +121,7 @@ def identified_to_wire(
             "validation": fits_to_wire(found.validation),
             "baselines": {kind: fits_to_wire(fits) for kind, fits in found.baselines.items()},
         },
-        "one_step": fits_to_wire(found.one_step),
+        "one_step_prediction": fits_to_wire(found.one_step),
         "experiments": [_judged_to_wire(one) for one in found.experiments],
         "residuals": _residuals_to_wire(found.residuals),
         "windows": {
@@ -146,7 +146,7 @@ def _judged_to_wire(judged: Judged) -> dict[str, Any]:
         "initial_state": numbers(judged.initial_state),
         "estimation": fits_to_wire(judged.estimation),
         "validation": fits_to_wire(judged.validation),
-        "one_step": fits_to_wire(judged.one_step),
+        "one_step_prediction": fits_to_wire(judged.one_step),
         "residuals": {
             output: {"white": tests.white, "independent": tests.independent}
             for output, tests in judged.residuals.items()

@@ -14,11 +14,10 @@ from engine.fit import Fit, baselines, compare
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
 from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
-from optimizers.identification.search import CancelledError
 from optimizers.noise import fitted
 from optimizers.problem import ProblemError
 from optimizers.recording import RecordedExperiment
-from optimizers.result import Monitor, Unwatched
+from optimizers.result import Monitor, Status, Unwatched
 
 Samples = npt.NDArray[np.float64]
 Method = Literal["subspace", "transfer_function"]
@@ -63,6 +62,8 @@ class BlackBox:
     baselines : mapping of baseline to mapping of output to Fit
     document : mapping
         A system document with the model.
+    status : Status
+        Cancelled where not all orders were tried.
     """
 
     method: Method
@@ -76,6 +77,7 @@ class BlackBox:
     one_step: Mapping[str, Fit]
     baselines: Mapping[str, Mapping[str, Fit]]
     document: Mapping[str, Any]
+    status: Status
     seconds: float
 
 
@@ -115,9 +117,11 @@ def black_box(
     _check(case, method, orders, largest_delay)
     candidates: list[tuple[Tried, Discrete, int, Samples]] = []
     tried = []
+    status = Status.CONVERGED
     for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay)):
         if watch.cancelled():
-            raise CancelledError
+            status = Status.CANCELLED
+            break
         seconds = delay * case.h
         if not model.stable or continuous(model, case.h) is None:
             remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
@@ -130,7 +134,7 @@ def black_box(
     if not candidates:
         raise ProblemError(
             "at least one order must have a stable continuous model, got none: "
-            + "; ".join(f"order {one.order}: {one.remark}" for one in tried),
+            + ("; ".join(f"order {one.order}: {one.remark}" for one in tried) or "cancelled before the first"),
             at=("orders",),
         )
     judged = [_judged(one) for one, *_ in candidates]
@@ -147,7 +151,7 @@ def black_box(
         estimation={name: compare(*pair) for name, pair in parts[0].items()},
         validation={name: compare(*pair) for name, pair in parts[1].items()},
         one_step=case.predicted(model, delay, constants), baselines=case.trivial(window, offsets=offsets),
-        document=_document(case, method, system, best.delay), seconds=time.perf_counter() - began,
+        document=_document(case, method, system, best.delay), status=status, seconds=time.perf_counter() - began,
     )  # fmt: skip
 
 

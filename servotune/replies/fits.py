@@ -40,7 +40,7 @@ class Identification(TypedDict):
     correlations: list[list[float]]
     indistinguishable: list[str]
     fit: FitReport
-    one_step: dict[str, Fit]
+    one_step_prediction: dict[str, Fit]
     experiments: list[dict[str, Any]]
     residuals: dict[str, Any]
     status: str
@@ -56,7 +56,7 @@ class BlackBox(TypedDict):
     tried: list[dict[str, Any]]
     offsets: dict[str, float]
     fit: FitReport
-    one_step: dict[str, Fit]
+    one_step_prediction: dict[str, Fit]
     document: dict[str, Any]
 
 

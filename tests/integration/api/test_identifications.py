@@ -91,7 +91,7 @@ def test_two_experiments_with_gains_of_their_own_give_one_time_constant(client, 
     # noise of 0.01 beside signals of spread 3 and 6
     assert found["fit"]["validation"]["y"]["fit_percent"] > 99
     assert found["datasets"] == [first, second]
-    assert set(found["one_step"]) == {"y"}
+    assert set(found["one_step_prediction"]) == {"y"}
 
 
 def test_a_transfer_function_is_made_from_a_recording_alone(client, sqlite_worker, recordings) -> None:
