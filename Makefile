@@ -58,7 +58,7 @@ serve: setup  ## start the service on http://127.0.0.1:8000 with one worker besi
 	@$(BIN)/servotune serve
 
 test: check web-test  ## every check and every test
-	@$(BIN)/pytest -q -n auto --dist loadfile
+	@$(BIN)/pytest -q -n logical --dist loadfile
 
 check: setup  ## format, lint, types and import contracts
 	@$(BIN)/ruff format --check --quiet .
