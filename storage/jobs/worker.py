@@ -170,7 +170,7 @@ class Worker:
                 with self._database.session() as session:
                     workers = WorkerRepository(session)
                     if not workers.beat(self.name, self._token):
-                        _log.warning("worker %s begins again under another name: it was silent for too long", self.name)
+                        _log.warning("worker %s begins again: it was silent for too long, and its jobs go on elsewhere", self.name)
                         self._ended.set()
                         return
                     if not warm and zygote.warm_up_seconds is not None:

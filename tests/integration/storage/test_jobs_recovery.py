@@ -119,28 +119,35 @@ def test_a_job_that_kills_its_workers_fails(desk: Desk, database_url, tmp_path):
     assert len((tmp_path / "log").read_text().split()) == 3
 
 
-def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url):
-    stopped = start_worker(database_url)
+@pytest.fixture
+def hanging(database_url) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker that may be stopped and woken, gone when the test is over."""
+    process = start_worker(database_url)
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, hanging):
     job_id = desk.ask("spin")
     first = desk.process_of(job_id)
-    dead_name = desk.get(job_id).worker
     heir = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
     heir.start()
-    assert heir.name.endswith("-1")
-    stopped.send_signal(signal.SIGSTOP)  # as a machine that hangs: its job must go on elsewhere
-    give_up_at = time.monotonic() + 15
-    while desk.get(job_id).worker != heir.name:
-        assert time.monotonic() < give_up_at
-        time.sleep(0.05)
-    assert desk.get(job_id).attempts == 2
-    # Back to life, it finds that the job is not its own any more.
-    stopped.send_signal(signal.SIGCONT)
-    wait_until_gone(first, timeout=3.0)
-    job = desk.get(job_id)
-    assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
-    # It has lost its name, and works on under another one.
-    other = desk.ask("spin")
-    assert desk.wait(other, "running").worker not in {heir.name, dead_name}
-    heir.stop()
-    stopped.kill()
-    stopped.wait()
+    try:
+        assert heir.name.endswith("-1")
+        hanging.send_signal(signal.SIGSTOP)  # as a machine that hangs: its job must go on elsewhere
+        give_up_at = time.monotonic() + 15
+        while desk.get(job_id).worker != heir.name:
+            assert time.monotonic() < give_up_at
+            time.sleep(0.05)
+        assert desk.get(job_id).attempts == 2
+        # Back to life, it finds that the job is not its own any more.
+        hanging.send_signal(signal.SIGCONT)
+        wait_until_gone(first, timeout=3.0)
+        job = desk.get(job_id)
+        assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
+        # It begins again, with other jobs.
+        other = desk.ask("spin")
+        assert desk.wait(other, "running").worker != heir.name
+    finally:
+        heir.stop()
