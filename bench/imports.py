@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
-import resource
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -22,6 +22,7 @@ import numpy as np
 from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 from api.services import parsing
+from bench.memory import peak_memory
 from bench.table import Job, Row
 from storage import Database, open_database
 from storage.imports import Import
@@ -125,21 +126,23 @@ def peak(path: Path, format_: str) -> tuple[float, float]:
     with _database() as (database, _):
         identifier, url = send(database, path, format_), database.url
         database.dispose()
-        reading, writing = os.pipe()
-        child = os.fork()
-        if child == 0:
-            own = open_database(url)
-            begin = time.perf_counter()
-            parsing.run({"dataset": identifier}, database=own, workspace=DEFAULT_WORKSPACE, progress=lambda *_: None)
-            seconds = time.perf_counter() - begin
-            used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-            os.write(writing, f"{seconds} {used}".encode())
-            os._exit(0)
-        os.close(writing)
-        os.waitpid(child, 0)
-        with os.fdopen(reading) as pipe:
-            seconds, used = map(float, pipe.read().split())
+        # from scratch, not forked: a fork begins with the memory of its parent
+        done = subprocess.run(  # noqa: S603 - this very file
+            [sys.executable, "-m", "bench.imports", "--parse", url, identifier],
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+    seconds, used = map(float, done.stdout.split())
     return seconds, used
+
+
+def _parse(url: str, identifier: str) -> None:
+    """Import what was sent, and print the seconds and the peak memory, MB."""
+    database = open_database(url)
+    begin = time.perf_counter()
+    parsing.run({"dataset": identifier}, database=database, workspace=DEFAULT_WORKSPACE, progress=lambda *_: None)
+    print(time.perf_counter() - begin, peak_memory())
 
 
 def _write(path: Path, count: int) -> np.ndarray:
@@ -186,7 +189,11 @@ def main() -> None:
     parser.add_argument(
         "--peak", type=float, metavar="MB", help="only: peak memory of the import of a file of this size"
     )
+    parser.add_argument("--parse", nargs=2, metavar=("URL", "ID"), help="only: import what was sent to a database")
     options = parser.parse_args()
+    if options.parse:
+        _parse(*options.parse)
+        return
     if options.peak:
         with tempfile.TemporaryDirectory() as folder:
             for format_, make in (("tdms", _write), ("csv", _write_text)):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from bench import inner_velocity_loop as inner
+from bench.memory import peak_memory
 from bench.table import Job, Row
 from engine.screening import Screening
 
@@ -52,7 +52,7 @@ def screen(count: int, threads: int) -> Throughput:
     for start in range(0, count, CHUNK):
         work(start)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    peak = peak_memory()
     return Throughput(count=count, threads=threads, wall=wall, cpu=cpu, peak=peak)
 
 

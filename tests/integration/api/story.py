@@ -311,6 +311,8 @@ def _jobs(ask: Callable[..., Any], wait: Callable[[dict[str, Any]], Any]) -> dic
         "method": {"kind": "gradient", "starts": 2, "seed": 1},
     }
     job = ask("POST /v1/optimizations", body=body)
+    ask(f"POST {one}/pause", identifier=job["id"])
+    ask(f"POST {one}/resume", identifier=job["id"])
     ask("GET /v1/jobs", query={"kind": "optimization", "limit": 20})
     wait(job)
     ask(f"GET {one}", identifier=job["id"])
