@@ -113,6 +113,8 @@ def signed_in(
 def faults(page: Page) -> list[str]:
     """Return what axe finds against WCAG AA, one line for each element."""
     page.evaluate(_AXE.read_text(encoding="utf-8"))
+    # Colours that are on their way to others are not judged: a button that becomes usable, numbers that are being renewed.
+    page.wait_for_function("() => document.getAnimations().every(one => one.playState !== 'running')")
     found = page.evaluate("tags => axe.run(document, {runOnly: {type: 'tag', values: tags}})", _WCAG)
     return [
         f"{violation['id']}: {node['target']} {node['failureSummary'][:300]}"
