@@ -27,11 +27,12 @@ settings.load_profile("share")
 
 @pytest.fixture(autouse=True)
 def _own_log() -> Iterator[None]:
-    """A command that a test runs in this process sets up the log; with the test the stream ends to which it writes."""
+    """Commands and the job engine set up their logs when they first run; with the test the stream ends to which they write."""
     root = logging.getLogger()
     level = root.level
     yield
-    root.handlers = [handler for handler in root.handlers if type(handler) is not logging.StreamHandler]
+    for logger in (root, logging.getLogger("dbos")):
+        logger.handlers = [handler for handler in logger.handlers if type(handler) is not logging.StreamHandler]
     root.setLevel(level)
 
 
