@@ -27,9 +27,9 @@ def configured(settings: Settings) -> tuple[TelemetryConfig, Callable[[], None]]
         return OFF, lambda: None
     try:
         from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415 - an extra
-        from opentelemetry.sdk.resources import Resource  # noqa: PLC0415
-        from opentelemetry.sdk.trace import TracerProvider  # noqa: PLC0415
-        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+        from opentelemetry.sdk.resources import Resource  # noqa: PLC0415 - as above
+        from opentelemetry.sdk.trace import TracerProvider  # noqa: PLC0415 - as above
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415 - as above
     except ModuleNotFoundError as error:
         raise SystemExit(
             f"SERVOTUNE_OTLP_ENDPOINT must be left out without the extra servotune[telemetry], {error.name} is missing"
