@@ -75,6 +75,7 @@ class Worker:
             raise ValueError(f"slots must be >= 1, got {slots}")
         self._url = url
         self._compute = compute
+        self._lost = ""
         self._slots = slots
         self._heartbeat = heartbeat
         self._token = secrets.token_hex(8)
@@ -100,7 +101,7 @@ class Worker:
             zygote = Zygote(self._compute)
             undo.callback(zygote.close)
             zygote.warm_up()
-            self.name = _claim_name(self._database, self._token, self._slots)
+            self.name = _claim_name(self._database, self._token, self._slots, lost=self._lost)
             undo.callback(self._retire)
             self._queue = JobQueue(self._database)
             undo.callback(self._queue.close)
@@ -170,7 +171,8 @@ class Worker:
                 with self._database.session() as session:
                     workers = WorkerRepository(session)
                     if not workers.beat(self.name, self._token):
-                        _log.warning("worker %s begins again: it was silent for too long, and its jobs go on elsewhere", self.name)
+                        _log.warning("worker %s begins again under another name: it was silent for too long", self.name)
+                        self._lost = self.name
                         self._ended.set()
                         return
                     if not warm and zygote.warm_up_seconds is not None:
@@ -242,8 +244,8 @@ def _use_own_slots(engine: DBOS, slots: int) -> None:
     database.get_queue = get_queue  # type: ignore[method-assign] # what the engine asks is answered here
 
 
-def _claim_name(database: Database, token: str, slots: int) -> str:
-    """Take the first name ``<host>-<n>`` that no living process holds; its unfinished jobs come with it."""
+def _claim_name(database: Database, token: str, slots: int, *, lost: str) -> str:
+    """Take the first name ``<host>-<n>`` that no living process holds and that was not lost; its unfinished jobs come with it."""
     host = socket.gethostname()[:50]
     number = 0
     while True:
@@ -251,7 +253,7 @@ def _claim_name(database: Database, token: str, slots: int) -> str:
         with database.session() as session:
             workers = WorkerRepository(session)
             holder = workers.get(name)
-            if holder is None or not _is_alive(holder):
+            if name != lost and (holder is None or not _is_alive(holder)):
                 replaces = None if holder is None else holder.token
                 if workers.claim(name, token=token, replaces=replaces, host=host, pid=os.getpid(), slots=slots):
                     return name

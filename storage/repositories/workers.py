@@ -69,7 +69,7 @@ class WorkerRepository:
         return self._session.scalars(select(Worker).order_by(Worker.id)).all()
 
     def bury(self, identifier: str, *, token: str, seen_at: datetime) -> None:
-        """Delete a dead worker, unless it has shown itself since; one that comes back later begins anew."""
+        """Delete a dead worker, unless it has shown itself since; one that comes back later takes another name."""
         self._session.execute(
             delete(Worker).where(Worker.id == identifier, Worker.token == token, Worker.seen_at == seen_at)
         )
