@@ -7,6 +7,7 @@ single steps, a position that settles arrives slowly.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +23,16 @@ _FEW = 16
 _MOST_STRETCHES = 20
 _PIECE = 1 << 14
 """Samples that are looked at together: as many as stay in the nearest memory."""
+_LARGEST = float(np.finfo(np.float64).max)
+
+
+def _length(steps: Values) -> float:
+    """Return the root of the sum of squares, which exists also where the squares would be beyond all numbers.
+
+    Not by a product of vectors: that goes through BLAS, whose threads cost more than so few numbers are worth.
+    """
+    largest = float(steps.max())
+    return largest * math.sqrt(float(np.square(steps / largest).sum()))
 
 
 @dataclass(slots=True)
@@ -89,7 +100,7 @@ class ChannelQuality:
     stretches: list[list[int]] = field(default_factory=list)
     _last: float = np.nan
     _step: float = np.inf
-    _squares: float = 0.0
+    _path: float = 0.0  # root of the sum of all squared steps
     _moves: int = 0
     _high: _End = field(default_factory=lambda: _End(1.0))
     _low: _End = field(default_factory=lambda: _End(-1.0))
@@ -104,11 +115,12 @@ class ChannelQuality:
         gone = np.isnan(values)
         if gone.any():
             self._note_missing(gone)
-        steps = np.abs(np.diff(values, prepend=self._last))
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.minimum(np.abs(np.diff(values, prepend=self._last)), _LARGEST)
         moved = steps[steps > 0.0]
         if moved.size:
             self._step = min(self._step, float(moved.min()))
-            self._squares += float(moved @ moved)
+            self._path = math.hypot(self._path, _length(moved))
             self._moves += moved.size
         if len(self._distinct) <= _FEW:
             self._distinct.update(np.unique(values[~gone])[: _FEW + 1].tolist())
@@ -139,7 +151,7 @@ class ChannelQuality:
         """
         clipped = {}
         if len(self._distinct) > _FEW:
-            steep = max(_STEEP * self._step, _SPEED * (self._squares / self._moves) ** 0.5)
+            steep = max(_STEEP * self._step, _SPEED * (self._path / self._moves**0.5))
             for name, end in (("high", self._high), ("low", self._low)):
                 found = end.found(steep)
                 if found:

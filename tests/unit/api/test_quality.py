@@ -63,3 +63,14 @@ def test_a_constant_channel():
 def test_nothing_at_all():
     found = looked_at(np.full(10, np.nan))
     assert (found["minimum"], found["maximum"], found["missing"], found["constant"]) == (None, None, 10, False)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300, 1.7e308])
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_numbers_of_any_size_are_looked_at_like_others(size, pieces):
+    """Squares of 1e300 are beyond all numbers, and so is the way from -1.7e308 to 1.7e308: warnings fail this test."""
+    values = np.clip(SINE, -0.75, 0.9)
+    found = looked_at(size * values, pieces)
+    assert found["clipped"]["high"] == {"value": size * 0.9, "samples": (values == 0.9).sum(), "stretches": 33}
+    steps = np.tile([-1.7e308, 1.7e308], 40) * np.linspace(0.5, 1.0, 80)
+    assert looked_at(steps, pieces)["clipped"] == {}
