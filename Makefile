@@ -8,7 +8,7 @@ PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof faults fuzz bench bench-service bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof faults fuzz bench bench-service bench-web bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -85,6 +85,9 @@ bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes
 
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service
+
+bench-web: setup  ## from a moving slider to the painted picture, in a real Chromium (a minute)
+	@$(BIN)/python -m bench.drag
 
 bench-optimizers: setup  ## every published optimum by every method that covers it; writes docs/benchmarks/ (minutes)
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.optimizers

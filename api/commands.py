@@ -54,6 +54,8 @@ def serve(argv: Sequence[str]) -> int:
             server_header=False,
             # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
             timeout_keep_alive=75,
+            # Curves are float32, which compress badly, and a slider waits for each of them.
+            ws_per_message_deflate=False,
             # Open event streams would hold a shutdown up for ever.
             timeout_graceful_shutdown=3,
         )
