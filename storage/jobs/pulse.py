@@ -4,6 +4,9 @@ How old a heartbeat is would be told by two clocks, the worker's and the reader'
 it is the same as ten seconds ago takes one clock, which nobody sets::
 
     dead:  seen_at the same for ``patience`` of this process' monotonic clock, or the mark of a worker that has stopped
+
+While nobody can look, because the database is away or this process stands still, nobody can show himself either: of the time
+between two looks at most a quarter of ``patience`` counts, so that everybody has several heartbeats to come back with.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from storage.repositories.workers import RETIRED
 
 
 class Pulse:
-    """Remembers when each worker's heartbeat last changed.
+    """Remembers how long each worker's heartbeat has been the same.
 
     Parameters
     ----------
@@ -30,18 +33,19 @@ class Pulse:
     def __init__(self, patience: float, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._patience = patience
         self._clock = clock
-        self._changed: dict[str, tuple[str, datetime, float]] = {}  # token, heartbeat, and when it was first seen
+        self._looked = clock()
+        self._silent: dict[str, tuple[str, datetime, float]] = {}  # token, heartbeat, and how long it has been the same
 
     def dead(self, workers: Sequence[Worker]) -> list[Worker]:
         """Take note of all workers as they are now, and return those that have stopped or gone silent."""
         now = self._clock()
-        known, self._changed = self._changed, {}
-        silent = []
+        passed, self._looked = min(now - self._looked, self._patience / 4), now
+        known, self._silent = self._silent, {}
+        dead = []
         for worker in workers:
-            token, seen_at, since = known.get(worker.id, ("", RETIRED, now))
-            if (token, seen_at) != (worker.token, worker.seen_at):
-                since = now
-            self._changed[worker.id] = (worker.token, worker.seen_at, since)
-            if worker.seen_at == RETIRED or now - since >= self._patience:
-                silent.append(worker)
-        return silent
+            token, seen_at, silence = known.get(worker.id, ("", RETIRED, 0.0))
+            silence = silence + passed if (token, seen_at) == (worker.token, worker.seen_at) else 0.0
+            self._silent[worker.id] = (worker.token, worker.seen_at, silence)
+            if worker.seen_at == RETIRED or silence >= self._patience:
+                dead.append(worker)
+        return dead

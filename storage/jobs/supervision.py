@@ -30,7 +30,7 @@ _PART_INTERVAL = 1.0
 #: How often (s) a running job is asked whether it is still wanted.
 _LOOK_INTERVAL = 0.2
 #: The pauses (s) between two tries to write while the database is away, and the longest of them.
-_PAUSE, _LONGEST_PAUSE = 0.5, 15.0
+_PAUSE, _LONGEST_PAUSE = 0.5, 5.0
 
 _log = logging.getLogger(__name__)
 
@@ -67,14 +67,20 @@ class Supervisor:
         self._slots = threading.Semaphore(slots)
         self._stopping = threading.Event()
         self._idle = threading.Condition()
-        self._busy = 0
+        self._tickets: list[str] = []
         self._told: dict[str, float] = {}
 
     def stop(self, timeout: float) -> None:
         """Kill every child, give the jobs back, and wait until that is done."""
         self._stopping.set()
         with self._idle:
-            self._idle.wait_for(lambda: self._busy == 0, timeout)
+            self._idle.wait_for(lambda: not self._tickets, timeout)
+
+    @property
+    def in_hand(self) -> frozenset[str]:
+        """The tickets of the jobs that this worker does, or will do with its next free slot."""
+        with self._idle:
+            return frozenset(self._tickets)
 
     def run(self, job_id: str, ticket: str) -> None:
         """Do one job, or find that there is nothing to do any more.
@@ -84,7 +90,7 @@ class Supervisor:
         Stopped
             When the worker stops first.
         """
-        with self._counted(), _named(job_id), self._slot():
+        with self._held(ticket), _named(job_id), self._slot():
             begun = self._write(lambda session: self._begin(session, job_id, ticket))
             if begun is None:
                 return
@@ -269,14 +275,14 @@ class Supervisor:
                 pause = min(2 * pause, _LONGEST_PAUSE)
 
     @contextmanager
-    def _counted(self) -> Iterator[None]:
+    def _held(self, ticket: str) -> Iterator[None]:
         with self._idle:
-            self._busy += 1
+            self._tickets.append(ticket)
         try:
             yield
         finally:
             with self._idle:
-                self._busy -= 1
+                self._tickets.remove(ticket)
                 self._idle.notify_all()
 
     @contextmanager

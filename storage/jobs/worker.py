@@ -19,6 +19,7 @@ from storage import models
 from storage.errors import UNAVAILABLE, StateError
 from storage.jobs import reconciliation
 from storage.jobs.children import Zygote
+from storage.jobs.claims import Claims
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.pulse import Pulse
 from storage.jobs.queue import JobQueue
@@ -165,7 +166,8 @@ class Worker:
 
     def _beat(self, zygote: Zygote) -> None:
         """Say that the worker lives, look for those that do not, and hand out what waits for nothing any more."""
-        pulse, looked, warm = Pulse(_PATIENCE * self._heartbeat), 0.0, False
+        patience = _PATIENCE * self._heartbeat
+        pulse, claims, looked, warm = Pulse(patience), Claims(patience), 0.0, False
         while not self._ended.wait(self._heartbeat):
             try:
                 with self._database.session() as session:
@@ -179,7 +181,9 @@ class Worker:
                         workers.warmed_up(self.name, self._token, zygote.warm_up_seconds)
                         warm = True
                     dead = pulse.dead(workers.all())
+                    claimed = reconciliation.claimed(session, self.name)
                 self._take_over(dead)
+                self._begin_again(claims.forgotten(claimed, in_hand=self.supervisor.in_hand))
                 with self._database.session() as session:
                     self._end_overdue(session)
                     self._queue.release(session)
@@ -198,6 +202,16 @@ class Worker:
         with self._database.session() as session:
             for worker in dead:
                 WorkerRepository(session).bury(worker.id, token=worker.token, seen_at=worker.seen_at)
+
+    def _begin_again(self, forgotten: Sequence[str]) -> None:
+        """Put jobs that the engine claimed and never began back into the queue."""
+        if not forgotten:
+            return
+        with self._database.session() as session:
+            rows = reconciliation.holders(session, forgotten)
+            self._queue.carry(session, rows)
+        for job in rows:
+            _log.warning("job %s was claimed and never begun, and is in the queue again", job.id)
 
     def _end_overdue(self, session: Session) -> None:
         for identifier in jobs.overdue(session):

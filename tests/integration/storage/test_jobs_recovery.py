@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from datetime import datetime
 
 import pytest
 from sqlalchemy import text
@@ -17,7 +18,7 @@ from storage.jobs.worker import Worker
 from storage.models import DEFAULT_WORKSPACE, Job
 from storage.repositories import WorkerRepository
 from storage.repositories import jobs as changes
-from tests.support.desk import COMPUTE, Desk, exists, wait_until_gone
+from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
 
 WORK = """
 import sys, threading
@@ -155,3 +156,31 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
             time.sleep(0.05)
     finally:
         heir.stop()
+
+
+def test_a_job_that_the_engine_claimed_and_never_began_is_begun(desk: Desk, database_url):
+    """As it is left when the database goes away between the claim and the start of the job."""
+    worker = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
+    worker.start()
+    try:
+        dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+        with desk.database.session() as session:
+            row = desk.queue.enqueue(session, kind="square", body={"values": [3]}, workspace_id=DEFAULT_WORKSPACE)
+            claim = text(
+                f"UPDATE {dbos}workflow_status SET status = 'PENDING', executor_id = :name WHERE workflow_uuid = :ticket"
+            )
+            session.execute(claim, {"name": worker.name, "ticket": row.ticket})
+        job = desk.wait(row.id)
+        assert (job.status, job.attempts, job.worker) == ("succeeded", 1, worker.name)
+        running = desk.ask("spin")  # one that is in hand stays there, however long it takes
+        desk.process_of(running)
+        ticket, beats = desk.get(running).ticket, set()
+        wait_for(lambda: beats.add(_seen(desk, worker.name)) or len(beats) > 10, "ten heartbeats")
+        assert (desk.get(running).ticket, desk.get(running).attempts) == (ticket, 1)
+    finally:
+        worker.stop()
+
+
+def _seen(desk: Desk, name: str) -> datetime:
+    with desk.database.session() as session:
+        return WorkerRepository(session).get(name).seen_at
