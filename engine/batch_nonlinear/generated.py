@@ -1,7 +1,8 @@
 """Machine code for one structure: the march of `engine.kernels.marching` with the rows of the tapes in place of their interpretation.
 
 Code is generated beside the work and takes the place of the tapes when it is ready. Diagrams of the same structure share it:
-parameters and constants are data.
+parameters and constants are data. Groups of lanes are marched a few at a time, row by row: what one of them waits for, such as the
+long polynomial of an exponential, is the time in which the others are computed.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
+from itertools import chain
 from typing import Any, Final
 
 from llvmlite import binding, ir
@@ -21,6 +23,8 @@ from engine.kernels import functions
 from engine.kernels.compiled import LANES
 
 _REMEMBERED: Final = 128
+_ABREAST: Final = 2
+"""Groups that are marched at a time."""
 _WHOLE: Final = ir.IntType(64)
 _NAME: Final = "march"
 _BLOCKS: Final = ("entry", "group", "step", "note", "noted", "stages", "ready", "leave")
@@ -33,11 +37,16 @@ _SIGNATURE: Final = ctypes.CFUNCTYPE(
     ctypes.c_double,
     ctypes.c_int64,
     ctypes.c_void_p,
+    ctypes.c_int64,
 )
 
 
 class Generated:
-    """The code of a program: ``march`` is None until it is ready."""
+    """The code of a program: ``march`` is None until it is ready.
+
+    It takes registers, inputs, width and stride as `engine.kernels.marching.march` does; what it writes down lies in a record
+    (read, samples, groups, LANES), which may be a part of a longer one: nothing has to be turned round afterwards.
+    """
 
     def __init__(self, program: Program) -> None:
         self.march: Callable[[Real, Real, float, int, Real], None] | None = None
@@ -57,9 +66,10 @@ class Generated:
         run = _SIGNATURE(self._engine.get_function_address(_NAME))
 
         def march(registers: Real, inputs: Real, width: float, stride: int, record: Real) -> None:
+            apart = record.strides[0] // (LANES * record.itemsize)
             run(
                 registers.ctypes.data, registers.shape[1], inputs.ctypes.data, len(inputs) // 2, width, stride,
-                record.ctypes.data,
+                record.ctypes.data, apart,
             )  # fmt: skip
 
         self.march = march  # one assignment: others see the whole code or none
@@ -98,45 +108,48 @@ def _engine(source: str) -> Any:
 
 
 class _Writer:
-    """Writes a march of the program, for one group of lanes after the other."""
+    """Writes a march of the program, for a few groups of lanes after the others; a vector of the program is one for each of them."""
 
     def __init__(self, module: Any, program: Program) -> None:
         self._program = program
         whole, pointer = _WHOLE, ir.DoubleType().as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, whole, pointer, whole, ir.DoubleType(), whole, pointer])
+        kind = ir.FunctionType(ir.VoidType(), [pointer, whole, pointer, whole, ir.DoubleType(), whole, pointer, whole])
         function = ir.Function(module, kind, name=_NAME)
-        self._registers, self._groups, self._inputs, self._steps, self._width, self._stride, self._record = (
-            function.args
-        )
+        (
+            self._registers, self._count, self._inputs, self._steps, self._width, self._stride, self._record, self._apart,
+        ) = function.args  # fmt: skip
         self._at = {name: function.append_basic_block(name) for name in _BLOCKS}
         self._b = ir.IRBuilder(self._at["entry"])
 
     def write(self) -> None:
         """Write the function: a loop over groups, and in it one over steps, which ends behind the last one's beginning."""
         b, program, at = self._b, self._program, self._at
+        # what is computed once for a candidate lies on the stack, at places that are known beforehand: asked for before all else
+        once = range(program.first_once, program.first_once + program.once)
+        self._once = {register: [b.alloca(functions.DOUBLES) for _ in range(_ABREAST)] for register in once}
         self._vectors = b.bitcast(self._registers, functions.DOUBLES.as_pointer())
         self._recorded = b.bitcast(self._record, functions.DOUBLES.as_pointer())
-        self._samples = b.add(b.udiv(self._steps, self._stride), _whole(1))
-        # what is computed once for a candidate lies on the stack, at places that are known beforehand
-        once = range(program.first_once, program.first_once + program.once)
-        self._once = {register: b.alloca(functions.DOUBLES) for register in once}
         half, third, sixth, full = (
             self._spread(b.fmul(self._width, ir.Constant(ir.DoubleType(), part))) for part in (1 / 2, 1 / 3, 1 / 6, 1.0)
         )
         b.branch(at["group"])
 
         b.position_at_end(at["group"])
-        self._group = b.phi(_WHOLE)
-        self._group.add_incoming(_whole(0), at["entry"])
-        start = [b.load(self._place(i), align=8) for i in range(program.states)]
-        for register, slot in self._once.items():
-            b.store(b.load(self._place(register), align=8), slot)
+        group = b.phi(_WHOLE)
+        group.add_incoming(_whole(0), at["entry"])
+        # where groups are missing at the end, the last one is marched more than once, to the same results
+        last = b.sub(self._count, _whole(1))
+        ahead = [b.add(group, _whole(k)) for k in range(1, _ABREAST)]
+        self._groups = [group, *(b.select(b.icmp_signed("<", own, last), own, last) for own in ahead)]
+        start = [self._loaded(i) for i in range(program.states)]
+        for register, slots in self._once.items():
+            for slot, x in zip(slots, self._loaded(register), strict=True):
+                b.store(x, slot)
         b.branch(at["step"])
 
         b.position_at_end(at["step"])
-        step, begin = b.phi(_WHOLE), [b.phi(functions.DOUBLES) for _ in start]
-        for own, x in zip((step, *begin), (_whole(0), *start), strict=True):
-            own.add_incoming(x, at["group"])
+        step, begin = b.phi(_WHOLE), [[b.phi(functions.DOUBLES) for _ in x] for x in start]
+        self._enter((step, *chain(*begin)), (_whole(0), *chain(*start)), at["group"])
         row = b.mul(step, _whole(2))
         slopes = self._noted(step, self._run(program.whole, begin, row))
 
@@ -147,58 +160,72 @@ class _Writer:
             total, now = self._moved(total, slopes, third), self._moved(begin, slopes, part)
         slopes = self._slopes(self._run(program.rates_only, now, b.add(row, _whole(2))))
         total = self._moved(total, slopes, sixth)
-        for own, x in zip((step, *begin), (b.add(step, _whole(1)), *total), strict=True):
-            own.add_incoming(x, at["stages"])
+        self._enter((step, *chain(*begin)), (b.add(step, _whole(1)), *chain(*total)), at["stages"])
         b.branch(at["step"])
 
         b.position_at_end(at["ready"])
-        for i, x in enumerate(begin):
-            b.store(x, self._place(i), align=8)
-        following = b.add(self._group, _whole(1))
-        self._group.add_incoming(following, at["ready"])
-        b.cbranch(b.icmp_signed("<", following, self._groups), at["group"], at["leave"])
+        for i, vectors in enumerate(begin):
+            for place, x in zip(self._places(i), vectors, strict=True):
+                b.store(x, place, align=8)
+        following = b.add(group, _whole(_ABREAST))
+        group.add_incoming(following, at["ready"])
+        b.cbranch(b.icmp_signed("<", following, self._count), at["group"], at["leave"])
         b.position_at_end(at["leave"])
         b.ret_void()
 
-    def _noted(self, step: Any, held: dict[int, Any]) -> list[Any]:
+    def _noted(self, step: Any, held: dict[int, list[Any]]) -> list[Any]:
         """Write what is read off down where it is asked for, and leave behind the last step; return x'."""
         b, at = self._b, self._at
         read = [self._value(held, register) for register in self._program.read.tolist()]
         slopes = self._slopes(held)
         b.cbranch(b.icmp_signed("==", b.urem(step, self._stride), _whole(0)), at["note"], at["noted"])
         b.position_at_end(at["note"])
-        sample = b.add(b.mul(self._group, self._samples), b.udiv(step, self._stride))
-        first = b.mul(sample, _whole(len(read)))
-        for number, x in enumerate(read):
-            b.store(x, b.gep(self._recorded, [b.add(first, _whole(number))]), align=8)
+        sample = b.mul(b.udiv(step, self._stride), self._count)
+        for number, vectors in enumerate(read):
+            first = b.add(b.mul(self._apart, _whole(number)), sample)
+            for group, x in zip(self._groups, vectors, strict=True):
+                b.store(x, b.gep(self._recorded, [b.add(first, group)]), align=8)
         b.branch(at["noted"])
         b.position_at_end(at["noted"])
         b.cbranch(b.icmp_signed("==", step, self._steps), at["ready"], at["stages"])
         return slopes
 
-    def _run(self, tape: Whole, states: Sequence[Any], row: Any) -> dict[int, Any]:
+    def _run(self, tape: Whole, states: Sequence[Any], row: Any) -> dict[int, list[Any]]:
         """Write the rows of a tape; ``row`` is that of the inputs. Return what is in the registers."""
         held = dict(enumerate(states))
         first = self._b.mul(row, _whole(self._program.inputs))
         for k in range(self._program.inputs):
             place = self._b.gep(self._inputs, [self._b.add(first, _whole(k))])
-            held[self._program.states + k] = self._spread(self._b.load(place))
+            held[self._program.states + k] = [self._spread(self._b.load(place))] * _ABREAST
         for code, a, b, c, to in tape.tolist():
             emit, count = _EMIT[Code(code)]
-            held[to] = emit(self._b, *(self._value(held, register) for register in (a, b, c)[:count]))
+            operands = [self._value(held, register) for register in (a, b, c)[:count]]
+            held[to] = [emit(self._b, *own) for own in zip(*operands, strict=True)]
         return held
 
-    def _value(self, held: dict[int, Any], register: int) -> Any:
-        return held[register] if register in held else self._b.load(self._once[register])
+    def _value(self, held: dict[int, list[Any]], register: int) -> list[Any]:
+        return held[register] if register in held else [self._b.load(slot) for slot in self._once[register]]
 
-    def _slopes(self, held: dict[int, Any]) -> list[Any]:
+    def _slopes(self, held: dict[int, list[Any]]) -> list[Any]:
         return [self._value(held, register) for register in self._program.rates.tolist()]
 
     def _moved(self, x: Sequence[Any], slopes: Sequence[Any], part: Any) -> list[Any]:
-        return [functions.product_and_sum(self._b, slope, part, own) for own, slope in zip(x, slopes, strict=True)]
+        return [
+            [functions.product_and_sum(self._b, slope, part, own) for own, slope in zip(*both, strict=True)]
+            for both in zip(x, slopes, strict=True)
+        ]
 
-    def _place(self, register: int) -> Any:
-        return self._b.gep(self._vectors, [self._b.add(self._b.mul(self._groups, _whole(register)), self._group)])
+    def _loaded(self, register: int) -> list[Any]:
+        return [self._b.load(place, align=8) for place in self._places(register)]
+
+    def _places(self, register: int) -> list[Any]:
+        first = self._b.mul(self._count, _whole(register))
+        return [self._b.gep(self._vectors, [self._b.add(first, group)]) for group in self._groups]
+
+    def _enter(self, own: Iterable[Any], values: Iterable[Any], block: Any) -> None:
+        """Give the numbers of a loop what they are when it is entered from a block."""
+        for phi, x in zip(own, values, strict=True):
+            phi.add_incoming(x, block)
 
     def _spread(self, scalar: Any) -> Any:
         one = self._b.insert_element(ir.Constant(functions.DOUBLES, ir.Undefined), scalar, _index(0))

@@ -157,27 +157,31 @@ class Marcher:
             self._code = generated(program)
         batch = start.shape[1]
         groups = -(-batch // LANES)
-        registers = _zeros((program.registers, groups, LANES))
+        registers = _aligned((program.registers, groups, LANES))
+        registers[...] = 0.0
         _fill(registers[: program.states], start)
         _fill(registers[program.first_once : program.first_once + len(once)], once)
         read = len(program.read)
-        records = []
+        record = _aligned((read, pieces.words, groups, LANES))
         code = None if self._code is None else self._code.march
+        following = 0
         with np.errstate(all="ignore"):
             for length, count, inputs in zip(
                 np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
             ):
-                record = _zeros((groups, count + 1, read, LANES))
+                own = record[:, following : following + count + 1]
+                following += count + 1
                 width = float(length) / max(1, count * pieces.stride)
                 if code is None:
+                    turned = _aligned((groups, count + 1, read, LANES))
                     march(
                         program.whole, program.rates_only, program.rates, program.read, registers, inputs, width,
-                        pieces.stride, record,
+                        pieces.stride, turned,
                     )  # fmt: skip
+                    own[...] = turned.transpose(2, 1, 0, 3)
                 else:
-                    code(registers, inputs, width, pieces.stride, record)
-                records.append(record.transpose(2, 1, 0, 3).reshape(read, count + 1, -1)[:, :, :batch])
-        whole = records[0] if len(records) == 1 else np.concatenate(records, axis=1)
+                    code(registers, inputs, width, pieces.stride, own)
+        whole = record.reshape(read, pieces.words, -1)[:, :, :batch]
         covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0)
         return Marched(
             times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2],
@@ -199,10 +203,10 @@ def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArr
     return np.array(cut), np.array(steps)
 
 
-def _zeros(shape: tuple[int, ...]) -> Real:
-    """Return zeros whose vectors each lie in one line of the cache; numpy's own begin 16 bytes beyond one."""
+def _aligned(shape: tuple[int, ...]) -> Real:
+    """Return an array to be written whose vectors each lie in one line of the cache; numpy's own begin 16 bytes beyond one."""
     count = math.prod(shape)
-    raw = np.zeros(count + LANES - 1)
+    raw = np.empty(count + LANES - 1)
     skip = -(raw.ctypes.data // raw.itemsize) % LANES
     return raw[skip : skip + count].reshape(shape)
 
