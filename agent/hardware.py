@@ -32,7 +32,7 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from agent.deadline import channel
-from agent.errors import AttemptError, of_driver
+from agent.errors import AttemptError, of_driver, of_server
 from agent.safety import Drive, way_home
 from agent.settings import DaqSettings, DeviceSettings, InputSettings, OutputSettings
 
@@ -272,11 +272,21 @@ class Running:
                     self._write(behind)
         return block[:, :got]
 
-    def level(self) -> float | None:
-        """Return about where the output stands, None when nothing is driven."""
+    def halt(self) -> float | None:
+        """Stop the drive, and return where it stands then; None when nothing is driven.
+
+        The output is ahead of the samples that have been read, by a chunk and more: the way home must begin where it really
+        is, so the task is asked how far it has come, right before it is stopped.
+        """
         if self._drive is None:
             return None
-        return float(self._drive.block(min(self._read, self._drive.samples - 1), 1)[0])
+        played = self._read
+        with contextlib.suppress(AttemptError), translated():
+            played = int(self._output.out_stream.total_samp_per_chan_generated)
+            self._output.stop()
+        if not played:
+            return self._drive.output.safe
+        return float(self._drive.block(min(played, self._drive.samples) - 1, 1)[0])
 
 
 def _mode(*, finite: bool) -> Any:
@@ -350,7 +360,6 @@ def translated() -> Iterator[None]:
         detail = "NI-DAQmx must be installed on this PC, or daq.server name an NI gRPC Device Server"
         raise AttemptError("no_driver", detail) from error
     except RpcError as error:
-        detail = "the device server does not answer: see whether it runs, and whether the network reaches it"
-        raise AttemptError("server_unreachable", detail) from error
+        raise of_server(getattr(error.rpc_code, "name", str(error.rpc_code)), error.description) from error
     except DaqError as error:
         raise of_driver(int(error.error_code), str(error)) from error

@@ -227,7 +227,7 @@ class Measurement:
                 got += block.shape[1]
                 self._lease.tell(status="running", progress=got / samples)
         finally:
-            self._level = running.level()
+            self._level = running.halt()
 
     def _show(self, inputs: Sequence[InputSettings], block: Samples, *, start: int, rate: float) -> None:
         width = max(block.shape[1] // _STRETCHES, 1)

@@ -333,7 +333,7 @@ class Bench:
             for channel, row in zip(task.channels, data, strict=True):
                 self.device(channel.device)
                 if row.size and (row.max() > channel.upper or row.min() < channel.lower):
-                    raise DriverError(-200547, f"Channel Name: {channel.name}\nTask Name: {task.name}")
+                    raise DriverError(-200561, f"Channel Name: {channel.name}\nTask Name: {task.name}")
             if task.fault is not None:
                 raise DriverError(task.fault, f"Task Name: {task.name}")
             if task.mode is None:

@@ -17,7 +17,7 @@ MESSAGES = {
     -200428: "The task has no channels.",
     -200452: "The property is not supported here.",
     -200462: "The generation cannot start without samples in its buffer.",
-    -200547: "The value must be within the range of the channel.",
+    -200561: "The value must be within the range of the channel.",
     -200560: "The task was not done within the time given.",
     -201003: "The device cannot be accessed: it is unplugged, or without power.",
 }

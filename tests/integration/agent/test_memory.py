@@ -49,7 +49,13 @@ def samples_in_their_places(lab, dataset: str) -> int:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory must be told by /proc")
 def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
-    rig = RIG.format(rig=lab.rig).replace("chunk = 0.1", "chunk = 0.25").replace("segment = 0.1", "segment = 2.0")
+    rig = RIG.format(rig=lab.rig)
+    for short, usual in (
+        ("chunk = 0.1", "chunk = 0.25"),
+        ("segment = 0.1", "segment = 2.0"),
+        ("deadline = 1.0", "deadline = 60"),
+    ):
+        rig = rig.replace(short, usual)
     inputs = "".join(f'[[inputs]]\nname = "{name}"\nchannel = "cDAQ1Mod1/{name}"\n' for name in SINES)
     path, port = tmp_path / "agent.toml", free_port()
     path.write_text(rig + inputs)
@@ -76,7 +82,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         asked = lab.ask(duration=SECONDS, pre_trigger=0, sample_rate=RATE, channels=list(SINES), drive=None)
         done = lab.wait(asked, within=60 * SECONDS)
         took, used = time.monotonic() - began, peak(agent.pid)
-        lab.until(lambda: lab.runs() == [])
+        lab.until(lambda: lab.runs() == [], within=60 + SECONDS)
     assert done["status"] == "done", done
     sys.stderr.write(f"{SECONDS} s of {len(SINES)} x {RATE}/s in {took:.0f} s, agent {used / 1e6:.0f} MB\n")
     assert used < MOST
