@@ -7,7 +7,7 @@ import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
 import classes from "./Shell.module.css";
 
-const PLACES = ["systems", "datasets", "jobs", "access", "about"] as const;
+const PLACES = ["systems", "datasets", "jobs", "schedules", "rigs", "access", "about"] as const;
 
 export function Shell() {
   const { t } = useTranslation();
@@ -20,24 +20,24 @@ export function Shell() {
     </NavLink>
   ));
   return (
-    <AppShell header={{ height: 48 }} navbar={{ width: 220, breakpoint: "sm", collapsed: { mobile: !opened, desktop: true } }}>
+    <AppShell header={{ height: 48 }} navbar={{ width: 220, breakpoint: "md", collapsed: { mobile: !opened, desktop: true } }}>
       <AppShell.Header className={classes.header}>
         <a href="#content" className="skip">
           {t("shell.skip")}
         </a>
         <Group h="100%" px="md" justify="space-between" wrap="nowrap">
           <Group gap="lg" wrap="nowrap">
-            <Burger opened={opened} onClick={toggle} hiddenFrom="sm" size="sm" aria-label={t("shell.menu")} />
+            <Burger opened={opened} onClick={toggle} hiddenFrom="md" size="sm" aria-label={t("shell.menu")} />
             <Group gap={8} wrap="nowrap">
               <img src="/favicon.svg" width="22" height="22" alt="" />
               <Text fw={700}>Servotune</Text>
             </Group>
-            <Group component="nav" gap={2} wrap="nowrap" visibleFrom="sm" aria-label={t("shell.places")}>
+            <Group component="nav" gap={2} wrap="nowrap" visibleFrom="md" aria-label={t("shell.places")}>
               {links}
             </Group>
           </Group>
           <Group gap="xs" wrap="nowrap">
-            <Group visibleFrom="md">
+            <Group visibleFrom="lg">
               <Preferences />
             </Group>
             <Menu position="bottom-end">

@@ -1,6 +1,6 @@
 import i18n from "i18next";
 import { initReactI18next } from "react-i18next";
-import en from "@/locales/en.json";
+import { english } from "@/locales/english";
 
 export const LANGUAGES = { en: "English", ro: "Română" } as const;
 export type Language = keyof typeof LANGUAGES;
@@ -14,13 +14,13 @@ function wanted(): Language {
 /** English comes with the page, others when they are asked for. */
 async function load(language: Language): Promise<void> {
   if (language === "ro" && !i18n.hasResourceBundle("ro", "translation")) {
-    const { default: ro } = await import("@/locales/ro.json");
-    i18n.addResourceBundle("ro", "translation", ro);
+    const { romanian } = await import("@/locales/romanian");
+    i18n.addResourceBundle("ro", "translation", romanian);
   }
 }
 
 export async function startLanguage(): Promise<void> {
-  await i18n.use(initReactI18next).init({ lng: "en", fallbackLng: "en", resources: { en: { translation: en } }, interpolation: { escapeValue: false } });
+  await i18n.use(initReactI18next).init({ lng: "en", fallbackLng: "en", resources: { en: { translation: english } }, interpolation: { escapeValue: false } });
   await changeLanguage(wanted());
 }
 

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
-import en from "./en.json";
-import ro from "./ro.json";
+import { english as en } from "./english";
+import { romanian as ro } from "./romanian";
 
 type Tree = { [key: string]: string | Tree };
 

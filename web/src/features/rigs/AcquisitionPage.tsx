@@ -1,0 +1,185 @@
+import { Alert, Button, Code, Group, List, Modal, Paper, Progress, SimpleGrid, Stack, Table, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { useDisclosure } from "@mantine/hooks";
+import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import { Link, useParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { Problem } from "@/shared/api/problem";
+import { stroke } from "@/shared/plots/palette";
+import { Plot } from "@/shared/plots/Plot";
+import type { Curve, PlotSpec } from "@/shared/plots/types";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { When } from "@/shared/ui/When";
+import { prettyUnit, words } from "@/shared/units/format";
+import { acquisitionQuery, rigsQuery, settled, type Acquisition } from "./api";
+import { useMeasurement, type Live } from "./live";
+
+/** A measurement while it goes on: its samples as they come, its attempts, what follows it. */
+export function AcquisitionPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const queries = useQueryClient();
+  const [asking, { open, close }] = useDisclosure();
+  const measurement = useQuery(acquisitionQuery(id));
+  const rigs = useQuery({ ...rigsQuery, refetchInterval: false });
+  const over = measurement.data ? ["done", "failed", "lost", "cancelled"].includes(measurement.data.status) : false;
+  const followed = useMeasurement(id, measurement.data?.attempt ?? 0, over && settled(measurement.data!));
+  const path = { params: { path: { identifier: id } } };
+  const act = useMutation({
+    mutationFn: (what: "cancel" | "retry"): Promise<Acquisition> => must(what === "cancel" ? api.POST("/v1/acquisitions/{identifier}/cancel", path) : api.POST("/v1/acquisitions/{identifier}/retry", path)),
+    onSuccess: (found) => {
+      close();
+      queries.setQueryData(["acquisition", id], found);
+    },
+  });
+  if (measurement.isError) return <ProblemAlert error={measurement.error} m="md" onRetry={() => void measurement.refetch()} />;
+  if (!measurement.data) return null;
+  const found = measurement.data;
+  const units = new Map(rigs.data?.find((rig) => rig.name === found.rig)?.document.inputs?.map((input) => [input.name, input.unit]));
+  const last = found.attempts.at(-1);
+  return (
+    <div className="page">
+      <PageHead title={found.name} doc={t("rigs.attemptOn", { rig: found.rig, number: found.attempt })}>
+        <StatusBadge status={found.status} />
+        {!over && (
+          <Button variant="default" color="red" onClick={() => act.mutate("cancel")} loading={act.isPending}>
+            {t("rigs.stop")}
+          </Button>
+        )}
+        {["failed", "lost", "cancelled"].includes(found.status) && <Button onClick={open}>{t("rigs.retry")}</Button>}
+        {found.dataset && (
+          <Button component={Link} to={`/datasets/${found.dataset}`}>
+            {t("rigs.recording")}
+          </Button>
+        )}
+      </PageHead>
+      <Modal opened={asking} onClose={close} title={t("rigs.retryTitle")} closeButtonProps={{ "aria-label": t("datasets.close") }}>
+        <Stack gap="sm">
+          <Text fz="sm">{t(found.status === "lost" ? "rigs.retryLost" : "rigs.retryDoc")}</Text>
+          <Group>
+            <Button onClick={() => act.mutate("retry")} loading={act.isPending}>
+              {t("rigs.retryGo")}
+            </Button>
+            <Button variant="default" onClick={close}>
+              {t("rigs.not")}
+            </Button>
+          </Group>
+        </Stack>
+      </Modal>
+      <Stack gap="md">
+        <ProblemAlert error={act.error} />
+        {found.warnings.length > 0 && (
+          <Alert color="orange" variant="outline" title={t("rigs.warnings")}>
+            <List size="sm">
+              {found.warnings.map((warning) => (
+                <List.Item key={String(warning.pointer)}>{String(warning.detail)}</List.Item>
+              ))}
+            </List>
+          </Alert>
+        )}
+        {last?.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(last.error as object) })} />}
+        {found.status === "lost" && (
+          <Alert color="red" variant="outline" title={t("rigs.lostTitle")}>
+            {t("rigs.lostDoc")}
+          </Alert>
+        )}
+        {!over && (
+          <section aria-live="polite">
+            <Progress value={100 * (followed.progress ?? 0)} size="lg" aria-label={t("jobs.progress")} animated />
+            <Text fz="sm" mt={4}>
+              {followed.message === "waits for the person at the rig" ? t("rigs.waitsForPerson") : followed.message || t(`rigs.now.${found.status}`, "")}
+            </Text>
+          </section>
+        )}
+        {followed.live && <LivePlots live={followed.live} units={units} />}
+        {last && last.then.length > 0 && (
+          <section>
+            <Title order={2} mb="xs">
+              {t("rigs.then")}
+            </Title>
+            <Table maw={760} data-testid="then">
+              <Table.Tbody>
+                {last.then.map((step, i) => (
+                  <Table.Tr key={i}>
+                    <Table.Td>{t(`jobs.kinds.${step.kind}`, words(step.kind))}</Table.Td>
+                    <Table.Td>{t(`rigs.steps.${step.status}`)}</Table.Td>
+                    <Table.Td>{step.detail}</Table.Td>
+                    <Table.Td>
+                      {step.job && (
+                        <Text component={Link} to={`/jobs/${step.job}`} c="var(--mantine-color-anchor)" fz="sm">
+                          {t("jobs.result")}
+                        </Text>
+                      )}
+                    </Table.Td>
+                  </Table.Tr>
+                ))}
+              </Table.Tbody>
+            </Table>
+          </section>
+        )}
+        <section>
+          <Title order={2} mb="xs">
+            {t("rigs.attempts")}
+          </Title>
+          <SimpleGrid cols={{ base: 1, md: 2 }}>
+            {[...found.attempts].reverse().map((attempt) => (
+              <Paper key={attempt.number} withBorder p="sm" component="article" miw={0}>
+                <Group justify="space-between">
+                  <Title order={3}>{t("rigs.attempt", { number: attempt.number })}</Title>
+                  <StatusBadge status={attempt.status} />
+                </Group>
+                <Text fz="xs" c="dimmed">
+                  <When at={attempt.claimed_at} /> – <When at={attempt.ended_at} />
+                  {attempt.late ? ` · ${t("rigs.late")}` : ""}
+                </Text>
+                {attempt.dataset && (
+                  <Text component={Link} to={`/datasets/${attempt.dataset}`} c="var(--mantine-color-anchor)" fz="sm">
+                    {t("rigs.recording")}
+                  </Text>
+                )}
+                {attempt.facts && (
+                  <Code block mt="xs" fz="xs">
+                    {JSON.stringify(attempt.facts, null, 2).slice(0, 3000)}
+                  </Code>
+                )}
+              </Paper>
+            ))}
+          </SimpleGrid>
+        </section>
+      </Stack>
+    </div>
+  );
+}
+
+function LivePlots({ live, units }: { live: Live; units: Map<string, string> }) {
+  const names = Object.keys(live.channels);
+  return (
+    <SimpleGrid cols={{ base: 1, lg: 2 }} data-testid="live" data-samples={live.time.length}>
+      {names.map((name, i) => (
+        <LivePlot key={name} name={name} unit={units.get(name) ?? ""} index={i} live={live} />
+      ))}
+    </SimpleGrid>
+  );
+}
+
+function LivePlot({ name, unit, index, live }: { name: string; unit: string; index: number; live: Live }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const spec = useMemo<PlotSpec>(() => {
+    const { color } = stroke(index, dark);
+    const series = [
+      { label: t("datasets.lowest"), color, dash: [] },
+      { label: t("datasets.highest"), color, dash: [5, 2] },
+    ];
+    return { title: words(name), x: { label: t("panel.time"), unit: "s" }, y: { label: words(name), unit: prettyUnit(unit) }, series, dark };
+  }, [name, unit, index, dark, t]);
+  const curve = live.channels[name]!;
+  const curves: Curve[] = [
+    { x: live.time, y: curve.low },
+    { x: live.time, y: curve.high },
+  ];
+  return <Plot spec={spec} curves={curves} height={220} summary={t("datasets.summary", { name, unit })} />;
+}

@@ -1,0 +1,175 @@
+import { zodResolver } from "@hookform/resolvers/zod";
+import { Alert, Button, Checkbox, Group, Modal, NativeSelect, NumberInput, Paper, Stack, Text, TextInput } from "@mantine/core";
+import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useState } from "react";
+import { Controller, useForm, type Control } from "react-hook-form";
+import { useTranslation } from "react-i18next";
+import { Link, useNavigate, useParams, useSearchParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { isProblem } from "@/shared/api/problem";
+import { scheduleAt } from "@/shared/api/schedules";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { formatNumber, withUnit } from "@/shared/units/format";
+import { agentsQuery, presence, rigQuery, templatesQuery, type AcquisitionRequest, type Rig, type Template } from "./api";
+import { editable, fieldsOf, requestOf, schema, type Fields } from "./request";
+
+/** The form of a measurement, filled from a template when the address names one. */
+export function MeasurePage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const [query, setQuery] = useSearchParams();
+  const rig = useQuery({ ...rigQuery(id), refetchInterval: false, staleTime: 60_000 });
+  const templates = useQuery(templatesQuery);
+  if (rig.isError || templates.isError) return <ProblemAlert error={rig.error ?? templates.error} m="md" onRetry={() => void rig.refetch()} />;
+  if (!rig.data || !templates.data) return null;
+  const own = templates.data.filter((template) => !template.document.rig || template.document.rig === rig.data.name);
+  const template = own.find((one) => one.id === query.get("template"));
+  return (
+    <div className="page">
+      <PageHead title={t("rigs.measureOn", { name: rig.data.name })} doc={t("rigs.measureDoc")} />
+      <Paper withBorder p="md" maw={760}>
+        <Stack gap="sm">
+          {own.length > 0 && <NativeSelect size="xs" maw={320} label={t("rigs.fromTemplate")} value={template?.id ?? ""} onChange={(event) => setQuery(event.currentTarget.value ? { template: event.currentTarget.value } : {}, { replace: true })} data={[{ value: "", label: t("rigs.noTemplate") }, ...own.map((one) => ({ value: one.id, label: one.name }))]} />}
+          <Form key={template ? `${template.id}@${template.revision}` : "new"} rig={rig.data} template={template} />
+        </Stack>
+      </Paper>
+    </div>
+  );
+}
+
+const SHOWN = ["/name", "/channels", "/sample_rate", "/duration", "/pre_trigger", "/averages", "/drive"];
+
+function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
+  const { t } = useTranslation();
+  const navigate = useNavigate();
+  const queries = useQueryClient();
+  const agents = useQuery(agentsQuery);
+  const inputs = rig.document.inputs ?? [];
+  const outputs = rig.document.outputs ?? [];
+  const { control, register, handleSubmit, watch, formState } = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: fieldsOf(template?.document, inputs.map((input) => input.name)) });
+  const [asked, setAsked] = useState<AcquisitionRequest | null>(null);
+  const asIs = template !== undefined && !editable(template);
+  const request = (fields: Fields): AcquisitionRequest => {
+    const made = requestOf(fields, rig.name);
+    return asIs ? { ...made, drive: template.document.drive! } : made;
+  };
+  const start = useMutation({
+    mutationFn: (body: AcquisitionRequest) => must(api.POST("/v1/acquisitions", { body })),
+    onSuccess: (made) => {
+      void queries.invalidateQueries({ queryKey: ["acquisitions"] });
+      void navigate(`/acquisitions/${made.id}`);
+    },
+    onSettled: () => setAsked(null),
+  });
+  const keep = useMutation({
+    mutationFn: (body: AcquisitionRequest) => must(api.POST("/v1/acquisition-templates", { body })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["acquisition-templates"] }),
+  });
+  const error = start.error ?? keep.error;
+  const problem = isProblem(error) ? error : null;
+  const wrong = (field: keyof Fields, pointer = `/${field}`) => {
+    const own = formState.errors[field]?.message;
+    return own ? t(own) : problem?.at(pointer);
+  };
+  const values = watch();
+  const agent = agents.data?.find((one) => one.id === rig.agent);
+  const away = agents.isSuccess && (!agent || presence(agent) !== "ready");
+  const output = outputs.find((one) => one.name === values.output);
+  const begin = handleSubmit((fields) => {
+    const body = request(fields);
+    // What moves something is asked about first; listening moves nothing.
+    if (body.drive) setAsked(body);
+    else start.mutate(body);
+  });
+  return (
+    <form onSubmit={(event) => void begin(event)} noValidate>
+      <Stack gap="sm">
+        {away && (
+          <Alert color="orange" variant="outline" title={t("rigs.awayTitle")}>
+            {t("rigs.awayDoc")}
+          </Alert>
+        )}
+        <TextInput label={t("systems.name")} {...register("name")} error={wrong("name")} />
+        <Controller
+          control={control}
+          name="channels"
+          render={({ field }) => (
+            <Checkbox.Group label={t("rigs.inputs")} value={field.value} onChange={field.onChange} error={wrong("channels")}>
+              <Group gap="md" mt={4}>
+                {inputs.map((input) => (
+                  <Checkbox key={input.name} value={input.name} label={input.name} size="xs" />
+                ))}
+              </Group>
+            </Checkbox.Group>
+          )}
+        />
+        <Group grow preventGrowOverflow={false} align="flex-start">
+          <Amount control={control} name="duration" label={t("rigs.duration")} unit="s" error={wrong("duration")} />
+          <Amount control={control} name="sample_rate" label={t("datasets.rate")} unit="1/s" error={wrong("sample_rate")} />
+          <Amount control={control} name="pre_trigger" label={t("rigs.preTrigger")} unit="s" error={wrong("pre_trigger")} />
+          <Amount control={control} name="averages" label={t("rigs.averages")} unit="" error={wrong("averages")} />
+        </Group>
+        {asIs ? (
+          <Text fz="sm">{t("rigs.asTemplate", { output: template.document.drive!.output, kind: template.document.drive!.signal.kind })}</Text>
+        ) : (
+          <>
+            <Group grow preventGrowOverflow={false} align="flex-start">
+              <NativeSelect size="xs" label={t("rigs.drives")} {...register("output")} error={wrong("output", "/drive/output")} data={[{ value: "", label: t("rigs.nothing") }, ...outputs.map((one) => ({ value: one.name, label: one.name }))]} />
+              {values.output && <NativeSelect size="xs" label={t("rigs.signal")} {...register("signal")} data={(["step", "sine", "chirp"] as const).map((kind) => ({ value: kind, label: t(`rigs.signals.${kind}`) }))} />}
+              {values.output && <Amount control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrong("amplitude", "/drive")} />}
+              {values.output && values.signal !== "step" && <Amount control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrong("frequency")} />}
+              {values.output && values.signal === "chirp" && <Amount control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrong("end")} />}
+            </Group>
+            {output && (
+              <Text fz="xs" c="dimmed">
+                {t("rigs.allowed", { name: output.name, amplitude: formatNumber(output.amplitude), slew: formatNumber(output.slew), duration: formatNumber(output.duration) })}
+              </Text>
+            )}
+          </>
+        )}
+        <Checkbox size="xs" label={t("rigs.confirm")} description={t("rigs.confirmDoc")} {...register("confirm")} />
+        <ProblemAlert error={error} shown={SHOWN} />
+        {keep.isSuccess && (
+          <Text fz="sm" role="status">
+            {t("rigs.kept", { name: keep.data.name })}
+          </Text>
+        )}
+        <Group>
+          <Button type="submit" loading={start.isPending && asked === null}>
+            {t("rigs.start")}
+          </Button>
+          <Button variant="default" onClick={() => void handleSubmit((fields) => keep.mutate(request(fields)))()} loading={keep.isPending}>
+            {t("rigs.keep")}
+          </Button>
+          <Button variant="default" onClick={() => void handleSubmit((fields) => navigate(scheduleAt(fields.name, { kind: "acquisition", body: { ...request(fields), confirm: false } })))()}>
+            {t("schedules.new")}
+          </Button>
+          <Button variant="default" component={Link} to={`/rigs/${rig.id}`}>
+            {t("schedules.back")}
+          </Button>
+        </Group>
+      </Stack>
+      <Modal opened={asked !== null} onClose={() => setAsked(null)} title={t("rigs.askTitle", { name: rig.name })} closeButtonProps={{ "aria-label": t("datasets.close") }}>
+        <Stack gap="sm">
+          <Text fz="sm">{asked?.drive && t("rigs.ask", { output: asked.drive.output, level: asIs ? "" : withUnit(Math.abs(values.amplitude), "V"), duration: formatNumber(values.duration * values.averages) })}</Text>
+          <Text fz="sm">{t(values.confirm ? "rigs.askConfirmed" : "rigs.askAlone")}</Text>
+          <Group>
+            <Button onClick={() => asked && start.mutate(asked)} loading={start.isPending} data-autofocus>
+              {t("rigs.go")}
+            </Button>
+            <Button variant="default" onClick={() => setAsked(null)}>
+              {t("rigs.not")}
+            </Button>
+          </Group>
+        </Stack>
+      </Modal>
+    </form>
+  );
+}
+
+type Amounts = "duration" | "sample_rate" | "pre_trigger" | "averages" | "amplitude" | "frequency" | "end";
+
+function Amount({ control, name, label, unit, error }: { control: Control<Fields>; name: Amounts; label: string; unit: string; error: string | undefined }) {
+  return <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" label={label} value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} onBlur={field.onBlur} suffix={unit ? ` ${unit}` : ""} error={error} hideControls classNames={{ input: "numbers" }} />} />;
+}

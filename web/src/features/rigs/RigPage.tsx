@@ -1,0 +1,179 @@
+import { Badge, Button, Group, Stack, Table, Text, Title } from "@mantine/core";
+import { useInfiniteQuery, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useTranslation } from "react-i18next";
+import { Link, useParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { When } from "@/shared/ui/When";
+import { formatNumber, prettyUnit, withUnit } from "@/shared/units/format";
+import { AcquisitionTable } from "./AcquisitionTable";
+import { acquisitionsQuery, agentsQuery, calibrationState, presence, rigQuery, templatesQuery, type RigInput } from "./api";
+import { PresenceBadge } from "./PresenceBadge";
+
+const COLORS = { none: "gray", valid: "green", soon: "orange", overdue: "red" } as const;
+
+/** A rig: its channels with their sensors and calibrations, what its outputs may do, and measurements that are ready to start. */
+export function RigPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const queries = useQueryClient();
+  const rig = useQuery(rigQuery(id));
+  const agents = useQuery(agentsQuery);
+  const templates = useQuery(templatesQuery);
+  const name = rig.data?.name ?? "";
+  const acquisitions = useInfiniteQuery({ ...acquisitionsQuery({ rig: name }), enabled: name !== "" });
+  const remove = useMutation({
+    mutationFn: ({ identifier, revision }: { identifier: string; revision: number }) => must(api.DELETE("/v1/acquisition-templates/{identifier}", { params: { path: { identifier }, header: { "If-Match": `"${revision}"` } } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["acquisition-templates"] }),
+  });
+  if (rig.isError) return <ProblemAlert error={rig.error} m="md" onRetry={() => void rig.refetch()} />;
+  if (!rig.data) return null;
+  const { document } = rig.data;
+  const agent = agents.data?.find((one) => one.id === rig.data.agent);
+  const own = (templates.data ?? []).filter((template) => !template.document.rig || template.document.rig === name);
+  const rows = acquisitions.data?.pages.flatMap((page) => page.items) ?? [];
+  return (
+    <div className="page">
+      <PageHead title={name} doc={agent ? t("rigs.drivenBy", { name: agent.name }) : t("rigs.noAgent")}>
+        <PresenceBadge state={agent ? presence(agent) : "away"} />
+        <Button component={Link} to={`/rigs/${id}/measure`}>
+          {t("rigs.measure")}
+        </Button>
+      </PageHead>
+      <Stack gap="lg">
+        <ProblemAlert error={remove.error ?? acquisitions.error ?? templates.error} />
+        <section>
+          <Title order={2} mb="xs">
+            {t("rigs.inputs")}
+          </Title>
+          <Table.ScrollContainer minWidth={760}>
+            <Table data-testid="inputs">
+              <Table.Thead>
+                <Table.Tr>
+                  <Table.Th>{t("datasets.channel")}</Table.Th>
+                  <Table.Th>{t("rigs.terminal")}</Table.Th>
+                  <Table.Th>{t("rigs.sensor")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.sensitivity")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.range")}</Table.Th>
+                  <Table.Th>{t("rigs.calibration")}</Table.Th>
+                </Table.Tr>
+              </Table.Thead>
+              <Table.Tbody>{document.inputs?.map((input) => <Input key={input.name} input={input} />)}</Table.Tbody>
+            </Table>
+          </Table.ScrollContainer>
+        </section>
+        <section>
+          <Title order={2} mb="xs">
+            {t("rigs.outputs")}
+          </Title>
+          <Table.ScrollContainer minWidth={640}>
+            <Table data-testid="outputs">
+              <Table.Thead>
+                <Table.Tr>
+                  <Table.Th>{t("rigs.output")}</Table.Th>
+                  <Table.Th>{t("rigs.terminal")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.amplitude")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.slew")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.longest")}</Table.Th>
+                  <Table.Th ta="right">{t("rigs.safe")}</Table.Th>
+                </Table.Tr>
+              </Table.Thead>
+              <Table.Tbody>
+                {document.outputs?.map((output) => (
+                  <Table.Tr key={output.name}>
+                    <Table.Td fw={500}>{output.name}</Table.Td>
+                    <Table.Td className="numbers">{output.channel}</Table.Td>
+                    <Table.Td ta="right" className="numbers">
+                      ±{withUnit(output.amplitude, "V")}
+                    </Table.Td>
+                    <Table.Td ta="right" className="numbers">
+                      {formatNumber(output.slew)} V/s
+                    </Table.Td>
+                    <Table.Td ta="right" className="numbers">
+                      {withUnit(output.duration, "s")}
+                    </Table.Td>
+                    <Table.Td ta="right" className="numbers">
+                      {withUnit(output.safe, "V")}
+                    </Table.Td>
+                  </Table.Tr>
+                ))}
+              </Table.Tbody>
+            </Table>
+          </Table.ScrollContainer>
+          <Text fz="xs" c="dimmed">
+            {t("rigs.limitsDoc")}
+          </Text>
+        </section>
+        <section>
+          <Title order={2} mb="xs">
+            {t("rigs.templates")}
+          </Title>
+          {own.length === 0 ? (
+            <Text fz="sm">{t("rigs.noTemplates")}</Text>
+          ) : (
+            <Table maw={760} data-testid="templates">
+              <Table.Tbody>
+                {own.map((template) => (
+                  <Table.Tr key={template.id}>
+                    <Table.Td fw={500}>{template.name}</Table.Td>
+                    <Table.Td>{(template.document.channels ?? []).join(", ")}</Table.Td>
+                    <Table.Td ta="right">
+                      <Group gap="xs" justify="flex-end">
+                        <Button size="compact-xs" component={Link} to={`/rigs/${id}/measure?template=${template.id}`} aria-label={t("rigs.useOf", { name: template.name })}>
+                          {t("rigs.use")}
+                        </Button>
+                        <Button size="compact-xs" variant="subtle" color="red" onClick={() => remove.mutate({ identifier: template.id, revision: template.revision })} aria-label={t("rigs.dropOf", { name: template.name })}>
+                          {t("systems.delete")}
+                        </Button>
+                      </Group>
+                    </Table.Td>
+                  </Table.Tr>
+                ))}
+              </Table.Tbody>
+            </Table>
+          )}
+        </section>
+        {rows.length > 0 && (
+          <section>
+            <Title order={2} mb="xs">
+              {t("rigs.measurements")}
+            </Title>
+            <AcquisitionTable rows={rows} />
+          </section>
+        )}
+      </Stack>
+    </div>
+  );
+}
+
+function Input({ input }: { input: RigInput }) {
+  const { t } = useTranslation();
+  const state = calibrationState(input.calibration, new Date().toISOString().slice(0, 10));
+  return (
+    <Table.Tr>
+      <Table.Td fw={500}>{input.name}</Table.Td>
+      <Table.Td className="numbers">{input.channel}</Table.Td>
+      <Table.Td>{[input.model, input.serial && `№ ${input.serial}`].filter(Boolean).join(", ") || "–"}</Table.Td>
+      <Table.Td ta="right" className="numbers">
+        {formatNumber(input.sensitivity)} V/{prettyUnit(input.unit) || "1"}
+      </Table.Td>
+      <Table.Td ta="right" className="numbers">
+        ±{withUnit(input.range, "V")}
+      </Table.Td>
+      <Table.Td>
+        <Group gap="xs">
+          <Badge variant="outline" color={COLORS[state]} tt="none">
+            {t(`rigs.calibrations.${state}`)}
+          </Badge>
+          {input.calibration?.due && (
+            <Text fz="xs">
+              <When at={input.calibration.due} dateOnly />
+              {input.calibration.certificate ? `, ${input.calibration.certificate}` : ""}
+            </Text>
+          )}
+        </Group>
+      </Table.Td>
+    </Table.Tr>
+  );
+}

@@ -1,0 +1,66 @@
+import { z } from "zod";
+import type { AcquisitionRequest, Template } from "./api";
+
+const positive = z.number("forms.number").positive("forms.positive");
+
+export const schema = z
+  .object({
+    name: z.string().trim().min(1, "forms.required").max(200),
+    channels: z.array(z.string()).min(1, "rigs.needChannel"),
+    sample_rate: positive,
+    duration: positive,
+    pre_trigger: z.number("forms.number").min(0, "forms.notNegative"),
+    averages: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(1000),
+    confirm: z.boolean(),
+    output: z.string(),
+    signal: z.enum(["step", "sine", "chirp"]),
+    amplitude: z.number("forms.number"),
+    frequency: positive,
+    end: positive,
+  });
+export type Fields = z.infer<typeof schema>;
+
+/** The request that a form makes; times in s, levels in V, frequencies in Hz as written. */
+export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
+  const { output, signal, amplitude, frequency, end, ...rest } = fields;
+  const hertz = (value: number) => ({ value, unit: "Hz" });
+  const signals = {
+    step: { kind: "step", amplitude },
+    sine: { kind: "sine", amplitude, frequency: hertz(frequency) },
+    chirp: { kind: "chirp", amplitude, start_frequency: hertz(frequency), end_frequency: hertz(end), duration: fields.duration },
+  };
+  return { ...rest, rig, ...(output ? { drive: { output, signal: signals[signal] } } : {}) } as AcquisitionRequest;
+}
+
+function number(value: unknown, otherwise: number): number {
+  if (typeof value === "number") return value;
+  if (typeof value === "object" && value !== null && "value" in value && typeof value.value === "number") return value.value;
+  return otherwise;
+}
+
+const SIGNALS = new Set<string>(["step", "sine", "chirp"]);
+
+/** Whether the form can show what a template plays; a template with another signal is started as it is. */
+export function editable(template: Template): boolean {
+  const drive = template.document.drive;
+  return drive == null || SIGNALS.has(drive.signal.kind);
+}
+
+/** What a form begins with: a template's values, or those that suit any rig. */
+export function fieldsOf(document: AcquisitionRequest | undefined, channels: string[]): Fields {
+  const signal = document?.drive?.signal as unknown as Record<string, unknown> | undefined;
+  return {
+    name: document?.name ?? "",
+    channels: document?.channels ?? channels,
+    sample_rate: document?.sample_rate ?? 1000,
+    duration: number(document?.duration, 1),
+    pre_trigger: number(document?.pre_trigger, 0),
+    averages: document?.averages ?? 1,
+    confirm: document?.confirm ?? true,
+    output: document?.drive?.output ?? "",
+    signal: SIGNALS.has(String(signal?.kind)) ? (signal!.kind as Fields["signal"]) : "step",
+    amplitude: number(signal?.amplitude, 1),
+    frequency: number(signal?.frequency ?? signal?.start_frequency, 5),
+    end: number(signal?.end_frequency, 50),
+  };
+}

@@ -1,0 +1,4 @@
+import laboratory from "./ro.laboratory.json";
+import general from "./ro.json";
+
+export const romanian = { ...general, ...laboratory };
