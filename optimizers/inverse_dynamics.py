@@ -1,6 +1,6 @@
 """Mass, friction and offset of a drive from its motion and its force, by one linear regression.
 
-    F = M ẍ + b ẋ + F_c sign ẋ + c + Σ_k a_k z_k
+    F = M ẍ + b ẋ + F_c s(ẋ) + c + Σ_k a_k z_k,     s = sign ẋ, or tanh(ẋ/v_s)
 
 It needs no simulation and no start, and holds in open and in closed loop; what it minimises is the error of the equation,
 which is neither a simulation fit nor a prediction of the motion. Every column is low-passed and decimated like the force, so
@@ -96,6 +96,9 @@ class Treatment:
         Samples left out at the beginning, where the filters settle.
     least_velocity : float
         Slower samples are left out at last: what sticks obeys no such equation.
+    transition_velocity : float
+        v_s of a dry friction that turns smoothly; 0: at once. A drive that stands has the sign of its noise: where it stands
+        long, this choice decides on the offset.
     """
 
     low_pass: float | None = None
@@ -103,14 +106,19 @@ class Treatment:
     decimation: int = 1
     dropped: int = 0
     least_velocity: float = 0.0
+    transition_velocity: float = 0.0
 
     def __post_init__(self) -> None:
         if not 1 <= self.decimation <= 100:
             raise ProblemError(f"decimation must be 1 to 100, got {self.decimation}", at=("decimation",))
         if self.dropped < 0:
             raise ProblemError(f"dropped must be >= 0 samples, got {self.dropped}", at=("dropped",))
-        if not self.least_velocity >= 0:
-            raise ProblemError(f"least_velocity must be >= 0, got {self.least_velocity:g}", at=("least_velocity",))
+        for name, value in (
+            ("least_velocity", self.least_velocity),
+            ("transition_velocity", self.transition_velocity),
+        ):
+            if not (value >= 0 and math.isfinite(value)):
+                raise ProblemError(f"{name} must be >= 0, got {value:g}", at=(name,))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +188,7 @@ def drive_parameters(
     treatment = treatment or Treatment()
     try:
         velocity = _velocity(recording, treatment)
-        columns = _columns(recording, velocity, asymmetric=asymmetric, inertia=inertia, viscous=viscous)
+        columns = _columns(recording, velocity, treatment, asymmetric=asymmetric, inertia=inertia, viscous=viscous)
         moving = np.abs(_treated(velocity, recording, treatment)) >= treatment.least_velocity
         force = _treated(recording.force, recording, treatment)[moving]
         table = np.stack([_treated(column, recording, treatment)[moving] for column in columns.values()], axis=1)
@@ -226,17 +234,27 @@ def _velocity(recording: DriveRecording, treatment: Treatment) -> Samples:
 
 
 def _columns(
-    recording: DriveRecording, velocity: Samples, *, asymmetric: bool, inertia: bool, viscous: bool
+    recording: DriveRecording,
+    velocity: Samples,
+    treatment: Treatment,
+    *,
+    asymmetric: bool,
+    inertia: bool,
+    viscous: bool,
 ) -> dict[str, Samples]:
     """Return what each coefficient is multiplied by, at every sample."""
     columns = {"mass": differentiated(velocity, 1 / recording.sample_time)} if inertia else {}
-    up, down = (velocity > 0).astype(float), (velocity < 0).astype(float)
+    smooth = treatment.transition_velocity
+    turned = np.tanh(velocity / smooth) if smooth else np.sign(velocity)
+    up, down = np.maximum(turned, 0.0), np.maximum(-turned, 0.0)
     if asymmetric:
-        columns |= {"viscous": velocity * up, "viscous_negative": velocity * down} if viscous else {}
+        columns |= (
+            {"viscous": np.maximum(velocity, 0.0), "viscous_negative": np.minimum(velocity, 0.0)} if viscous else {}
+        )
         columns |= {"coulomb": up, "coulomb_negative": -down}
     else:
         columns |= {"viscous": velocity} if viscous else {}
-        columns |= {"coulomb": np.sign(velocity), "offset": np.ones_like(velocity)}
+        columns |= {"coulomb": turned, "offset": np.ones_like(velocity)}
     return columns | dict(recording.further)
 
 

@@ -81,6 +81,7 @@ def drive_from_wire(
         decimation=document.decimation,
         dropped=document.dropped,
         least_velocity=document.least_velocity,
+        transition_velocity=document.transition_velocity,
     )
     return recording, treatment, {key: getattr(document, key) for key in ("asymmetric", "inertia", "viscous")}
 

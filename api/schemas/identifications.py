@@ -128,6 +128,9 @@ class InverseDynamicsRequest(Document):
     decimation: int = Field(default=1, ge=1, le=100)
     dropped: int = Field(default=0, ge=0, description="samples left out at the beginning")
     least_velocity: float = Field(default=0.0, ge=0.0, description="slower samples are left out, SI")
+    transition_velocity: float = Field(
+        default=0.0, ge=0.0, description="dry friction as tanh of velocity over this, SI; 0: as its sign"
+    )
     asymmetric: bool = Field(default=False, description="friction of its own in each direction, in place of the offset")
     inertia: bool = True
     viscous: bool = True

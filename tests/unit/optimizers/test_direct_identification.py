@@ -127,6 +127,19 @@ def test_a_drive_with_friction_of_its_own_in_each_direction_and_a_pressure():
     assert all(term.lower95 < term.value < term.upper95 for term in found.terms.values())
 
 
+def test_a_dry_friction_that_turns_smoothly_is_found_by_one_that_does():
+    force = 2 * ACCELERATION + 5 * VELOCITY + 3 * np.tanh(VELOCITY / 0.3) - 0.5
+    recording = DriveRecording(force=force, velocity=VELOCITY, sample_time=1e-3)
+    truth = {"mass": 2.0, "viscous": 5.0, "coulomb": 3.0, "offset": -0.5}
+    smooth = drive_parameters(recording, Treatment(transition_velocity=0.3))
+    assert {name: term.value for name, term in smooth.terms.items()} == pytest.approx(truth, rel=1e-3)
+    hard = drive_parameters(recording)
+    assert hard.equation_error.fit_percent < 97
+    assert smooth.equation_error.fit_percent > 99.9
+    with pytest.raises(ProblemError, match="transition_velocity must be >= 0, got -1"):
+        Treatment(transition_velocity=-1.0)
+
+
 def test_terms_that_a_motion_does_not_tell_apart_are_named():
     creep = 0.01 + 1e-4 * np.sin(3 * T)  # never turns: dry friction and offset are the same
     found = drive_parameters(
