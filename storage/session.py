@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from typing import Any
 from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
+from sqlalchemy.pool import ConnectionPoolEntry
 
 from storage.errors import DatabaseUrlError, DocumentError, is_read_only
 
@@ -34,6 +36,10 @@ class Database:
     url: str = field(repr=False)
     engine: Engine
     sessions: sessionmaker[Session]
+    _closed: threading.Event = field(default_factory=threading.Event, repr=False)
+
+    def __post_init__(self) -> None:
+        event.listen(self.engine, "checkin", self._close_late)
 
     @contextmanager
     def session(self) -> Iterator[Session]:
@@ -65,8 +71,13 @@ class Database:
             connection.execute(text("SELECT 1"))
 
     def dispose(self) -> None:
-        """Close every connection."""
+        """Close every connection; one that a thread is still at work with is closed when it is given back."""
+        self._closed.set()
         self.engine.dispose()
+
+    def _close_late(self, _connection: Any, entry: ConnectionPoolEntry) -> None:
+        if self._closed.is_set():
+            entry.close()
 
 
 def open_database(url: str) -> Database:

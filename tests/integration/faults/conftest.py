@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Iterator
 
 import pytest
 
@@ -19,3 +21,10 @@ def seconds() -> float:
 def rounds() -> int:
     """How often the same goes wrong."""
     return 10 if FULL else 1
+
+
+@pytest.fixture(autouse=True)
+def _whose_connections_these_were() -> Iterator[None]:
+    """Let a connection that was left open fail the test that left it, and no other one."""
+    yield
+    gc.collect()
