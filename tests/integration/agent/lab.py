@@ -160,10 +160,11 @@ class Lab:
     def until(
         self, condition: Callable[[], bool], *, within: float = 30.0, what: Callable[[], object] = lambda: ""
     ) -> None:
-        give_up_at = time.monotonic() + within
+        began, pause = time.monotonic(), 0.02
         while not condition():
-            assert time.monotonic() < give_up_at, what()
-            time.sleep(0.02)
+            assert time.monotonic() < began + within, what()
+            time.sleep(pause)
+            pause = min(1.3 * pause, 0.2 if within <= 60.0 else 2.0)  # asking costs the service, which has work to do
 
     def samples(self, dataset: str, channels: int = 2) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Return what arrived, in V, shape (samples, channels)."""

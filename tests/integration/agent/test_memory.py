@@ -78,6 +78,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         process(*arguments, SERVOTUNE_AGENT_KEY=key) as agent,
     ):
         assert simulator.stdout.readline()
+        lab.client.timeout = 120
         began = time.monotonic()
         asked = lab.ask(duration=SECONDS, pre_trigger=0, sample_rate=RATE, channels=list(SINES), drive=None)
         done = lab.wait(asked, within=60 * SECONDS)
