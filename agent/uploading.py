@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import logging
 import threading
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from agent.errors import AttemptError
@@ -14,6 +16,8 @@ from agent.spool import Run, Segment, Spool
 _log = logging.getLogger(__name__)
 _LOOK = 0.2
 _PAUSE, _LONGEST_PAUSE = 0.5, 10.0
+_ASK = 2.0
+"""Until a service that reads a large recording is asked how far it is, s."""
 _SENDINGS = 3
 """Of a segment that arrives otherwise than it left."""
 
@@ -34,6 +38,8 @@ class Uploader:
         self._there: dict[str, set[str]] = {}
         self._aside: set[str] = set()
         self._told: set[str] = set()
+        self._being_read: dict[str, tuple[dict[str, Any], float]] = {}
+        """Manifests of recordings that the service is reading, which are not hashed twice, and when to ask again."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="uploader", daemon=True)
 
@@ -103,8 +109,7 @@ class Uploader:
                 there.add(self._send(run, dataset, segment, channels=len(begin["channels"])))
                 worked = True
         if ended and run.ended and all(segment.sha256 in there for segment in run.segments()):
-            self._commit(run, dataset)
-            return self._finish(run, agent)
+            return self._commit(run, dataset) and self._finish(run, agent)
         return worked
 
     def _tell(self, run: Run, agent: str) -> None:
@@ -146,19 +151,23 @@ class Uploader:
                 break
         return segment.sha256
 
-    def _commit(self, run: Run, dataset: str) -> None:
-        """Close the recording, and make sure that the service has what this disk has."""
+    def _commit(self, run: Run, dataset: str) -> bool:
+        """Close the recording, and make sure that the service has what this disk has; False while it reads a large one."""
         segments = run.segments()
         if not segments:
-            return
-        whole = hashlib.sha256()
-        for segment in segments:
-            whole.update(segment.path.read_bytes())
-        manifest = {"segments": [segment.sha256 for segment in segments], "sha256": whole.hexdigest()}
+            return True
+        manifest, again = self._being_read.get(run.name) or (_manifest(segments), 0.0)
+        if time.monotonic() < again:
+            return False
         reply = self._service.commit(dataset, manifest)
+        if reply["status"] == "parsing":
+            self._being_read[run.name] = manifest, time.monotonic() + _ASK
+            return False
+        self._being_read.pop(run.name, None)
         size = sum(segment.size for segment in segments)
         if (reply["sha256"], reply["size"], reply["status"]) != (manifest["sha256"], size, "ready"):
             raise ServiceDiffersError(409, "not-confirmed", f"dataset {dataset} is not what this disk has: {reply}")
+        return True
 
     def _finish(self, run: Run, agent: str) -> bool:
         end = run.read("end") or {}
@@ -179,6 +188,14 @@ class Uploader:
         self._there.pop(run.name, None)
         _log.info("%s has arrived", run.name)
         return True
+
+
+def _manifest(segments: Sequence[Segment]) -> dict[str, Any]:
+    """Return what closes a recording."""
+    whole = hashlib.sha256()
+    for segment in segments:
+        whole.update(segment.path.read_bytes())
+    return {"segments": [segment.sha256 for segment in segments], "sha256": whole.hexdigest()}
 
 
 class ServiceDiffersError(RefusedError):

@@ -107,7 +107,12 @@ def _shorter(samples: int) -> Iterator[int]:
 def send(database: Database, path: Path, format_: str) -> str:
     """Upload a file into a dataset, which then waits to be parsed; return its id."""
     with database.session() as session:
-        identifier = DatasetRepository(session, DEFAULT_WORKSPACE).create(name="bench", format=format_).id
+        described: list[dict[str, object]] = [{"name": f"c{i}"} for i in range(CHANNELS)] if format_ == "raw" else []
+        identifier = (
+            DatasetRepository(session, DEFAULT_WORKSPACE)
+            .create(name="bench", format=format_, channels=described, sample_rate=1e4 if described else None)
+            .id
+        )
     digests, whole = [], hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(SEGMENT):
@@ -196,9 +201,9 @@ def main() -> None:
         return
     if options.peak:
         with tempfile.TemporaryDirectory() as folder:
-            for format_, make in (("tdms", _write), ("csv", _write_text)):
+            for format_, make in (("tdms", _write), ("raw", _write_raw), ("csv", _write_text)):
                 path = Path(folder) / f"noise.{format_}"
-                make(path, round(options.peak * 1e6 / (8 * CHANNELS if format_ == "tdms" else 51)))
+                make(path, round(options.peak * 1e6 / (51 if format_ == "csv" else 8 * CHANNELS)))
                 seconds, used = peak(path, format_)
                 print(
                     f"{format_}, {path.stat().st_size / 1e6:.0f} MB: {seconds:.1f} s, at most {used:.0f} MB of memory"
@@ -211,6 +216,13 @@ def main() -> None:
 
     table = render(jobs(runs=options.runs, megabytes=options.megabytes, samples=options.samples), title="imports")
     Console(width=150).print(table)
+
+
+def _write_raw(path: Path, count: int) -> None:
+    rng = np.random.default_rng(0)
+    with path.open("wb") as file:
+        for start in range(0, count, PIECE):
+            file.write(rng.normal(size=(min(PIECE, count - start), CHANNELS)).astype("<f8").tobytes())
 
 
 def _write_text(path: Path, count: int) -> None:

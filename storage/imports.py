@@ -16,6 +16,7 @@ from typing import Any, Self
 from sqlalchemy import CursorResult, delete, insert, update
 from sqlalchemy.orm import Session
 
+from storage import quotas
 from storage.blobs import Packed, packed, put_packed
 from storage.channels import ChannelCutter, Float
 from storage.errors import StateError
@@ -23,6 +24,9 @@ from storage.ids import new_id
 from storage.models import ChannelBlock, Dataset, DatasetStatus
 from storage.models.base import Document
 from storage.session import Database
+
+RAW = "raw"
+"""The format of samples that are received as such."""
 
 #: Blocks that are written in one transaction, each of 256 or 512 KiB before compression.
 _BATCH = 64
@@ -45,6 +49,8 @@ class Import:
     ------
     StateError
         When it is not; also from `add` and `finish`, once the import is overtaken.
+    QuotaExceededError
+        From `add` and `finish`, when the workspace may not store so many samples beside the file itself.
     """
 
     def __init__(self, database: Database, workspace_id: str, identifier: str) -> None:
@@ -54,10 +60,13 @@ class Import:
         self._token = new_id("imp")
         self._cutters: dict[int, ChannelCutter] = {}
         self._waiting: deque[tuple[dict[str, Any], Future[Packed]]] = deque()
+        self._counted = False
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="compress")
         with database.session() as session:
             self._claim(session, DatasetStatus.PARSING, writer=self._token)
             session.execute(delete(ChannelBlock).where(ChannelBlock.dataset_id == identifier))
+            # raw samples are what was received, and counted as such
+            self._counted = session.get_one(Dataset, identifier).format != RAW
 
     def __enter__(self) -> Self:
         return self
@@ -74,6 +83,11 @@ class Import:
         self._cutters[channel].add(samples)
 
     @property
+    def _bytes(self) -> int:
+        """What the samples until now add to what is stored."""
+        return 8 * sum(self.counts.values()) if self._counted else 0
+
+    @property
     def counts(self) -> dict[int, int]:
         """How many samples each channel has by now."""
         return {channel: cutter.count for channel, cutter in self._cutters.items()}
@@ -82,11 +96,13 @@ class Import:
         self,
         *,
         channels: Sequence[Document],
-        sample_rate: float | None,
-        start_time: datetime | None,
         report: Document,
+        sample_rate: float | None = None,
+        start_time: datetime | None = None,
     ) -> int:
         """Make the dataset ``ready`` and return how many samples each channel has.
+
+        A sample rate or a start that a file tells replaces what was known before.
 
         Raises
         ------
@@ -103,16 +119,17 @@ class Import:
         (count,) = counts
         values: dict[str, Any] = {
             "channels": list(channels),
-            "sample_rate": sample_rate,
             "sample_count": count,
+            "sample_bytes": self._bytes,
             "report": report,
             "error": None,
             "writer": None,
         }
-        if start_time is not None:
-            values["start_time"] = start_time
+        told = {"sample_rate": sample_rate, "start_time": start_time}
+        values |= {name: value for name, value in told.items() if value is not None}
         with self._database.session() as session:
             self._claim(session, DatasetStatus.READY, held_by=self._token, **values)
+            quotas.add_bytes(session, self._workspace_id, self._bytes)
         return count
 
     def _put(self, channel: int, level: int, number: int, cells: Float) -> None:
@@ -127,6 +144,7 @@ class Import:
         contents = [content.result() for _, content in batch]
         with self._database.session() as session:
             self._claim(session, DatasetStatus.PARSING, held_by=self._token)
+            quotas.check_bytes(session, self._workspace_id, self._bytes)
             put_packed(session, contents)
             session.execute(
                 insert(ChannelBlock),

@@ -80,6 +80,20 @@ def add_bytes(session: Session, workspace_id: str, count: int, *, within_quota: 
         _check("stored_bytes", limits_of(workspace), used=workspace.stored_bytes - count, more=count)
 
 
+def check_bytes(session: Session, workspace_id: str, more: int) -> None:
+    """Make sure that there would be room for ``more`` bytes, without counting them: long work need not go on without.
+
+    Raises
+    ------
+    QuotaExceededError
+        When there is none.
+    """
+    workspace = session.get(Workspace, workspace_id, populate_existing=True)
+    if workspace is None:
+        raise NotFoundError("workspace", workspace_id)
+    _check("stored_bytes", limits_of(workspace), used=workspace.stored_bytes, more=more)
+
+
 def usage(session: Session, workspace: Workspace) -> dict[str, int]:
     """Return how much of each limit is used."""
     return {

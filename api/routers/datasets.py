@@ -112,13 +112,13 @@ def segments(
 @router.post(
     "/{identifier}/commit",
     response_model=DatasetReply,
-    responses={202: {"model": DatasetReply, "description": "a file: a job parses it"}},
+    responses={202: {"model": DatasetReply, "description": "a file, or many raw samples: a job reads it"}},
     summary="Close a recording",
 )
 def commit(
     identifier: str, request: CommitRequest, caller: Uploader, service: InstallationDep, creation: CreationDep
 ) -> Response:
-    """Say the order of the segments and the SHA-256 of the whole; raw samples are ready at once."""
+    """Say the order of the segments and the SHA-256 of the whole; up to 64 MiB of raw samples are ready at once."""
 
     def work(session: Session) -> Answer:
         found = datasets.commit(service, session, caller, identifier, request)

@@ -13,10 +13,11 @@ import numpy as np
 from api.convert.values import listed, numbers
 from api.errors import Problem
 from api.formats import MOST_VALUES, TIME_OF_DAY, FormatError, Recording, Values, catalogue
+from api.services import raw_samples
 from api.services.importing import Plan, options, settle
 from api.services.quality import ChannelQuality, remarks
 from api.services.sampling import TimeAxis
-from storage.imports import Import
+from storage.imports import RAW, Import
 from storage.repositories import DatasetRepository
 from storage.session import Database
 
@@ -27,7 +28,7 @@ _MOST_SHOWN = 200
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
-    """Read the channels of a committed file.
+    """Read the channels of a committed file, or of raw samples.
 
     Raises
     ------
@@ -42,6 +43,8 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         given = _said((row.description or {}).get("import"))
         format_, size, stated_start = row.format, row.size or 1, row.start_time
         segments = list(row.manifest or ())
+    if format_ == RAW:
+        return raw_samples.run(identifier, database=database, workspace=workspace, progress=progress)
     with _refusing(), ExitStack() as undo:
         file = undo.enter_context(_spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))

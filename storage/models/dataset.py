@@ -28,6 +28,7 @@ class Dataset(Base):
     as recorded. ``description`` says how a file is read (the ``import`` of the contract). ``manifest`` is the ordered
     list of segments, ``sha256`` that of the whole. ``sample_rate`` in samples per second. ``report`` tells what was
     noticed while the samples were read; ``job_id`` is the job that reads the file, ``writer`` the import that may write.
+    ``commits`` is how often it was committed; ``sample_bytes`` what the samples read from a file add to what was received.
     """
 
     __tablename__ = "dataset"
@@ -54,6 +55,8 @@ class Dataset(Base):
     report: Mapped[dict[str, Any] | None]
     job_id: Mapped[str | None] = mapped_column(Id, index=True)
     writer: Mapped[str | None] = mapped_column(Id)
+    commits: Mapped[int] = mapped_column(default=0, server_default="0")
+    sample_bytes: Mapped[int] = mapped_column(BigInteger, default=0, server_default="0")
     created_at: Mapped[datetime] = mapped_column(default=utc_now)
 
 

@@ -106,7 +106,7 @@ class DatasetRepository:
         self._session.delete(dataset)
         self._session.flush()
         record(self._session, self._workspace_id, "dataset.delete", identifier)
-        quotas.add_bytes(self._session, self._workspace_id, -int(size or 0))
+        quotas.add_bytes(self._session, self._workspace_id, -int(size or 0) - dataset.sample_bytes)
 
     def put_segment(self, identifier: str, sha256: str, data: bytes) -> bool:
         """Keep a segment; False when it was there already.
@@ -164,6 +164,7 @@ class DatasetRepository:
             if dataset.status == DatasetStatus.FAILED and description is not None:
                 dataset = self._lock(identifier, DatasetStatus.FAILED)
                 dataset.status, dataset.error, dataset.description = DatasetStatus.PARSING, None, description
+                dataset.commits += 1
                 self._session.flush()
                 record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
             return dataset
@@ -179,6 +180,7 @@ class DatasetRepository:
         dataset.sha256 = sha256
         dataset.size = sum(sizes[segment] for segment in segments)
         dataset.status = DatasetStatus.PARSING
+        dataset.commits += 1
         dataset.description = dataset.description if description is None else description
         self._session.flush()
         record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
@@ -237,7 +239,7 @@ class DatasetRepository:
                 f"a raw recording of {len(dataset.channels)} channels must be whole samples of {width} bytes, "
                 f"got {dataset.size} bytes"
             )
-        pieces = _samples(self.original(identifier), len(dataset.channels))
+        pieces = raw_samples(self.original(identifier), len(dataset.channels))
         return self.write_channels(identifier, _watched(pieces, watch) if watch else pieces, report=report)
 
     def write_channels(
@@ -321,7 +323,7 @@ def _watched(
         yield piece
 
 
-def _samples(pieces: Iterable[bytes], channel_count: int) -> Iterator[NDArray[np.float64]]:
+def raw_samples(pieces: Iterable[bytes], channel_count: int) -> Iterator[NDArray[np.float64]]:
     """Turn little-endian float64 bytes into blocks (n, channel_count), also where pieces cut samples apart."""
     rest = b""
     for piece in pieces:
