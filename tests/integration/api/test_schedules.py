@@ -197,6 +197,24 @@ def test_what_was_missed_is_made_up_for_as_the_policy_says(desk) -> None:
     assert desk.runs(none) == [("12:00", "missed")]
 
 
+def test_a_clock_that_jumps_starts_nothing_twice(desk) -> None:
+    """Forwards it is as if the service had been away; set back, what has run does not run again when its time comes again."""
+    every, one = (
+        desk.schedule(missed=missed, cron="*/10 * * * *", overlap="cancel_previous") for missed in ("all", "one")
+    )
+    desk.tick(0 * MINUTE)
+    for _ in range(3):
+        desk.tick(20 * MINUTE)
+    assert desk.runs(every) == [("12:00", "started"), ("12:10", "started"), ("12:20", "started")]
+    assert desk.runs(one) == [("12:00", "started"), ("12:10", "missed"), ("12:20", "started")]
+    before = desk.runs(every), desk.runs(one)
+    for minute in (-1440, 5, 10, 15, 20, 25):
+        desk.tick(minute * MINUTE)
+        assert (desk.runs(every), desk.runs(one)) == before
+    desk.tick(30 * MINUTE)
+    assert desk.runs(every)[3:] == desk.runs(one)[3:] == [("12:30", "started")]
+
+
 def test_a_job_that_cannot_be_run_is_refused_and_the_next_one_tried(desk) -> None:
     with desk.database.session() as session:
         system = SystemRepository(session, DEFAULT_WORKSPACE).create(name="lag", document=LAG).id

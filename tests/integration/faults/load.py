@@ -21,14 +21,16 @@ WORK = """
 import logging, sys, threading
 from storage.jobs.worker import Worker
 logging.basicConfig(level=logging.WARNING)
-Worker(sys.argv[1], compute=sys.argv[2], slots=int(sys.argv[3]), heartbeat=0.2).run(threading.Event())
+Worker(sys.argv[1], compute=sys.argv[2], slots=int(sys.argv[3]), heartbeat=float(sys.argv[4])).run(threading.Event())
 """
 
 
-def start_worker(url: str, *, slots: int = 1, log: Path | None = None) -> subprocess.Popen[bytes]:
-    """Start a worker whose heart beats so fast that it is missed after a second."""
+def start_worker(
+    url: str, *, slots: int = 1, log: Path | None = None, compute: str = COMPUTE, heartbeat: float = 0.2
+) -> subprocess.Popen[bytes]:
+    """Start a worker, by default one whose heart beats so fast that it is missed after a second."""
     with (log or Path("/dev/null")).open("ab") as written:
-        return subprocess.Popen([sys.executable, "-c", WORK, url, COMPUTE, str(slots)], stderr=written)
+        return subprocess.Popen([sys.executable, "-c", WORK, url, compute, str(slots), str(heartbeat)], stderr=written)
 
 
 @contextmanager

@@ -35,10 +35,11 @@ def test_postgres_restarts_under_load(tmp_path: Path, seconds: float, rounds: in
         desk = Desk(database)
         log = tmp_path / "workers.txt"
         with workers(url, 2, log=log), serving(url, requests_per_minute=0) as service:
-            jobs = [desk.ask("square", values=[1, 2], pause=0.02) for _ in range(20)]
+            jobs: list[str] = []
             with Load(service.client, reads_and_writes, threads=6) as load:
                 load.wait(30)
                 for _ in range(rounds):
+                    jobs += [desk.ask("square", values=[1, 2], pause=0.02) for _ in range(20)]
                     server.stop()
                     time.sleep(0.3)
                     with service.client() as client:

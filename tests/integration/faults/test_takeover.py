@@ -1,0 +1,166 @@
+"""A worker is killed in the middle of an optimisation that was asked for over HTTP: another one goes on with it.
+
+`make faults` does so with the heartbeat of a service, with every method that keeps its state and with a grid in parts, on
+both databases, and holds the promise of 15 s.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import select
+
+from storage import Database
+from storage.models import Job, JobState, JobStatus, Worker
+from storage.repositories.workers import HEARTBEAT_INTERVAL
+from tests.integration.api.conftest import serving
+from tests.integration.api.test_optimizations import REQUEST
+from tests.integration.faults.conftest import FULL
+from tests.integration.faults.load import start_worker
+from tests.support.desk import wait_for
+from tests.support.postgres import create_database
+
+#: s: the promise, of a service on a machine that is not busy.
+PROMISE = 15.0
+HEARTBEAT = HEARTBEAT_INTERVAL if FULL else 0.2
+VARIABLES = [{"parameter": "c"}, {"parameter": "k", "lower": 0.5, "upper": 50}]
+LONG = {
+    "global": {"kind": "global", "population": 64, "restarts": 20, "max_evaluations": 100_000_000},
+    "gradient": {"kind": "gradient", "starts": 1000, "max_evaluations": 10_000_000},
+    "grid": {"kind": "grid", "points": 1000},
+}
+CASES = [(kind, base) for kind in LONG for base in ("sqlite", "postgres")] if FULL else [("global", "sqlite")]
+
+
+@pytest.fixture
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a migrated database of the wanted sort."""
+    if request.param == "sqlite":
+        path = tmp_path / "service.db"
+        path.write_bytes(request.getfixturevalue("sqlite_template").read_bytes())
+        return f"sqlite:///{path}"
+    server, template = request.getfixturevalue("postgres_url"), request.getfixturevalue("postgres_template")
+    return create_database(server, f"takeover_{tmp_path.name[-20:]}", template=template)
+
+
+@contextmanager
+def two_workers(url: str, log: Path) -> Iterator[dict[int, Any]]:
+    """Give two workers as the service has them, by their process ids."""
+    running = [start_worker(url, log=log, compute="api.worker:run", heartbeat=HEARTBEAT) for _ in range(2)]
+    try:
+        yield {worker.pid: worker for worker in running}
+    finally:
+        for worker in running:
+            worker.kill()
+            worker.wait()
+
+
+def rows(database: Database, job: str) -> list[Job]:
+    """Return what a worker may have in its hands: the job, or its parts."""
+    with database.session() as session:
+        parts = session.scalars(select(Job).where(Job.parent_id == job, Job.part >= 0).order_by(Job.part)).all()
+        return list(parts) or [session.get_one(Job, job)]
+
+
+def state_of(database: Database, job: str) -> JobState | None:
+    with database.session() as session:
+        return session.get(JobState, job)
+
+
+def evaluations(state: Any) -> int:
+    """Return the largest number of evaluations that any part of a state tells of."""
+    if not isinstance(state, Mapping):
+        return 0
+    own = state.get("evaluations", 0)
+    return max([int(own), *(evaluations(part) for part in state.values())])
+
+
+def kill_worker_of(database: Database, row: Job, workers: dict[int, Any]) -> None:
+    with database.session() as session:
+        pid = session.get_one(Worker, row.worker).pid
+    os.kill(pid, signal.SIGKILL)
+    workers.pop(pid).wait()
+
+
+def asked(client: httpx.Client, kind: str) -> str:
+    reply = client.post("/v1/optimizations", json=REQUEST | {"variables": VARIABLES, "method": LONG[kind]})
+    assert reply.status_code == 202, reply.text
+    return str(reply.json()["id"])
+
+
+def killed_and_taken_over(database: Database, job: str, workers: dict[int, Any], ready: Callable[[], bool]) -> Job:
+    """Kill the worker of a row that runs when it is ``ready``; return that row as it was, when another worker has it."""
+    wait_for(ready, "something to lose", timeout=300)
+    killed = next(row for row in rows(database, job) if row.status == JobStatus.RUNNING)
+    kill_worker_of(database, killed, workers)
+    begun = time.monotonic()
+
+    def again() -> bool:
+        now = next(row for row in rows(database, job) if row.id == killed.id)
+        return now.attempts > killed.attempts and now.worker != killed.worker
+
+    wait_for(again, "the other worker", timeout=300)
+    took = time.monotonic() - begun
+    assert not FULL or took < PROMISE, f"{took:.1f} s"
+    return killed
+
+
+@pytest.mark.parametrize(("kind", "url"), CASES, indirect=["url"])
+def test_another_worker_goes_on(kind: str, url: str, tmp_path: Path) -> None:
+    log = tmp_path / "workers.txt"
+    try:
+        with serving(url) as service, two_workers(url, log) as workers, service.client() as client:
+            assert service.app is not None
+            database = service.app.state.installation.database
+            job = asked(client, kind)
+            if kind == "grid":
+                shards_are_done_once(database, job, workers)
+            else:
+                search_goes_on(database, job, workers)
+            assert client.post(f"/v1/jobs/{job}/cancel").json()["status"] in {"cancelled", "succeeded"}
+    except AssertionError as error:
+        error.add_note(log.read_text())
+        raise
+
+
+def search_goes_on(database: Database, job: str, workers: dict[int, Any]) -> None:
+    def worth() -> bool:
+        state = state_of(database, job)
+        return state is not None and evaluations(state.state) > 200
+
+    killed_and_taken_over(database, job, workers, worth)
+    before = state_of(database, job)
+    assert before is not None
+    assert before.attempt == 1
+    wait_for(lambda: state_of(database, job).attempt == 2, "a state of the other worker", timeout=300)  # type: ignore[union-attr] # it has one
+    after = state_of(database, job)
+    assert after is not None
+    assert evaluations(after.state) > evaluations(before.state)
+
+
+def shards_are_done_once(database: Database, job: str, workers: dict[int, Any]) -> None:
+    def done() -> dict[str, tuple[int, str | None]]:
+        return {row.id: (row.attempts, row.result_id) for row in rows(database, job) if row.status == "succeeded"}
+
+    def worth() -> bool:
+        running = [row for row in rows(database, job) if row.parent_id and row.status == "running"]
+        return len(done()) >= 2 and len(running) == 2
+
+    kept: dict[str, tuple[int, str | None]] = {}
+
+    def ready() -> bool:
+        kept.update(done())
+        return worth()
+
+    killed_and_taken_over(database, job, workers, ready)
+    after = done()
+    assert len(after) >= len(kept) >= 2
+    assert {part: after[part] for part in kept} == kept
