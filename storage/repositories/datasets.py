@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.blobs import iterate_bytes, put_bytes
+from storage.blobs import iterate_bytes, packed, put_packed, sha256_of
 from storage.channels import ChannelReader, Envelope, Float, write_channels
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
 from storage.ids import new_id
@@ -120,10 +120,15 @@ class DatasetRepository:
         QuotaExceededError
             When the workspace may not store that much.
         """
-        self._lock(identifier, DatasetStatus.OPEN)
         if len(data) > MAX_SEGMENT:
             raise StateError(f"a segment must be at most {MAX_SEGMENT} bytes, got {len(data)}")
-        put_bytes(self._session, data, expected_sha256=sha256)
+        actual = sha256_of(data)
+        if actual != sha256:
+            raise ChecksumError("the content", expected=sha256, actual=actual)
+        # Compressed before the first write: in SQLite everybody else waits from then on, heartbeats of a rig among them.
+        content = packed(data, sha256=sha256)
+        self._lock(identifier, DatasetStatus.OPEN)
+        put_packed(self._session, [content])
         new = insert_if_absent(self._session, DatasetSegment, dataset_id=identifier, sha256=sha256, size=len(data))
         if new:
             quotas.add_bytes(self._session, self._workspace_id, len(data))
