@@ -26,7 +26,9 @@ _log = logging.getLogger(__name__)
 _PAUSE, _LONGEST_PAUSE = 0.5, 30.0
 _CLAIM_WAIT = 2.0
 """s in one request; an agent that is told to end waits no longer."""
-_PATIENCE_AT_END = 10.0
+_PATIENCE_AT_START, _PATIENCE_AT_END = 5.0, 10.0
+_CONFLICT = 409
+"""What the service answers to an agent whose rig another one has."""
 
 
 class Agent:
@@ -58,11 +60,13 @@ class Agent:
         self._end_what_was_interrupted()
         self._uploader.start()
         try:
-            self._rest_until_it_works()
+            if not self._is_anothers():
+                self._rest_until_it_works()
             while not self._stop.is_set():
                 agent = self._register()
                 if agent is not None:
                     self._uploader.agent = agent
+                    self._rest_until_it_works()  # whoever had the rig before may have left it anywhere
                     self._serve(agent)
         finally:
             self._uploader.stop(patience=_PATIENCE_AT_END)
@@ -80,6 +84,16 @@ class Agent:
                 detail = "the agent's process ended in the middle of it; what was on its disk is here"
                 run.write("end", {"facts": facts, "error": {"code": "agent_died", "detail": detail}})
                 _log.warning("%s was interrupted: %d samples of each channel are kept", run.name, samples)
+
+    def _is_anothers(self) -> bool:
+        """Ask whether another agent has the rig, which then is not to be touched; no answer is no."""
+        try:
+            self._service.register(self._document(), timeout=_PATIENCE_AT_START)
+        except RefusedError as error:
+            return error.status == _CONFLICT
+        except (ServiceError, AttemptError, SettingsError):
+            return False
+        return False
 
     def _rest_until_it_works(self) -> None:
         """Clear what was left on the hardware and bring every output to its safe value, before anything else."""
@@ -111,7 +125,7 @@ class Agent:
                 reply = self._service.register(self._document())
             except (ServiceError, AttemptError, SettingsError) as error:
                 _log.warning("not registered: %s", error)
-                if isinstance(error, RefusedError) and error.status != 409:
+                if isinstance(error, RefusedError) and error.status != _CONFLICT:
                     pause = _LONGEST_PAUSE
                 self._stop.wait(pause)
                 pause = min(2 * pause, _LONGEST_PAUSE)

@@ -56,9 +56,9 @@ class Service:
         """Close the connections."""
         self._http.close()
 
-    def register(self, document: Mapping[str, Any]) -> dict[str, Any]:
+    def register(self, document: Mapping[str, Any], *, timeout: float | None = None) -> dict[str, Any]:
         """Take the rig."""
-        return self._json("POST", "/v1/agents", document)
+        return self._json("POST", "/v1/agents", document, timeout=min(timeout or self._timeout, self._timeout))
 
     def claim(self, agent: str, *, wait: float) -> dict[str, Any] | None:
         """Wait for an attempt; None when there was none."""

@@ -48,7 +48,7 @@ def rig() -> Iterator[tuple[WatchedBench, Hardware]]:
         ]
     )
     server = Server(bench)
-    hardware = Hardware(DaqSettings(server=f"127.0.0.1:{server.port}"), rig="bench")
+    hardware = Hardware(DaqSettings(server=f"127.0.0.1:{server.port}", deadline=60.0), rig="bench")
     yield bench, hardware
     hardware.close()
     server.close()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from agent import process, uploading
 from rig_simulator.grpc_server import Server
 from tests.integration.agent.lab import Lab, make_bench
 from tests.integration.api.conftest import Service, serving
@@ -19,6 +20,13 @@ def service(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     path.write_bytes(sqlite_template.read_bytes())
     with serving(f"sqlite:///{path}") as running:
         yield running
+
+
+@pytest.fixture(autouse=True)
+def _asks_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An agent ends when its question for work is answered: every test would wait for that."""
+    monkeypatch.setattr(process, "_CLAIM_WAIT", 0.2)
+    monkeypatch.setattr(uploading, "_LOOK", 0.05)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import threading
 import time
@@ -29,7 +30,7 @@ RIG = """
 [rig]
 name = "{rig}"
 [daq]
-deadline = 1.0
+deadline = 5.0
 chunk = 0.1
 [spool]
 reserve = 0.0
@@ -170,6 +171,21 @@ class Lab:
         """Return what arrived, in V, shape (samples, channels)."""
         data = self.client.get(f"/v1/datasets/{dataset}/original").content
         return np.frombuffer(data, "<f8").reshape(-1, channels)
+
+    def whole(self, acquisition: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Return what arrived of a sine of 2 V and 5 Hz, having made sure that it is what was acquired, each sample once."""
+        attempt = self.attempt(acquisition)
+        facts, data = attempt["facts"], self.client.get(f"/v1/datasets/{attempt['dataset']}/original").content
+        assert (
+            self.client.get(f"/v1/datasets/{attempt['dataset']}").json()["sha256"] == hashlib.sha256(data).hexdigest()
+        )
+        values = np.frombuffer(data, "<f8").reshape(-1, 2)
+        assert 0 < values.shape[0] == facts["samples"]
+        k = np.arange(values.shape[0]) - facts["repeats"]["first"]
+        driven = np.where(k > 0, 2 * np.sin(2 * np.pi * 5 * k / facts["actual_rate"]), 0.0)
+        played = k < 0.97 * facts["repeats"]["length"]  # then the soft stop begins
+        assert np.abs(values[:, 0] - driven)[played].max() < 3e-6  # the converter's step is 1.2e-6 V
+        return values
 
     def runs(self) -> list[Path]:
         return sorted((self.spool / "runs").iterdir())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -12,7 +13,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import httpx
-import numpy as np
 import pytest
 
 from storage import open_database
@@ -48,16 +48,25 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_kill_of_the_agent(lab) -> None:
-    lab.bench.speed = 1.0
+def agent_of(lab) -> tuple[str, ...]:
+    """Return the command of an agent of the lab's rig."""
     lab.settings()
-    arguments = (
+    return (
         "agent", "--settings", str(lab.folder / "agent.toml"), "--url", lab.service.url,
         "--daq-server", f"127.0.0.1:{lab.server.port}", "--spool", str(lab.spool),
     )  # fmt: skip
-    with process(*arguments, SERVOTUNE_AGENT_KEY=lab.service.keys["acquire"]) as agent:
+
+
+def recording(lab, *, segments: int) -> None:
+    """Wait until some segments are on the disk of the lab PC."""
+    lab.until(lambda: lab.runs() != [] and len(list(lab.runs()[0].glob("*.f64"))) > segments)
+
+
+def test_kill_of_the_agent(lab) -> None:
+    lab.bench.speed = 1.0
+    with process(*agent_of(lab), SERVOTUNE_AGENT_KEY=lab.service.keys["acquire"]) as agent:
         asked = lab.ask(duration=20, drive=STEP)
-        lab.until(lambda: lab.runs() != [] and len(list(lab.runs()[0].glob("*.f64"))) > 5)
+        recording(lab, segments=5)
         agent.send_signal(signal.SIGKILL)
         agent.wait()
     (run,) = lab.runs()
@@ -77,6 +86,23 @@ def test_kill_of_the_agent(lab) -> None:
         assert lab.client.post(f"/v1/agents/{attempt['agent']}/claim").status_code == 204  # not repeated
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_agent_that_is_told_to_end_leaves_the_rig_at_rest(lab, number) -> None:
+    """Ctrl-C at a terminal, and what systemd sends."""
+    lab.bench.speed = 1.0
+    with process(*agent_of(lab), SERVOTUNE_AGENT_KEY=lab.service.keys["acquire"]) as agent:
+        asked = lab.ask(duration=60)
+        recording(lab, segments=2)
+        agent.send_signal(number)
+        assert agent.wait(60) == 0
+    failed = lab.get(asked)
+    assert failed["attempts"][0]["error"]["type"] == "urn:servotune:problem:stopped"
+    assert failed["attempts"][0]["facts"]["output_at_rest"] is True
+    assert lab.level() == 0.0
+    assert not lab.bench.tasks
+    lab.whole(asked)
+
+
 def test_kill_of_the_service(lab, tmp_path) -> None:
     url = f"sqlite:///{tmp_path / 'own.db'}"
     database = open_database(url)
@@ -91,21 +117,16 @@ def test_kill_of_the_service(lab, tmp_path) -> None:
         lab.client = client
         with process(*command, SERVOTUNE_DATABASE_URL=url) as service:
             _answers(client)
-            asked = lab.ask(duration=4)
+            asked = lab.ask(duration=3)
             lab.wait(asked, "running")
             service.send_signal(signal.SIGKILL)
             service.wait()
-        time.sleep(1.0)  # the run goes on without anybody to talk to
+        recording(lab, segments=10)  # the run goes on without anybody to talk to
         with process(*command, SERVOTUNE_DATABASE_URL=url):
             _answers(client)
             done = lab.wait(asked)
             assert done["status"] == "done", done
-            facts = done["attempts"][0]["facts"]
-            values = lab.samples(done["dataset"])
-            assert values.shape[0] == facts["samples"] == round(0.1 * 51200 / 31) + round(4 * 51200 / 31)
-            k = np.arange(facts["repeats"]["first"], int(0.98 * facts["samples"]))
-            t = (k - facts["repeats"]["first"]) / facts["actual_rate"]
-            assert np.abs(values[k, 0] - 2 * np.sin(2 * np.pi * 5 * t)).max() < 3e-6  # no gap, none twice
+            assert lab.whole(asked).shape[0] == round(0.1 * 51200 / 31) + round(3 * 51200 / 31)
             lab.until(lambda: lab.runs() == [])
 
 
@@ -120,32 +141,43 @@ def _answers(client: httpx.Client) -> None:
             time.sleep(0.1)
 
 
-def test_crash_of_the_device_server(lab, tmp_path) -> None:
-    """The simulator as its users start it, with a fault on command."""
-    (tmp_path / "lag.json").write_text(httpx.Request("POST", "http://x", json=LAG).content.decode())
+def test_kill_of_the_device_server(lab, tmp_path) -> None:
+    """The simulator as its users start it: killed, and then frozen, while it measures."""
+    (tmp_path / "lag.json").write_text(json.dumps(LAG))
     description = tmp_path / "rig.toml"
     description.write_text(
         '[plant]\nsystem = "lag.json"\n[[devices]]\nname = "cDAQ1Mod1"\ninputs = 4\nrange = 10.0\n'
         '[[devices]]\nname = "cDAQ1Mod2"\nmodel = "NI 9260"\noutputs = 2\ndivider = 0\n'
         '[[drives]]\nchannel = "cDAQ1Mod2/ao0"\ninput = "u"\n'
+        '[[sensors]]\nchannel = "cDAQ1Mod1/ai0"\nloopback = "cDAQ1Mod2/ao0"\n'
         '[[sensors]]\nchannel = "cDAQ1Mod1/ai1"\noutput = "y"\nsensitivity = 0.5\n'
     )
     port = free_port()
     command = ("rig-simulator", str(description), "--port", str(port))
-    settings = lab.settings(**{"daq.server": f"127.0.0.1:{port}"})
-    with lab.agent(settings):
+    with lab.agent(lab.settings(**{"daq.server": f"127.0.0.1:{port}", "daq.deadline": 2.0})):
         with process(*command) as simulator:
             assert "stands in for hardware" in simulator.stdout.readline()
-            asked = lab.ask(duration=20, drive=STEP)
-            lab.until(lambda: lab.runs() != [] and len(list(lab.runs()[0].glob("*.f64"))) > 2)
-            simulator.stdin.write("levels\ncrash\n")
-            simulator.stdin.flush()
-            assert simulator.stdout.readline() == "cDAQ1Mod2/ao0=1\n"
+            asked = lab.ask(duration=60)
+            recording(lab, segments=2)
+            simulator.send_signal(signal.SIGKILL)
             failed = lab.wait(asked)
         assert failed["attempts"][0]["error"]["type"] == "urn:servotune:problem:server_unreachable"
-        assert lab.samples(failed["dataset"]).shape[0] == failed["attempts"][0]["facts"]["samples"] > 0
-        with process(*command):
-            assert lab.wait(lab.ask(duration=0.2), within=60)["status"] == "done"
+        lab.whole(asked)
+        with process(*command) as simulator:
+            asked = lab.ask(duration=60)
+            lab.wait(asked, "running", within=120)
+            recording(lab, segments=2)
+            simulator.send_signal(signal.SIGSTOP)
+            failed = lab.wait(asked, within=120)
+            assert failed["attempts"][0]["error"]["type"] == "urn:servotune:problem:server_unreachable"
+            assert "could not be brought to 0 V" in failed["attempts"][0]["error"]["detail"]
+            lab.whole(asked)
+            simulator.send_signal(signal.SIGCONT)
+            assert lab.wait(lab.ask(duration=0.2), within=120)["status"] == "done"
+            simulator.stdin.write("levels\ncrash\n")
+            simulator.stdin.flush()
+            assert simulator.stdout.read().splitlines()[-1] == "cDAQ1Mod2/ao0=0"
+            assert simulator.wait(30) == 1
 
 
 def test_settings_that_make_no_sense_end_it_at_once(tmp_path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,13 @@ from hypothesis import settings
 
 from tests.integration.agent.lab import RIG
 from tests.integration.agent.test_kills import free_port, process
+from tests.integration.api.conftest import working
 
 SECONDS = 1800 if settings().max_examples > 1000 else 10
 RATE = 51200
 MOST = 200e6
+MOST_AT_ONCE = 20
+"""s of these channels that the service reads by itself; a worker reads more."""
 SINES = {f"ai{i}": frequency for i, frequency in enumerate((1e-4, 37.0, 41.3, 53.9, 61.1, 71.7, 83.3, 97.9))}
 AMPLITUDE, RANGE = 4.5, 5.0
 STEP = RANGE / 2**23
@@ -53,7 +57,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
     for short, usual in (
         ("chunk = 0.1", "chunk = 0.25"),
         ("segment = 0.1", "segment = 2.0"),
-        ("deadline = 1.0", "deadline = 60"),
+        ("deadline = 5.0", "deadline = 60"),
     ):
         rig = rig.replace(short, usual)
     inputs = "".join(f'[[inputs]]\nname = "{name}"\nchannel = "cDAQ1Mod1/{name}"\n' for name in SINES)
@@ -74,6 +78,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
     )  # fmt: skip
     key = lab.service.keys["acquire"]
     with (
+        working(lab.service.database_url) if SECONDS > MOST_AT_ONCE else nullcontext(),
         process("rig-simulator", str(description), "--port", str(port)) as simulator,
         process(*arguments, SERVOTUNE_AGENT_KEY=key) as agent,
     ):

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import time
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 
 from agent import process, service, uploading
-from rig_simulator.grpc_server import Server
+from api.services import agents, attempts
 from storage import open_database
-from storage.models import AcquisitionAttempt
+from storage.models import AcquisitionAttempt, Agent
 from storage.models.base import utc_now
 from tests.integration.agent.lab import document
 
@@ -45,8 +45,7 @@ def test_what_was_recorded_before_a_fault_arrives(lab, fault, code) -> None:
     attempt = failed["attempts"][0]
     assert (failed["status"], attempt["error"]["type"]) == ("failed", PROBLEM + code)
     assert " - " in attempt["error"]["detail"]  # what to do
-    values = lab.samples(failed["dataset"])
-    assert 0 < values.shape[0] == attempt["facts"]["samples"] < 3400
+    assert lab.whole(asked).shape[0] < 3400
     assert attempt["facts"]["complete"] is False
     assert lab.level() == 0.0  # the output, on another module, is at rest
     assert lab.runs() == []
@@ -63,47 +62,20 @@ def test_a_wrong_device_is_not_measured_with(lab) -> None:
 
 def test_a_frozen_device_server_holds_nobody(lab) -> None:
     lab.bench.speed = 1.0
-    with lab.agent():
-        asked = lab.ask(duration=5)
-        _running(lab, asked, progress=0.05)
+    with lab.agent(lab.settings(**{"daq.deadline": 1.0})):
+        asked = lab.ask(duration=30)
+        _running(lab, asked, progress=0.01)
         lab.bench.awake.clear()
         failed = lab.wait(asked)
         error = failed["attempts"][0]["error"]
         assert error["type"] == PROBLEM + "server_unreachable"
         assert "could not be brought to 0 V" in error["detail"]  # said, not hidden
         assert failed["attempts"][0]["facts"]["output_at_rest"] is False
-        assert lab.samples(failed["dataset"]).shape[0] == failed["attempts"][0]["facts"]["samples"] > 0
+        lab.whole(asked)
         # Nothing is measured before the output is at rest.
         lab.bench.awake.set()
         assert lab.wait(lab.ask(duration=0.2))["status"] == "done"
         assert lab.level() == 0.0
-
-
-def test_a_device_server_that_dies_is_found_again(lab) -> None:
-    lab.bench.speed = 1.0
-    with lab.agent():
-        asked = lab.ask(duration=5)
-        _running(lab, asked, progress=0.05)
-        port = lab.server.port
-        lab.server.close()
-        lab.bench.tasks.clear()
-        failed = lab.wait(asked)
-        assert failed["attempts"][0]["error"]["type"] == PROBLEM + "server_unreachable"
-        lab.server = Server(lab.bench, port=port)
-        assert lab.wait(lab.ask(duration=0.2), within=60)["status"] == "done"
-
-
-def test_an_agent_that_is_told_to_end_leaves_the_rig_at_rest(lab) -> None:
-    lab.bench.speed = 1.0
-    with lab.agent() as agent:
-        asked = lab.ask(duration=5, drive={"output": "valve", "signal": {"kind": "step", "amplitude": 1}})
-        _running(lab, asked, progress=0.05)
-        assert lab.level() == pytest.approx(1)
-        agent.stop()
-        failed = lab.wait(asked)
-    assert failed["attempts"][0]["error"]["type"] == PROBLEM + "stopped"
-    assert lab.level() == 0.0
-    assert lab.samples(failed["dataset"]).shape[0] == failed["attempts"][0]["facts"]["samples"]
 
 
 def test_a_lost_lease_stops_the_rig_and_late_samples_are_kept(lab, service) -> None:
@@ -118,11 +90,56 @@ def test_a_lost_lease_stops_the_rig_and_late_samples_are_kept(lab, service) -> N
         database.dispose()
         lab.wait(asked, "lost")
         lab.until(lambda: lab.attempt(asked)["late"] and lab.runs() == [])
-    attempt = lab.attempt(asked)
-    assert attempt["status"] == "lost"
+    assert lab.attempt(asked)["status"] == "lost"
     assert lab.level() == 0.0
-    assert lab.samples(attempt["dataset"]).shape[0] == attempt["facts"]["samples"] > 0
+    lab.whole(asked)
     assert lab.get(asked)["status"] == "lost"  # until a person retries
+
+
+def test_an_agent_that_nobody_hears_stops_the_rig_before_its_lease_ends(lab, monkeypatch) -> None:
+    """By its own clock: when the service gives the attempt up, the rig rests already."""
+    lab.bench.speed = 1.0
+    for module in (agents, attempts):
+        monkeypatch.setattr(module, "LEASE", timedelta(seconds=6))
+    with lab.agent():
+        asked = lab.ask(duration=60)
+        _running(lab, asked, progress=0.01)
+
+        def unheard(*_, **__) -> None:
+            raise service.UnreachableError("no answer")
+
+        with monkeypatch.context() as cut:
+            cut.setattr(service.Service, "heartbeat", unheard)
+            cut.setattr(uploading.Uploader, "_round", lambda _: False)
+            lab.until((lab.runs()[0] / "end.json").exists)
+            until = datetime.fromisoformat(lab.attempt(asked)["lease_until"])
+            ended = datetime.fromtimestamp((lab.runs()[0] / "end.json").stat().st_mtime, tz=UTC)
+            assert document(lab.runs()[0] / "end.json")["error"]["code"] == "lease_lost"
+            assert lab.level() == 0.0
+            assert ended < until
+        lab.until(lambda: lab.runs() == [])
+    lab.whole(asked)
+
+
+def test_a_second_agent_leaves_a_rig_alone_that_has_one(lab, service) -> None:
+    lab.bench.speed = 1.0
+    second = lab.settings(**{"spool.folder": str(lab.folder / "second")})
+    with lab.agent() as first:
+        asked = lab.ask(duration=3)
+        _running(lab, asked, progress=0.01)
+        with lab.agent(second):
+            assert lab.wait(asked)["status"] == "done"  # neither stopped nor brought to rest by the newcomer
+            lab.whole(asked)
+            first.stop()
+            waiting = lab.ask(duration=0.2)
+            database = open_database(service.database_url)
+            with database.session() as session:
+                holder = session.get(Agent, lab.attempt(asked)["agent"])
+                holder.seen_at = utc_now() - timedelta(seconds=60)
+            database.dispose()
+            done = lab.wait(waiting)
+    assert done["status"] == "done"
+    assert done["attempts"][0]["agent"] != lab.attempt(asked)["agent"]
 
 
 def test_a_revoked_key_stops_the_rig_and_a_new_one_brings_the_samples(lab) -> None:
@@ -144,7 +161,7 @@ def test_a_revoked_key_stops_the_rig_and_a_new_one_brings_the_samples(lab) -> No
     attempt = lab.attempt(asked)
     # Its lease had not ended yet, so its own agent ends it: failed; after that time it would be lost.
     assert attempt["status"] in {"failed", "lost"}
-    assert lab.samples(attempt["dataset"]).shape[0] == recorded
+    assert lab.whole(asked).shape[0] == recorded
 
 
 def test_without_a_service_the_samples_wait_on_the_disk(lab, monkeypatch) -> None:
@@ -191,7 +208,7 @@ def test_segments_that_are_torn_on_their_way_are_sent_again(lab, monkeypatch) ->
         done = lab.wait(lab.ask())
     assert done["status"] == "done"
     assert len(torn) == 2
-    assert lab.samples(done["dataset"]).shape[0] == done["attempts"][0]["facts"]["samples"]
+    lab.whole(done["id"])
 
 
 def test_a_segment_that_the_disk_spoils_is_told_and_the_others_arrive(lab, monkeypatch) -> None:
@@ -244,7 +261,7 @@ def test_a_disk_that_fills_up_stops_the_rig_and_what_is_on_it_arrives(lab, monke
     attempt = failed["attempts"][0]
     assert attempt["error"]["type"] == PROBLEM + "disk_full"
     assert lab.level() == 0.0
-    assert lab.samples(failed["dataset"]).shape[0] > 0
+    lab.whole(failed["id"])
 
 
 def test_a_wrong_clock_does_not_show_in_the_recording(lab, monkeypatch) -> None:
