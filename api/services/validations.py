@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,6 +28,7 @@ from api.services.results import Study
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
 from engine.errors import EngineError, UnresolvedError
+from engine.nonlinear.recorded import WALL_LIMIT
 from engine.parameters import ParameterInfo
 from engine.validation.diagnosis import diagnose
 from engine.validation.response import respond, tangents
@@ -189,7 +192,7 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     ----------
     prepared : Prepared
     seconds : float
-        What a diagnosis of a nonlinear system may take.
+        What a diagnosis of a nonlinear system may take, and trying its steps as long again.
     tell : callable
         Takes the finished share and a line.
 
@@ -205,8 +208,10 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     names = tuple(recording.outputs)
     place: Place = ("parameters",) if prepared.overrides else ("system",)
 
-    def answer(overrides: Mapping[str, float]) -> dict[str, Values]:
-        found = respond(diagram, inputs, recording.sample_time, outputs=names, overrides=overrides)
+    def answer(overrides: Mapping[str, float], wall_limit: float = WALL_LIMIT) -> dict[str, Values]:
+        found = respond(
+            diagram, inputs, recording.sample_time, outputs=names, overrides=overrides, wall_limit=wall_limit
+        )
         return {name: values[shown] for name, values in found.items()}
 
     tell(0.1, "simulating")
@@ -252,10 +257,12 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     told = [m for m in prepared.movable if all(np.isfinite(own[m.parameter]).all() for own in parts.values())]
     kept = {output: {m.parameter: own[m.parameter] for m in told} for output, own in parts.items()}
     diagnosis = diagnose(found.comparisons(kept), told)
-    if diagram.nonlinear or diagnosis.steps is None:
-        return found.diagnosed(diagnosis)
     tell(0.8, "trying the steps")
-    return found.diagnosed(diagnosis).checked(lambda values: answer({**prepared.overrides, **values}))
+    end = time.monotonic() + (seconds if diagram.nonlinear else math.inf)
+    return found.diagnosed(diagnosis).checked(
+        lambda values: answer({**prepared.overrides, **values}, min(end - time.monotonic(), WALL_LIMIT)),
+        go_on=lambda: time.monotonic() < end,
+    )
 
 
 def run_validation(service: Installation, caller: Caller, request: ValidationRequest) -> Study:
@@ -340,10 +347,10 @@ def _wire(
     found: Validated, prepared: Prepared, *, reference: Mapping[str, Any] | None, warnings: list[dict[str, str]]
 ) -> dict[str, Any]:
     adjusted = prepared.adjusted
-    time = np.arange(prepared.part.start, prepared.part.stop) * prepared.recording.sample_time
+    instants = np.arange(prepared.part.start, prepared.part.stop) * prepared.recording.sample_time
     return {
         **validation_to_wire(
-            found, prepared.diagram, time=time, overrides=prepared.overrides,
+            found, prepared.diagram, time=instants, overrides=prepared.overrides,
             intervals=adjusted.intervals if adjusted else {}, points=prepared.request.points,
         ),
         "limit_percent": prepared.request.limit_percent,

@@ -30,6 +30,7 @@ def respond(
     *,
     outputs: Sequence[str],
     overrides: Mapping[str, float],
+    wall_limit: float = WALL_LIMIT,
 ) -> dict[str, Samples]:
     """Return the outputs at the samples of recorded inputs; inputs that were not recorded are 0.
 
@@ -43,6 +44,8 @@ def respond(
     outputs : sequence of str
     overrides : mapping of str to float
         Parameter values, SI.
+    wall_limit : float
+        s, after which a nonlinear response is given up.
 
     Returns
     -------
@@ -56,7 +59,9 @@ def respond(
     """
     driven = _driven(diagram, inputs)
     if diagram.nonlinear:
-        values, _ = simulate_recorded(diagram.laws(overrides), driven, sample_time, outputs=outputs)
+        values, _ = simulate_recorded(
+            diagram.laws(overrides), driven, sample_time, outputs=outputs, wall_limit=wall_limit
+        )
     else:
         values = simulate_sampled(diagram.realize(overrides), driven, sample_time, outputs=outputs)
     return dict(zip(outputs, values, strict=True))

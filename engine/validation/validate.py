@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -97,8 +98,15 @@ class Validated:
         """Return this outcome with a diagnosis."""
         return replace(self, diagnosis=diagnosis, note=note)
 
-    def checked(self, answer: Answer) -> Validated:
-        """Return this outcome with the most helpful steps of its diagnosis simulated."""
+    def checked(self, answer: Answer, *, go_on: Callable[[], bool] = lambda: True) -> Validated:
+        """Return this outcome with the most helpful steps of its diagnosis simulated.
+
+        Parameters
+        ----------
+        answer : callable
+        go_on : callable
+            Asked before each simulation whether there is time for it; whole steps are tried before parts of them.
+        """
         steps = None if self.diagnosis is None else self.diagnosis.steps
         if steps is None:
             return self
@@ -106,17 +114,18 @@ class Validated:
         moves: dict[str, Mapping[str, float]] = {
             step.parameter: {step.parameter: step.suggested} for step in steps.alone[:_TRIED]
         }
-        checks = {}
-        for name, there in {**moves, "together": steps.together}.items():
-            tried = [
-                Check(values=values, relative_error_percent=error)
-                for fraction in _FRACTIONS
-                for values in [{path: here[path] + fraction * (new - here[path]) for path, new in there.items()}]
-                for error in [self._error(answer, values)]
-                if error is not None
-            ]
-            if tried:
-                checks[name] = min(tried, key=lambda check: check.relative_error_percent)
+        moves["together"] = steps.together
+        checks: dict[str, Check] = {}
+        for fraction, (name, there) in product(_FRACTIONS, moves.items()):
+            if not go_on():
+                note = (
+                    "there was no time to try all steps: those without a checked error are promised by straight lines"
+                )
+                return replace(self, checks=checks, note=self.note or note)
+            values = {path: here[path] + fraction * (new - here[path]) for path, new in there.items()}
+            error = self._error(answer, values)
+            if error is not None and (name not in checks or error < checks[name].relative_error_percent):
+                checks[name] = Check(values=values, relative_error_percent=error)
         return replace(self, checks=checks)
 
     def _error(self, answer: Answer, values: Mapping[str, float]) -> float | None:

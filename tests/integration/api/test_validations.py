@@ -105,6 +105,26 @@ def test_a_failed_model_is_told_what_would_have_to_move(client, recording) -> No
     assert [step["parameter"] for step in always["diagnosis"]["parameters"]] == ["tau"]
 
 
+def test_the_steps_of_a_nonlinear_model_are_tried_as_well(client) -> None:
+    """A limit that is too low; the measurement is the input clipped by hand."""
+    u = 2 * np.sin(2 * np.pi * 8 * np.arange(200) / 1000)
+    dataset = made(client, {"u": u, "y": 1000 * np.clip(u, -1.5, 1.5)})
+    limited = {
+        "name": "limited",
+        "parameters": {"limit": {"value": 1.2, "lower": 0.1, "upper": 10}},
+        "blocks": {"u": {"kind": "input"}, "valve": {"kind": "saturation", "upper": "=limit", "lower": "=-limit"}},
+        "connections": [{"from": "u", "to": "valve"}],
+        "outputs": {"y": "valve"},
+    }
+    found = answered(client, asked(dataset, system=limited, limit_percent=1, offsets="none"))
+    assert found["verdict"] == "fail"
+    step = found["diagnosis"]["parameters"][0]
+    assert (step["parameter"], found["diagnosis"]["note"]) == ("limit", "")
+    assert step["checked_percent"] < 0.3 * found["outputs"]["y"]["relative_error_percent"]
+    assert step["suggested"] == pytest.approx(1.5, abs=0.1)
+    assert found["diagnosis"]["together"]["checked_percent"] is not None
+
+
 def test_a_wrong_unit_is_recognised_by_its_factor(client) -> None:
     raw = np.frombuffer(lag_recording(offset=0.0)).reshape(-1, 2)
     dataset = made(client, {"u": raw[:, 0], "y": raw[:, 1]}, y={"unit": "m"})
