@@ -73,7 +73,7 @@ def operating_point(
     origin = system.start if start is None else start
     begin = origin[0].real
     x = begin
-    modes = first = _modes(real, begin, inputs) if modes is None else modes
+    modes = first = modes_at(real, begin, inputs) if modes is None else modes
     rests = False
     for _ in range(_ITERATIONS):
         try:
@@ -86,14 +86,14 @@ def operating_point(
             x, rests = x + step, True
             break
         x = x + step
-        modes = _modes(real, x, inputs, modes)
+        modes = modes_at(real, x, inputs, modes)
     if not rests:
         x, modes = begin, first
     return _complete(system, origin, x, inputs, modes=modes, rests=rests)
 
 
-def _modes(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, ...] | None = None) -> tuple[Mode, ...]:
-    """Return the modes that fit a state, coming from the modes ``before``."""
+def modes_at(real: NonlinearSystem, x: Real, inputs: Real, before: tuple[Mode, ...] | None = None) -> tuple[Mode, ...]:
+    """Return the modes that fit a state (n,), coming from the modes ``before``."""
     run = Integration(real, {}, constants=inputs, state=x[None], modes=before)
     try:
         return run.rest()
@@ -119,12 +119,18 @@ def _still(system: NonlinearSystem, x: Array, inputs: Real, modes: tuple[Mode, .
     return at
 
 
+def rates_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:
+    """Return the rates (n,) at a state (n,) under constant inputs."""
+    found: Real = _rates(real, x[None], inputs, modes)[0]
+    return found
+
+
 def _rates(system: NonlinearSystem, x: Array, inputs: Real, modes: tuple[Mode, ...]) -> Array:
     return system.flow(_still(system, x, inputs, modes)).f[:, 0]
 
 
 def _correction(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real | None:
-    f: Real = _rates(real, x[None], inputs, modes)[0]
+    f = rates_at(real, x, inputs, modes)
     if not np.isfinite(f).all():
         return None
     slope, scale = _slope(real, x, inputs, modes)

@@ -1,7 +1,8 @@
 """What a nonlinear system does under its commands, followed until it settles, and where each output settles.
 
 A response has settled where the state of rest under the final commands is what the outputs approach; that state gives
-their final values exactly. Where there is none (a position that runs on), an output that has stopped moving is final.
+their final values exactly. Where there is none (a position that runs on), an output that has stopped moving is final. What moves at
+a constant rate is an integrator only if it does so for ever: a drive at its limit, on its way to a target, is followed until it arrives.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from engine.nonlinear.integrate import Integration, Outcome
 from engine.nonlinear.operating_point import operating_point
+from engine.nonlinear.running_on import Motion, motion
 from engine.nonlinear.switching import StoppedError
 from engine.verdicts import Verdict
 
@@ -38,8 +40,12 @@ EXTENSIONS: Final = 5
 _NEAR = 1e-3
 """The last tenth of a curve within this part of its range of the state of rest approaches it."""
 _SAME = 1e-3
-_STILL = 1e-9
+_STILL = 1e-6
+"""An output whose last tenth moves by no more than this part of its range has stopped: far within every settling band."""
 _STEADY = 1e-6
+_ROUNDING = 1e-14
+_MOST_EXTENSIONS = 20
+"""So many doublings are the end also for what is on its way, where a step may be as long as it likes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +60,8 @@ class Response:
     verdicts: Mapping[str, Verdict]
     finals: Mapping[str, Array | None]
     initials: Mapping[str, Array]
+    on_its_way: bool = False
+    """Whether an output moves at a constant rate that it will not keep."""
 
     @property
     def settled(self) -> bool:
@@ -102,12 +110,14 @@ def respond(
     periods = max((s.period() or 0.0 for s in signals.values()), default=0.0)
     length = max(pace, 3 * periods, 1e-9)
     endless = any(s.final() is None for s in signals.values())
+    sampled = any(law.element.period(law.values) is not None for law in system.laws)
     extension = 0
     while True:
         outcome = run.advance(last + length * 2**extension)
         response = _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.NOT_SETTLED)
-        done = endless or response.settled or outcome.verdict is not Verdict.OK or extension == EXTENSIONS
-        if done or _repeats(response, last):
+        most = _MOST_EXTENSIONS if response.on_its_way and not sampled else EXTENSIONS
+        done = endless or response.settled or outcome.verdict is not Verdict.OK or extension >= most
+        if done or (not response.on_its_way and _repeats(response, last)):
             return response
         extension += 1
 
@@ -151,28 +161,44 @@ def _judged(
     if outcome.verdict is not Verdict.OK or not constant:
         verdicts = dict.fromkeys(system.outputs, outcome.verdict)
         return Response(outcome=outcome, outputs=system.outputs, verdicts=verdicts, finals=finals, initials=initials)
-    rest = None
-    if outcome.end > last:
-        point = operating_point(
-            system, {name: float(s.final() or 0.0) for name, s in signals.items()}, start=outcome.state,
-            modes=outcome.modes,
-        )  # fmt: skip
-        rest = point.y if point.rests else None
+    if outcome.end <= last:
+        verdicts = dict.fromkeys(system.outputs, unsettled)
+        return Response(outcome=outcome, outputs=system.outputs, verdicts=verdicts, finals=finals, initials=initials)
+    ends = {name: float(s.final() or 0.0) for name, s in signals.items()}
+    point = operating_point(system, ends, start=outcome.state, modes=outcome.modes)
+    rests = {name: point.y[:, k] if point.rests else None for k, name in enumerate(system.outputs)}
     for k, name in enumerate(system.outputs):
-        verdicts[name], finals[name] = _end(outcome.output(k), None if rest is None else rest[:, k], last, unsettled)
-    return Response(outcome=outcome, outputs=system.outputs, verdicts=verdicts, finals=finals, initials=initials)
+        verdicts[name], finals[name] = _end(outcome.output(k), rests[name], last, unsettled)
+    # what has come near to rest is there; what has stopped, or moves evenly, may still be on its way
+    even = [
+        name
+        for name, verdict in verdicts.items()
+        if verdict is Verdict.INTEGRATING or (verdict is Verdict.OK and finals[name] is not rests[name])
+    ]
+    on_its_way = bool(even) and (
+        motion(system, point.inputs, outcome.state, outcome.modes, outcome.end) is Motion.FOR_A_WHILE
+    )
+    if on_its_way:
+        verdicts.update(dict.fromkeys(even, unsettled))
+        finals.update(dict.fromkeys(even))
+    return Response(
+        outcome=outcome,
+        outputs=system.outputs,
+        verdicts=verdicts,
+        finals=finals,
+        initials=initials,
+        on_its_way=on_its_way,
+    )
 
 
 def _end(curve: Curve, rest: Array | None, last: float, unsettled: Verdict) -> tuple[Verdict, Array | None]:
-    """Return how one output ends, and where."""
-    if curve.end <= last:
-        return unsettled, None
+    """Return how one output ends, and where: at rest (the given array itself), still, or moving at a constant rate."""
     late = curve.since(curve.end - 0.1 * (curve.end - last)).values[:, :, 0].real
     whole = curve.values[:, :, 0].real
     size = max(float(np.ptp(whole)), 1e-12 * float(np.abs(whole).max()))
     if rest is not None and float(np.abs(late - float(rest[0].real)).max()) <= _NEAR * size:
         return Verdict.OK, rest
-    if float(np.ptp(late)) <= _STILL * size:
+    if float(np.ptp(late)) <= max(_STILL * size, _ROUNDING * float(np.abs(whole).max())):
         return Verdict.OK, curve.values[-1, -1]
     slope = curve.slope.since(curve.end - 0.1 * (curve.end - last)).values[:, :, 0].real
     if float(np.ptp(slope)) <= _STEADY * float(np.abs(slope).max()) and math.isfinite(size):

@@ -1,0 +1,117 @@
+"""Where a nonlinear response ends: at rest, still, running on for ever, or only on its way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.diagram import compile_system
+from engine.evaluation import Evaluation
+from engine.signals import make
+from engine.study import simulate
+from engine.verdicts import Verdict
+from tests.unit.engine.diagrams import block, document
+
+
+def limited_drive(**controller: object):
+    """Return x' = sat(u) with limits of ±1."""
+    return compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "c": block(**controller), "s": block("saturation"),
+             "x": block("integrator")},
+            ["r -> e.in1", "x -> e.in2", "e -> c", "c -> s", "s -> x"],
+            {"x": "x", "u": "s"},
+        )
+    )  # fmt: skip
+
+
+def ends(made, duration, amplitude=1000.0):
+    response = Evaluation(made).simulated({"r": make("step", {"amplitude": amplitude})}, duration)
+    return dict(response.verdicts)
+
+
+def test_a_drive_at_its_limit_is_followed_until_it_arrives():
+    """x' = sat(10 (1000 - x)): x = t until 999.9, a thousand lifetimes of the linear loop; then 1000 - 0.1 e^(-10 (t - 999.9))."""
+    made = limited_drive(kind="p", kp=10.0)
+    found = simulate(made, signals={"r": make("step", {"amplitude": 1000.0})})
+    assert found.verdict is Verdict.OK
+    assert found.metrics["x"]["rise_time"].value == pytest.approx(800.0, rel=1e-9)
+    assert found.metrics["x"]["settling_time"].value == pytest.approx(980.0, rel=1e-9)
+    assert found.metrics["x"]["overshoot"].value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_is_on_its_way_is_too_short_and_no_integrator():
+    """Position and velocity alike: the constant velocity is not where it ends."""
+    made = limited_drive(kind="p", kp=10.0)
+    assert ends(made, 500.0) == {"x": Verdict.TOO_SHORT, "u": Verdict.TOO_SHORT}
+    assert ends(made, 1200.0) == {"x": Verdict.OK, "u": Verdict.OK}
+
+
+def test_a_sampled_drive_at_its_limit_is_no_integrator():
+    made = limited_drive(kind="sampled_pid", kp=10.0, sample_time=0.01)
+    assert ends(made, 5.0, amplitude=20.0) == {"x": Verdict.TOO_SHORT, "u": Verdict.TOO_SHORT}
+    assert ends(made, 25.0, amplitude=20.0) == {"x": Verdict.OK, "u": Verdict.OK}
+
+
+@pytest.mark.parametrize("duration", [None, 5.0])
+def test_what_nothing_looks_at_runs_on_for_ever(duration):
+    """x' = sat(2) = 1, with a filter on it: the rate is final, the position is not."""
+    made = compile_system(
+        document(
+            {
+                "r": block("input"),
+                "s": block("saturation"),
+                "x": block("integrator"),
+                "f": block("low_pass", frequency=20.0),
+            },
+            ["r -> s", "s -> x", "x -> f"],
+            {"x": "x", "u": "s", "filtered": "f"},
+        )
+    )
+    found = ends(made, duration, amplitude=2.0)
+    assert found == {"x": Verdict.INTEGRATING, "u": Verdict.OK, "filtered": Verdict.INTEGRATING}
+
+
+def test_an_integrator_that_winds_up_behind_a_limit_leaves_what_is_seen_at_its_end():
+    """A reference out of reach: u = 1 and y = 1 are final while the controller integrates for ever."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "c": block("pi", kp=1.0, ki=2.0), "s": block("saturation"),
+             "p": block("transfer_function", numerator=[1.0], denominator=[0.1, 1.0])},
+            ["r -> e.in1", "p -> e.in2", "e -> c", "c -> s", "s -> p"],
+            {"y": "p", "u": "s", "wound": "c"},
+        )
+    )  # fmt: skip
+    assert ends(made, 5.0, 3.0) == {"y": Verdict.OK, "u": Verdict.OK, "wound": Verdict.INTEGRATING}
+
+
+def test_a_controller_that_winds_up_until_the_drive_breaks_away_is_not_at_rest():
+    """A mass that sticks under 1 N while u = 0.2 (1 + 0.1 t) grows: still, until t = 40 s."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "c": block("pi", kp=0.2, ki=0.02), "f": block("friction", coulomb=1.0),
+             "n": block("sum", signs="+-"), "v": block("integrator"), "x": block("integrator")},
+            ["r -> c", "c -> n.in1", "v -> f.velocity", "f -> n.in2", "n -> v", "v -> x"],
+            {"x": "x"},
+        )
+    )  # fmt: skip
+    assert ends(made, 20.0, 1.0) == {"x": Verdict.TOO_SHORT}
+    response = Evaluation(made).simulated({"r": make("step", {})}, 60.0)
+    position = response.output("x").sample(np.array([39.9, 50.0]))
+    assert position[0] == 0.0
+    assert position[1] == pytest.approx(0.02 * 10.0**3 / 6, rel=1e-9)  # x'' = 0.02 (t - 40)
+
+
+def test_what_moves_by_less_than_a_millionth_has_stopped():
+    """y = 1 - e^-t beside a position that runs on, so that there is no state of rest: by t = 18 it moves by 8e-8."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "s": block("saturation", lower=-2.0, upper=2.0), "x": block("integrator"),
+             "y": block("transfer_function", numerator=[1.0], denominator=[1.0, 1.0])},
+            ["r -> s", "s -> x", "s -> y"],
+            {"x": "x", "y": "y"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {})}, duration=18.0)
+    assert found.metrics["y"]["settling_time"].value == pytest.approx(np.log(50.0), rel=1e-6)
+    assert found.metrics["x"]["settling_time"].verdict is Verdict.INTEGRATING
