@@ -9,10 +9,12 @@ from pydantic import Field, model_validator
 from api.schemas.signals import Inputs
 from api.schemas.studies import Names
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantity, Document, Path, Port
+from api.schemas.values import AutoOrQuantity, Document, Identifier, Path, Port
 
 MOST_VECTORS = 12
-"""Of one message: the moving curve, its comparisons, its reference."""
+"""Of one message: the moving curve, its reference, snapshots, comparisons."""
+MOST_OVERLAYS = 4
+"""Recorded channels that are seen over the curves."""
 
 
 class LiveFrequency(Document):
@@ -29,6 +31,18 @@ class LiveFrequency(Document):
         return self
 
 
+class LiveMeasured(Document):
+    """A recorded channel to be seen over the curve of an output."""
+
+    output: Path
+    dataset: Identifier
+    channel: str = Field(min_length=1, max_length=200)
+    start: float = Field(
+        default=0.0, allow_inf_nan=False, description="s of the recording at which the model's time is 0"
+    )
+    relative: bool = Field(default=False, description="its change since then, for a model that starts from 0")
+
+
 class LiveOpen(Document):
     """Begin, or begin anew with another system or other curves."""
 
@@ -41,6 +55,7 @@ class LiveOpen(Document):
     metrics: Names = Field(default_factory=list, description="measured when the values rest")
     output: Path | None = Field(default=None, description="whose time metrics are measured; default: the first")
     duration: AutoOrQuantity = "auto"
+    measured: list[LiveMeasured] = Field(default_factory=list, max_length=MOST_OVERLAYS)
     samples: int = Field(default=1000, ge=2, le=20_000)
 
 

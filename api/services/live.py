@@ -23,6 +23,7 @@ from api.errors import at, invalid
 from api.schemas.live import LiveOpen
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
+from api.services.live_overlay import overlays
 from api.services.studies import check_open_at
 from api.services.systems import Subject, subject_of
 from engine.diagram import LOOP, Diagram
@@ -128,7 +129,8 @@ def open_panel(service: Installation, caller: Caller, request: LiveOpen) -> tupl
         frequency=grid,
         steps=steps if len(steps) == len(signals) and not diagram.nonlinear else None,
     )
-    return panel, {"type": "opened", **_described(panel), "warnings": subject.warnings()}
+    measured = overlays(service, caller, request.measured, diagram, panel.time)
+    return panel, {"type": "opened", **_described(panel), "measured": measured, "warnings": subject.warnings()}
 
 
 def _frequency_of(request: LiveOpen, diagram: Diagram) -> tuple[str | None, str | None, str | None]:

@@ -27,6 +27,6 @@ export const theme = createTheme({
 /** Mantine's dimmed text has too little contrast for small print (WCAG AA asks for 4.5). */
 export const variables: CSSVariablesResolver = () => ({
   variables: {},
-  light: { "--mantine-color-dimmed": "#545b62", "--mantine-color-error": "#b3261e", "--mantine-color-anchor": "#0b5c8f", "--mantine-color-placeholder": "#6a7178", "--grid": "#e4e7ea", "--ink": "#24292e", "--panel": "#f6f8fa", "--line": "#545b62", "--warn": "#b84a00", "--plus": "#cfe6f5", "--minus": "#fbdcc6", "--minus-stripe": "#f8cfb1" },
-  dark: { "--mantine-color-dimmed": "#b4bac0", "--mantine-color-error": "#ff8f87", "--mantine-color-anchor": "#7fc1ec", "--mantine-color-placeholder": "#9aa1a8", "--grid": "#3a3f45", "--ink": "#d6dade", "--panel": "#1f2225", "--line": "#a4abb2", "--warn": "#ff9d5c", "--plus": "#1d4763", "--minus": "#5c3416", "--minus-stripe": "#6b3d1b" },
+  light: { "--track": "#d5dade", "--mantine-color-dimmed": "#545b62", "--mantine-color-error": "#b3261e", "--mantine-color-anchor": "#0b5c8f", "--mantine-color-placeholder": "#6a7178", "--grid": "#e4e7ea", "--ink": "#24292e", "--panel": "#f6f8fa", "--line": "#545b62", "--warn": "#b84a00", "--plus": "#cfe6f5", "--minus": "#fbdcc6", "--minus-stripe": "#f8cfb1" },
+  dark: { "--track": "#3f454b", "--mantine-color-dimmed": "#b4bac0", "--mantine-color-error": "#ff8f87", "--mantine-color-anchor": "#7fc1ec", "--mantine-color-placeholder": "#9aa1a8", "--grid": "#3a3f45", "--ink": "#d6dade", "--panel": "#1f2225", "--line": "#a4abb2", "--warn": "#ff9d5c", "--plus": "#1d4763", "--minus": "#5c3416", "--minus-stripe": "#6b3d1b" },
 });

@@ -1,22 +1,19 @@
-import { Button, Code, Group, Progress, ScrollArea, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Button, Code, Group, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
-import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobQuery, resultQuery } from "@/shared/api/jobs";
 import { Problem } from "@/shared/api/problem";
 import { download } from "@/shared/plots/export";
-import { stroke } from "@/shared/plots/palette";
-import { Plot } from "@/shared/plots/Plot";
-import type { PlotSpec } from "@/shared/plots/types";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { words } from "@/shared/units/format";
-import { useEvents, type Best } from "./events";
+import { useEvents } from "./events";
 import { IdentificationView } from "./IdentificationView";
-import { OptimizationView } from "./OptimizationView";
+import { Convergence } from "./optimization/Convergence";
+import { OptimizationView } from "./optimization/OptimizationView";
 import { isIdentification, isOptimization } from "./results";
 
 export function JobPage() {
@@ -91,12 +88,4 @@ export function JobPage() {
       </Stack>
     </div>
   );
-}
-
-export function Convergence({ points }: { points: Best[] }) {
-  const { t } = useTranslation();
-  const dark = useComputedColorScheme("light") === "dark";
-  const spec = useMemo<PlotSpec>(() => ({ title: t("jobs.convergence"), x: { label: t("jobs.evaluations"), unit: "", log: true }, y: { label: t("jobs.objective"), unit: "" }, series: [{ label: t("jobs.best"), ...stroke(0, dark), width: 2 }], dark }), [dark, t]);
-  const curves = useMemo(() => [{ x: points.map((p) => Math.max(1, p.evaluation)), y: points.map((p) => p.objective) }], [points]);
-  return <Plot spec={spec} curves={curves} height={200} summary={t("jobs.convergence")} />;
 }

@@ -1,6 +1,7 @@
 import { expect, it } from "vitest";
-import { resampled } from "./OptimizationView";
+import { resampled } from "./optimization/BeforeAfter";
 import { panelAt } from "./results";
+import { nearest, sliceOf } from "./optimization/map";
 import { bestOf } from "./events";
 
 it("the best so far is read from what a job says", () => {
@@ -12,3 +13,12 @@ it("the best so far is read from what a job says", () => {
 it("curves are compared at the times of the later one", () => expect([...resampled(Float64Array.of(0, 1, 2), Float64Array.of(0, 10, 30), Float64Array.of(0, 0.5, 1.5, 5))]).toEqual([0, 5, 20, 30]));
 
 it("values are addressed on the panel", () => expect(panelAt("sys_1", { kp: 2.5, "m.a": 1 })).toBe("/systems/sys_1/panel?s=kp%2Cm.a&p.kp=2.5&p.m.a=1&ref=1"));
+
+it("a map of three variables is looked at in slices", () => {
+  // 2 x 2 x 3, the first variable slowest: objective = 100 a + 10 b + c.
+  const axes = { a: [1, 2], b: [1, 2], c: [1, 2, 3] };
+  const objective = axes.a.flatMap((a) => axes.b.flatMap((b) => axes.c.map((c) => 100 * a + 10 * b + c)));
+  const map = { axes, objective, violation: objective.map((v) => (v > 200 ? 1 : 0)) };
+  expect(sliceOf(map, "c", "a", { b: 1 }).map((cell) => [cell.x, cell.y, cell.objective, cell.met])).toEqual([[0, 0, 121, true], [0, 1, 221, false], [1, 0, 122, true], [1, 1, 222, false], [2, 0, 123, true], [2, 1, 223, false]]);
+  expect(nearest([1, 2, 4], 3.2)).toBe(2);
+});

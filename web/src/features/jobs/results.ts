@@ -1,4 +1,5 @@
 import type { Metric } from "@/shared/api/types";
+import type { GridMap } from "./optimization/map";
 
 /** What an optimisation returns, as far as a page shows it. */
 export interface GoalResult {
@@ -14,6 +15,11 @@ export interface Curves {
   time: (number | null)[];
   outputs: Record<string, (number | null)[]>;
 }
+export interface FrontPoint {
+  parameters: Record<string, number>;
+  goals: Metric[];
+}
+
 export interface OptimizationResult {
   status: string;
   advice: string;
@@ -24,7 +30,10 @@ export interface OptimizationResult {
   history: { evaluation: number; objective: number | null; violation: number | null; variables?: Record<string, number> }[];
   evaluations: number;
   seconds: number;
-  front?: { parameters: Record<string, number>; goals: (number | null)[] }[] | null;
+  front?: FrontPoint[] | null;
+  /** The number of the point of the front where giving up one objective begins to cost most of another. */
+  knee?: number | null;
+  map?: GridMap | null;
   system: { id: string; revision: number } | null;
 }
 

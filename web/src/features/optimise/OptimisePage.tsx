@@ -14,7 +14,8 @@ import { firstSliders } from "@/shared/systems/movable";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { prettyUnit, words } from "@/shared/units/format";
-import { bodyOf, curlOf, pythonOf, readScenarios, type GoalRow, type ProblemForm, type VariableRow } from "./problem";
+import type { GoalRow, ProblemForm, VariableRow } from "@/shared/systems/search";
+import { bodyOf, curlOf, pythonOf, readScenarios } from "./problem";
 
 /** What may be chosen, what is wanted, and how it is searched for; the form is made from the catalogue. */
 export function OptimisePage() {

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { bodyOf, curlOf, pythonOf, readScenarios, type ProblemForm } from "./problem";
+import { bodyOf, curlOf, pythonOf, readScenarios } from "./problem";
+import type { ProblemForm } from "@/shared/systems/search";
 
 const domains = new Map([["overshoot", "time"], ["bandwidth", "path"], ["phase_margin", "loop"], ["damping_ratio", "system"]]);
 const form: ProblemForm = {

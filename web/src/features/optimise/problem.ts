@@ -1,30 +1,6 @@
 import type { Scalar } from "@/shared/api/types";
+import type { ProblemForm } from "@/shared/systems/search";
 import { readEntry } from "@/shared/units/number";
-
-export interface VariableRow {
-  parameter: string;
-  lower?: Scalar;
-  upper?: Scalar;
-}
-export interface GoalRow {
-  metric: string;
-  /** Of a time metric: the output; of a metric of a path: its end. */
-  output: string;
-  sense: "" | "minimize" | "maximize";
-  lower?: Scalar;
-  upper?: Scalar;
-}
-export interface ProblemForm {
-  input: string;
-  amplitude: number;
-  loop: string;
-  variables: VariableRow[];
-  goals: GoalRow[];
-  /** Lines like `motor.mass = 2000; load = 5`: one scenario each, beside the nominal one. */
-  scenarios: string;
-  method: string;
-  options: Record<string, number | string>;
-}
 
 export interface Domains {
   /** What a metric needs: "time", "path", "loop" or "system". */

@@ -2,6 +2,7 @@ import { Badge, Group, Text, Tooltip, UnstyledButton } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { formatMetric, formatNumber } from "@/shared/units/format";
+import { holds, type PanelGoal } from "./goals";
 import classes from "./MetricStrip.module.css";
 
 interface Props {
@@ -11,11 +12,12 @@ interface Props {
   /** Values have moved on since these were measured. */
   stale: boolean;
   selected: string;
+  goals: PanelGoal[];
   onSelect(name: string): void;
 }
 
 /** The numbers of the moving curve with their change against the reference; the chosen one colours the sliders. */
-export function MetricStrip({ names, current, reference, stale, selected, onSelect }: Props) {
+export function MetricStrip({ names, current, reference, stale, selected, goals, onSelect }: Props) {
   const { t } = useTranslation();
   return (
     <Group gap={6} role="group" aria-label={t("panel.metrics")} data-testid="metrics" data-stale={stale} className={classes.strip}>
@@ -23,12 +25,19 @@ export function MetricStrip({ names, current, reference, stale, selected, onSele
         const metric = current[name];
         const shown = metric?.value != null ? formatMetric(name, metric.value, metric.unit) : null;
         const before = reference?.[name]?.value;
+        const goal = goals.find((one) => one.metric === name);
+        const met = goal ? holds(goal, metric?.value) : null;
         const delta = metric?.value != null && before != null && before !== 0 ? (metric.value - before) / Math.abs(before) : null;
         return (
           <Tooltip key={name} label={metric?.advice ?? t("panel.select", { metric: t(`metrics.${name}`, name.replaceAll("_", " ")) })} multiline maw={340}>
             <UnstyledButton className={classes.tile} aria-pressed={name === selected} onClick={() => onSelect(name)}>
               <Text span fz="xs" c="dimmed" display="block">
                 {t(`metrics.${name}`, name.replaceAll("_", " "))}
+                {met !== null && (
+                  <span className={classes.verdict} data-met={met} title={t(met ? "panel.goalMet" : "panel.goalMissed")}>
+                    {met ? " ✓" : " ✗"}
+                  </span>
+                )}
               </Text>
               <Text span className="numbers" fz="sm" fw={600} data-metric={name}>
                 {shown ? (

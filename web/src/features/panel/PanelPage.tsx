@@ -14,12 +14,20 @@ import classes from "./PanelPage.module.css";
 import { PanelPlots, type PlotsHandle } from "./PanelPlots";
 import { PanelSetup } from "./PanelSetup";
 import { ParamSlider } from "./ParamSlider";
+import { GoalBar } from "./GoalBar";
+import type { PanelGoal } from "./goals";
+import { MeasuredSetup } from "./MeasuredSetup";
+import { travelOf, type Scale } from "./scale";
+import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
+import { searchAt, type ProblemForm } from "@/shared/systems/search";
 import { firstSliders } from "@/shared/systems/movable";
 import { mainOutput, pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "./useLive";
 
-const METRICS = ["rise_time", "settling_time", "overshoot", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+const METRICS = ["rise_time", "response_time", "settling_time", "overshoot", "peak", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+
+const NONE: Record<string, number | null> = {};
 
 /** Sliders on the left, every characteristic answer on the right, at once. */
 export function PanelPage() {
@@ -64,7 +72,8 @@ export function PanelPage() {
       ...(state.input || state.amplitude !== 1 ? (input ? { input: { port: input, signal: { kind: "step", amplitude: state.amplitude } } } : {}) : {}),
       ...(output ? { output } : {}),
       ...(frequency ? { frequency } : {}),
-      metrics: METRICS,
+      metrics: [...METRICS, ...state.goals.map((goal) => goal.metric).filter((name) => !METRICS.includes(name))],
+      ...(state.measured.length > 0 ? { measured: state.measured } : {}),
       duration: state.duration ?? "auto",
     },
     onFrame,
@@ -87,7 +96,7 @@ export function PanelPage() {
 
   const send = (values: Record<string, number>) => {
     const made = variantsOf(state, parameters, values, names, show);
-    if (made.variants[0]!.vector.length > 0 || made.paths.length === 0) live.set(made.variants.map((v) => v.vector), state.reference ? 2 : 1);
+    if (made.variants[0]!.vector.length > 0 || made.paths.length === 0) live.set(made.variants.map((v) => v.vector), 1 + made.variants.filter((v) => v.kind === "reference" || v.kind === "snapshot").length);
   };
   const latest = useRef(send);
   latest.current = send;
@@ -117,6 +126,21 @@ export function PanelPage() {
   );
   const onRemove = useCallback((path: string) => change({ sliders: state.sliders.filter((p) => p !== path) }), [change, state.sliders]);
 
+  const onKnob = useCallback((path: string, knob: boolean) => change({ knobs: knob ? [...state.knobs, path] : state.knobs.filter((p) => p !== path) }), [change, state.knobs]);
+  const onScale = useCallback((path: string, scale: Scale) => change({ scales: { ...state.scales, [path]: scale } }), [change, state.scales]);
+  // While the edge of a zone is dragged its goal moves here; the address hears of it when it is let go.
+  const [dragged, setDragged] = useState<PanelGoal | null>(null);
+  const goals = useMemo(() => state.goals.map((goal) => (dragged?.metric === goal.metric ? dragged : goal)), [state.goals, dragged]);
+  const onGoal = useCallback(
+    (metric: string, value: number, done: boolean) => {
+      const rounded = Number(value.toPrecision(3));
+      const moved = state.goals.map((goal) => (goal.metric === metric ? { ...goal, value: rounded } : goal));
+      setDragged(done ? null : (moved.find((goal) => goal.metric === metric) ?? null));
+      if (done) change({ goals: moved });
+    },
+    [change, state.goals],
+  );
+
   const save = useMutation({
     mutationFn: () => saveSystem(id, withValues(system.document, Object.fromEntries(Object.entries(state.values).map(([path, value]) => [path, { value, unit: parameters.get(path)?.unit ?? "" }]))), system.etag),
     onSuccess: async () => {
@@ -129,10 +153,31 @@ export function PanelPage() {
   const second = state.reference ? live.measured.get(1) : undefined;
   // Until somebody chooses: the first metric that anything here has an influence on.
   const metric = picked ?? Object.keys(first?.elasticities ?? {})[0] ?? "overshoot";
-  const elasticities = first?.elasticities[metric] ?? {};
-  const largest = Math.max(0, ...Object.values(elasticities).map((e) => Math.abs(e ?? 0)));
-  const chosen = state.plots ?? firstPlots(known?.curves ?? [], output ?? "", state.loop !== null);
+  const elasticities = first?.elasticities[metric] ?? NONE;
+  const influences = useMemo(() => {
+    const largest = Math.max(0, ...Object.values(elasticities).map((e) => Math.abs(e ?? 0)));
+    return new Map(Object.entries(elasticities).flatMap(([path, e]) => (e != null && largest > 0 ? [[path, { part: e / largest, value: e }]] : [])));
+  }, [elasticities]);
+  const chosen = useMemo(() => state.plots ?? firstPlots(known?.curves ?? [], output ?? "", state.loop !== null), [state.plots, known, output, state.loop]);
   const moved = Object.keys(state.values).length > 0;
+  // Only what they are called: values that change must not make new plots.
+  const labels = JSON.stringify(variants.map(({ label, kind }) => ({ label, kind })));
+  const shown = useMemo(() => JSON.parse(labels) as { label: string; kind: (typeof variants)[number]["kind"] }[], [labels]);
+  const searched: ProblemForm = {
+    input: input ?? "",
+    amplitude: state.amplitude,
+    loop: state.loop ?? loops[0] ?? "",
+    variables: state.sliders.flatMap((parameter) => {
+      const known = parameters.get(parameter);
+      if (!known || known.bound) return [];
+      const { low, high } = travelOf(known);
+      return [{ parameter, lower: Number(low.toPrecision(4)), upper: Number(high.toPrecision(4)) }];
+    }),
+    goals: goals.map(({ metric: name, bound, value }) => ({ metric: name, output: output ?? "", sense: "", [bound]: value })),
+    scenarios: "",
+    method: "auto",
+    options: {},
+  };
 
   return (
     <div className={classes.page}>
@@ -151,14 +196,17 @@ export function PanelPage() {
         {state.sliders.map((path) => {
           const parameter = parameters.get(path);
           if (!parameter || parameter.bound) return null;
-          const e = elasticities[path];
           return (
             <ParamSlider
               key={path}
               parameter={parameter}
               value={state.values[path] ?? parameter.value}
-              influence={e != null && largest > 0 ? { part: e / largest, value: e } : null}
+              influence={influences.get(path) ?? null}
               metric={t(`metrics.${metric}`, words(metric))}
+              knob={state.knobs.includes(path)}
+              scale={state.scales[path]}
+              onKnob={onKnob}
+              onScale={onScale}
               onMove={onMove}
               onCommit={onCommit}
               onRemove={onRemove}
@@ -175,9 +223,16 @@ export function PanelPage() {
       </aside>
       <Stack gap="xs" className={classes.main}>
         {known && <PanelSetup state={state} opened={known} loops={loops} plots={chosen} onChange={change} />}
-        {known && <CompareBar state={state} parameters={parameters} onChange={change} onPin={() => change({ reference: { ...state.values } })} />}
+        {known && (
+          <Group gap="xs">
+            <CompareBar state={state} parameters={parameters} onChange={change} onPin={() => change({ reference: { ...state.values } })} />
+            <SnapshotTray snapshots={state.snapshots} parameters={parameters} values={state.values} metrics={known.metrics} measured={variants.map((variant, i) => ({ label: variant.label, metrics: live.measured.get(i)?.metrics }))} onChange={(snapshots) => change({ snapshots })} onApply={(values) => change({ values })} />
+            <MeasuredSetup measured={state.measured} opened={known} output={output ?? ""} onChange={(measured) => change({ measured })} />
+          </Group>
+        )}
+        {known && <GoalBar goals={goals} current={first?.metrics ?? {}} metrics={live.opened?.metrics ?? known.metrics} search={searchAt(id, searched)} onChange={(next) => change({ goals: next })} />}
         <Group gap="sm" align="center">
-          {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} onSelect={setMetric} />}
+          {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} goals={goals} onSelect={setMetric} />}
           {verdict !== "ok" && (
             <Badge color="red" variant="filled" tt="none" size="lg" role="status">
               {t(`verdicts.${verdict}`, verdict)}
@@ -190,7 +245,7 @@ export function PanelPage() {
           </Alert>
         )}
         <ProblemAlert error={live.problem} />
-        {known && <PanelPlots ref={plots} opened={known} plots={chosen} variants={variants} />}
+        {known && <PanelPlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} onGoal={onGoal} />}
       </Stack>
     </div>
   );

@@ -1,12 +1,15 @@
 import { useComputedColorScheme } from "@mantine/core";
-import { forwardRef, useImperativeHandle, useMemo, useRef } from "react";
+import { forwardRef, memo, useCallback, useEffect, useImperativeHandle, useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import { bode, type Frame, type Opened } from "@/shared/live/protocol";
 import { Plot, type PlotHandle } from "@/shared/plots/Plot";
 import { stroke } from "@/shared/plots/palette";
-import type { Curve, PlotSpec, Series } from "@/shared/plots/types";
-import { prettyUnit, words } from "@/shared/units/format";
+import { NOTHING, type Band, type Curve, type Decor, type Mark, type PlotSpec, type Point, type Series } from "@/shared/plots/types";
+import { formatMetric, formatNumber, prettyUnit, withUnit, words } from "@/shared/units/format";
+import { boundAt, factsOf, WANTED, zoneOf, type Facts, type PanelGoal } from "./goals";
+import { marginsOf, type Margins } from "./margins";
 import classes from "./PanelPlots.module.css";
+import { frequenciesOf, spectrumOf } from "./spectrum";
 import type { Variant } from "./state";
 
 export interface PlotsHandle {
@@ -20,104 +23,192 @@ interface Props {
   opened: Opened;
   plots: string[];
   variants: Pick<Variant, "label" | "kind">[];
+  goals: PanelGoal[];
+  /** The output whose goals are drawn. */
+  output: string;
+  /** A loop is opened: it has margins. */
+  loop: boolean;
+  onGoal(metric: string, value: number, done: boolean): void;
 }
 
 const GHOSTS = 2;
-const NOTHING: Curve = { x: [], y: [] };
+const EMPTY: Curve = { x: [], y: [] };
+const MEASURED = { light: "#6f42c1", dark: "#c9a7ff" };
 
 /** All plots of a front panel, drawn from frames as they come, without React. */
-export const PanelPlots = forwardRef<PlotsHandle, Props>(function PanelPlots({ opened, plots, variants }, ref) {
-  const { t } = useTranslation();
-  const dark = useComputedColorScheme("light") === "dark";
-  const handles = useRef(new Map<string, PlotHandle>());
-  const frame = useRef<Frame | null>(null);
-  const ghosts = useRef<Frame[]>([]);
-  const holder = useRef<HTMLDivElement>(null);
-  const labels = variants.map((v) => `${v.kind}:${v.label}`).join("|");
+export const PanelPlots = memo(
+  forwardRef<PlotsHandle, Props>(function PanelPlots({ opened, plots, variants, goals, output, loop, onGoal }, ref) {
+    const { t } = useTranslation();
+    const dark = useComputedColorScheme("light") === "dark";
+    const handles = useRef(new Map<string, PlotHandle>());
+    const frame = useRef<Frame | null>(null);
+    const facts = useRef<Facts | null>(null);
+    const ghosts = useRef<Frame[]>([]);
+    const holder = useRef<HTMLDivElement>(null);
+    const labels = variants.map((v) => `${v.kind}:${v.label}`).join("|");
 
-  const series = useMemo<Series[]>(() => {
-    const own = variants.map((variant, i): Series => ({ label: variant.label, ...stroke(i, dark), width: variant.kind === "current" ? 2.4 : 1.5 }));
-    const grey = dark ? "#c4cad0" : "#5b6269";
-    const shadows = Array.from({ length: GHOSTS }, (_, i): Series => ({ label: t("panel.ghost", { number: i + 1 }), color: grey, dash: i === 0 ? [1, 3] : [1, 6], faint: true }));
-    return [...own, ...shadows];
-    // The labels say all that matters of the variants.
-  }, [labels, dark, t]);
+    const series = useMemo<Series[]>(() => {
+      const own = variants.map((variant, i): Series => ({ label: variant.label, ...stroke(i, dark), width: variant.kind === "current" ? 2.4 : 1.5 }));
+      const grey = dark ? "#c4cad0" : "#5b6269";
+      const shadows = Array.from({ length: GHOSTS }, (_, i): Series => ({ label: t("panel.ghost", { number: i + 1 }), color: grey, dash: i === 0 ? [1, 3] : [1, 6], faint: true }));
+      return [...own, ...shadows];
+      // The labels say all that matters of the variants.
+    }, [labels, dark, t]);
 
-  const specs = useMemo(() => {
-    const units = new Map(opened.outputs.map((o) => [o.name, prettyUnit(o.unit)]));
-    const frequency = { label: "ω", unit: "rad/s", log: true };
-    const found = new Map<string, PlotSpec>();
-    for (const kind of plots) {
-      const [what, output] = kind.split(":");
-      const common = { series, dark };
-      if (what === "step" && output && units.has(output)) found.set(kind, { ...common, title: words(output), x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: units.get(output)! } });
-      else if (what === "bode") found.set(kind, { ...common, title: t("panel.magnitude"), x: frequency, y: { label: t("panel.magnitudeShort"), unit: "dB" }, clamp: [-80, 120], lines: [{ y: 0 }] });
-      else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, lines: [{ y: -180 }] });
-      else if (what === "nyquist") found.set(kind, { ...common, title: t("panel.nyquist"), x: { label: "Re", unit: "" }, y: { label: "Im", unit: "" }, equal: true, clamp: [-3, 3], keep: [[-1, 0], [0, 0]], lines: [{ x: -1 }, { y: 0 }] });
-      else if (what === "poles") found.set(kind, { ...common, series: series.map((s) => ({ ...s, marks: "cross" as const })), title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
-    }
-    return found;
-  }, [opened, plots.join(), series, dark, t]);
+    /** Recordings over each output, with what is drawn of them. */
+    const recorded = useMemo(() => {
+      const numbers = (values: (number | null)[]) => Float64Array.from(values, (value) => value ?? NaN);
+      return (opened.measured ?? []).map((measured) => ({
+        output: measured.output,
+        values: numbers(measured.values),
+        low: numbers(measured.low),
+        high: numbers(measured.high),
+        spectrum: spectrumOf(measured.values),
+        series: { label: t("panel.measured", { channel: measured.channel, sigma: withUnit(measured.sigma, opened.outputs.find((o) => o.name === measured.output)?.unit ?? "", 2) }), color: dark ? MEASURED.dark : MEASURED.light, dash: [], width: 1.3 } as Series,
+      }));
+    }, [opened, dark, t]);
 
-  const draw = (next: Frame) => {
-    frame.current = next;
-    const moving = next.variants.length;
-    if (moving !== variants.length) return;
-    const every: { frame: Frame; index: number }[] = [...next.variants.map((_, index) => ({ frame: next, index })), ...Array.from({ length: GHOSTS }, (_, i) => ({ frame: ghosts.current[i] ?? next, index: ghosts.current[i] ? 0 : -1 }))];
-    const phases = new Map<number, ReturnType<typeof bode>>();
-    const bodeOf = (k: number) => {
-      const { frame: from, index } = every[k]!;
-      const { re, im } = from.response(index);
-      const made = phases.get(k) ?? bode(re, im);
-      phases.set(k, made);
+    const specs = useMemo(() => {
+      const units = new Map(opened.outputs.map((o) => [o.name, prettyUnit(o.unit)]));
+      const frequency = { label: "ω", unit: "rad/s", log: true };
+      const found = new Map<string, PlotSpec>();
+      for (const kind of plots) {
+        const [what, name = ""] = kind.split(":");
+        const common = { series, dark };
+        const withRecorded = [...series, ...recorded.filter((one) => one.output === name).map((one) => one.series)];
+        if (what === "step" && units.has(name)) found.set(kind, { dark, series: withRecorded, title: words(name), x: { label: t("panel.time"), unit: "s" }, y: { label: words(name), unit: units.get(name)! } });
+        else if (what === "spectrum" && units.has(name)) found.set(kind, { dark, series: withRecorded, title: t("panel.spectrumOf", { output: words(name) }), x: { label: "f", unit: "Hz", log: true }, y: { label: t("panel.amplitude"), unit: `dB(${units.get(name) || "1"})` }, span: 120 });
+        else if (what === "bode") found.set(kind, { ...common, title: t("panel.magnitude"), x: frequency, y: { label: t("panel.magnitudeShort"), unit: "dB" }, clamp: [-80, 120], lines: [{ y: 0 }] });
+        else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, lines: [{ y: -180 }] });
+        else if (what === "nyquist") found.set(kind, { ...common, title: t("panel.nyquist"), x: { label: "Re", unit: "" }, y: { label: "Im", unit: "" }, equal: true, clamp: [-3, 3], keep: [[-1, 0], [0, 0]], lines: [{ x: -1 }, { y: 0 }], ...(loop ? { circle: 1 } : {}) });
+        else if (what === "poles") found.set(kind, { ...common, series: series.map((s) => ({ ...s, marks: "cross" as const })), title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
+      }
+      return found;
+    }, [opened, plots.join(), series, recorded, loop, dark, t]);
+
+    const draw = (next: Frame) => {
+      frame.current = next;
+      if (next.variants.length !== variants.length) return;
+      const every: { frame: Frame; index: number }[] = [...next.variants.map((_, index) => ({ frame: next, index })), ...Array.from({ length: GHOSTS }, (_, i) => ({ frame: ghosts.current[i] ?? next, index: ghosts.current[i] ? 0 : -1 }))];
+      const responses = new Map<number, ReturnType<typeof bode>>();
+      const bodeOf = (k: number) => {
+        const known = responses.get(k);
+        if (known) return known;
+        const { re, im } = every[k]!.frame.response(every[k]!.index);
+        const made = bode(re, im);
+        responses.set(k, made);
+        return made;
+      };
+      const margins = loop && next.frequency.length > 1 ? marginsOf(next.frequency, bodeOf(0).magnitude, bodeOf(0).phase) : null;
+      const seen = goals.length > 0 ? factsOf(next, opened.curves.indexOf(output), margins, next.frequency.length > 1 ? bodeOf(0).magnitude : null) : null;
+      facts.current = seen;
+      const step = (next.time[next.time.length - 1]! - next.time[0]!) / Math.max(1, next.time.length - 1);
+      for (const kind of specs.keys()) {
+        const handle = handles.current.get(kind);
+        if (!handle) continue;
+        const [what, name] = kind.split(":");
+        const place = opened.curves.indexOf(name ?? "");
+        const x = what === "step" ? next.time : what === "spectrum" ? frequenciesOf(next.time.length, step) : next.frequency;
+        const curves = every.map(({ frame: from, index }, k): Curve => {
+          if (what === "nyquist" || what === "poles") {
+            if (index < 0) return EMPTY;
+            const { re, im } = what === "nyquist" ? from.response(index) : from.poles(index);
+            return { x: re, y: im };
+          }
+          if (index < 0) return { x, y: new Float32Array(x.length).fill(NaN) };
+          if (what === "step") return { x, y: from.outputs(index, place) };
+          if (what === "spectrum") return { x, y: spectrumOf(from.outputs(index, place)) };
+          return { x, y: what === "bode" ? bodeOf(k).magnitude : bodeOf(k).phase };
+        });
+        const overlays = recorded.filter((one) => one.output === name);
+        if (what === "step" || what === "spectrum") for (const one of overlays) curves.push({ x, y: what === "step" ? one.values : one.spectrum });
+        const bands = what === "step" ? overlays.map(({ low, high, series: { color } }): Band => ({ x, low, high, color })) : [];
+        handle.update(curves, decorOf(what ?? "", name === output || name === undefined, bands, seen, margins));
+      }
+      holder.current?.setAttribute("data-frame", String(next.seq));
+    };
+
+    /** What lies behind the curves of one plot: forbidden zones, margins, error bands. */
+    const decorOf = (what: string, own: boolean, bands: Band[], seen: Facts | null, margins: Margins | null): Decor => {
+      const marks = margins ? marksOf(what, margins) : [];
+      const here = own && seen ? goals.filter((goal) => WANTED[goal.metric]?.plot === what) : [];
+      if (here.length === 0 && marks.length === 0 && bands.length === 0) return NOTHING;
+      const zones = here.flatMap((goal) => {
+        const { text, unit } = formatMetric(goal.metric, goal.value, WANTED_UNITS[goal.metric] ?? "");
+        const name = t(`metrics.${goal.metric}`, words(goal.metric));
+        return zoneOf(goal, seen!, t("panel.zone", { metric: name }), `${name} ${goal.bound === "upper" ? "≤" : "≥"} ${text} ${unit}`) ?? [];
+      });
+      return { zones, marks, bands };
+    };
+
+    const latest = useRef(draw);
+    latest.current = draw;
+    const forGoals = useRef({ goals, onGoal });
+    forGoals.current = { goals, onGoal };
+    const onZone = useCallback((id: string, at: Point, done: boolean) => {
+      const goal = forGoals.current.goals.find((one) => one.metric === id);
+      if (goal && facts.current) forGoals.current.onGoal(id, boundAt(goal, at, facts.current), done);
+    }, []);
+    // A plot that has just come, or goals that have moved: the newest frame is drawn anew, once.
+    const queued = useRef(false);
+    const drawAnew = useCallback(() => {
+      if (queued.current) return;
+      queued.current = true;
+      queueMicrotask(() => {
+        queued.current = false;
+        if (frame.current) latest.current(frame.current);
+      });
+    }, []);
+    useEffect(drawAnew, [goals, output, loop, drawAnew]);
+    const refs = useRef(new Map<string, (handle: PlotHandle | null) => void>());
+    const refOf = (kind: string) => {
+      const known = refs.current.get(kind);
+      if (known) return known;
+      const made = (handle: PlotHandle | null) => {
+        if (handle) {
+          handles.current.set(kind, handle);
+          drawAnew();
+        } else handles.current.delete(kind);
+      };
+      refs.current.set(kind, made);
       return made;
     };
-    for (const kind of specs.keys()) {
-      const [what, output] = kind.split(":");
-      const aligned = what === "step" || what === "bode" || what === "phase";
-      const place = opened.curves.indexOf(output ?? "");
-      const curves = every.map(({ frame: from, index }, k): Curve => {
-        const x = what === "step" ? next.time : next.frequency;
-        if (index < 0) return aligned ? { x, y: new Float32Array(x.length).fill(NaN) } : NOTHING;
-        if (what === "step") return { x, y: from.outputs(index, place) };
-        if (what === "bode") return { x, y: bodeOf(k).magnitude };
-        if (what === "phase") return { x, y: bodeOf(k).phase };
-        const { re, im } = what === "nyquist" ? from.response(index) : from.poles(index);
-        return { x: re, y: im };
-      });
-      handles.current.get(kind)?.update(curves);
-    }
-    holder.current?.setAttribute("data-frame", String(next.seq));
-  };
 
-  useImperativeHandle(ref, () => ({
-    draw,
-    leaveGhost() {
-      const now = frame.current;
-      if (now) ghosts.current = [now, ...ghosts.current].slice(0, GHOSTS);
-    },
-    forget() {
-      ghosts.current = [];
-      frame.current = null;
-    },
-  }));
+    useImperativeHandle(ref, () => ({
+      draw: (next) => latest.current(next),
+      leaveGhost() {
+        const now = frame.current;
+        if (now) ghosts.current = [now, ...ghosts.current].slice(0, GHOSTS);
+      },
+      forget() {
+        ghosts.current = [];
+        frame.current = null;
+      },
+    }), []);
 
-  return (
-    <div ref={holder} className={classes.grid} data-testid="plots">
-      {[...specs].map(([kind, spec]) => (
-        <Plot
-          key={kind}
-          spec={spec}
-          height={kind.startsWith("step") ? 250 : 230}
-          summary={t("panel.summary", { title: spec.title, curves: variants.map((v) => v.label).join(", ") })}
-          ref={(handle) => {
-            if (handle) {
-              handles.current.set(kind, handle);
-              if (frame.current) queueMicrotask(() => frame.current && draw(frame.current));
-            } else handles.current.delete(kind);
-          }}
-        />
-      ))}
-    </div>
-  );
-});
+    return (
+      <div ref={holder} className={classes.grid} data-testid="plots">
+        {[...specs].map(([kind, spec]) => (
+          <Plot key={kind} spec={spec} height={kind.startsWith("step") ? 250 : 230} summary={t("panel.summary", { title: spec.title, curves: labels.replaceAll(/(^|\|)[a-z]+:/g, "$1").replaceAll("|", ", ") })} onZone={onZone} ref={refOf(kind)} />
+        ))}
+      </div>
+    );
+  }),
+);
+
+/** SI units of the metrics that are drawn, where they have one. */
+const WANTED_UNITS: Record<string, string> = { rise_time: "s", response_time: "s", settling_time: "s", bandwidth: "rad/s", phase_margin: "rad", gain_margin: "1" };
+
+/** The margins of a loop, where each is read. */
+function marksOf(what: string, { phase, gain }: Margins): Mark[] {
+  const found: Mark[] = [];
+  const degrees = phase ? `φm ${formatNumber(phase.at - phase.turn, 3)}°` : "";
+  const decibel = gain ? `gm ${formatNumber(-gain.magnitude, 3)} dB` : "";
+  if (what === "phase" && phase) found.push({ from: [phase.frequency, phase.turn], to: [phase.frequency, phase.at], text: degrees });
+  if (what === "bode" && gain) found.push({ from: [gain.frequency, 0], to: [gain.frequency, gain.magnitude], text: decibel });
+  if (what === "nyquist") {
+    if (phase) found.push({ from: [-1, 0], to: [Math.cos((phase.at * Math.PI) / 180), Math.sin((phase.at * Math.PI) / 180)], text: degrees });
+    if (gain) found.push({ from: [-1, 0], to: [-(10 ** (gain.magnitude / 20)), 0], text: decibel });
+  }
+  return found;
+}

@@ -22,6 +22,7 @@ export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
   const input = state.input ?? opened.inputs[0] ?? "";
   const choices = [
     ...opened.curves.map((name) => ({ value: `step:${name}`, label: t("panel.stepOf", { output: words(name) }) })),
+    ...opened.curves.map((name) => ({ value: `spectrum:${name}`, label: t("panel.spectrumOf", { output: words(name) }) })),
     { value: "bode", label: t("panel.magnitude") },
     { value: "phase", label: t("panel.phase") },
     { value: "nyquist", label: t("panel.nyquist") },

@@ -1,29 +1,39 @@
-import { ActionIcon, Group, Text, Tooltip } from "@mantine/core";
-import { memo, useEffect, useState } from "react";
+import { ActionIcon, Group, Menu, Text, Tooltip } from "@mantine/core";
+import { memo, useCallback, useEffect, useState, type CSSProperties } from "react";
 import { useTranslation } from "react-i18next";
 import type { LiveParameter } from "@/shared/live/protocol";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { prettyUnit, withUnit } from "@/shared/units/format";
+import { Knob } from "./Knob";
 import classes from "./ParamSlider.module.css";
-import { fromPosition, keyPosition, toPosition, travelOf } from "./scale";
+import { fromPosition, keyPosition, toPosition, travelOf, type Scale } from "./scale";
+
+/** Elasticity of the chosen metric, as a part of the largest one; drawn behind the label. */
+export interface Influence {
+  part: number;
+  value: number;
+}
 
 interface Props {
   parameter: LiveParameter;
   value: number;
-  /** Elasticity of the chosen metric, as a part of the largest one; drawn behind the label. */
-  influence: { part: number; value: number } | null;
+  influence: Influence | null;
   metric: string;
+  knob: boolean;
+  scale: Scale | undefined;
   onMove(path: string, value: number): void;
   onCommit(path: string, value: number): void;
   onRemove(path: string): void;
+  onKnob(path: string, knob: boolean): void;
+  onScale(path: string, scale: Scale): void;
 }
 
-/** One parameter: label with its influence, slider, typed entry. Moving it does not pass through the page's state. */
-export const ParamSlider = memo(function ParamSlider({ parameter, value, influence, metric, onMove, onCommit, onRemove }: Props) {
+/** One parameter: label with its influence, slider or knob, typed entry. Moving it does not pass through the page's state. */
+export const ParamSlider = memo(function ParamSlider({ parameter, value, influence, metric, knob, scale, onMove, onCommit, onRemove, onKnob, onScale }: Props) {
   const { t } = useTranslation();
   const [shown, setShown] = useState(value);
   useEffect(() => setShown(value), [value]);
-  const travel = travelOf(parameter);
+  const travel = travelOf(parameter, scale);
   const { path, unit } = parameter;
   const move = (next: number) => {
     setShown(next);
@@ -33,62 +43,102 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
     move(next);
     onCommit(path, next);
   };
+  const reset = useCallback(() => {
+    setShown(parameter.value);
+    onMove(path, parameter.value);
+    onCommit(path, parameter.value);
+  }, [parameter, path, onMove, onCommit]);
+  const position = toPosition(shown, travel);
+  const text = withUnit(shown, unit);
   return (
     <div className={classes.slider}>
-      <Group justify="space-between" wrap="nowrap" gap={4} className={classes.label}>
-        {influence && (
-          <Tooltip label={t("panel.elasticity", { metric, value: influence.value.toFixed(2) })}>
-            <span className={classes.bar} data-sign={influence.value < 0 ? "minus" : "plus"} style={{ width: `${Math.round(100 * Math.abs(influence.part))}%` }} />
-          </Tooltip>
-        )}
-        <Tooltip label={parameter.doc} disabled={!parameter.doc} openDelay={400}>
-          <Text span fz="xs" fw={500} truncate className={classes.name}>
-            {path}
-          </Text>
-        </Tooltip>
-        <Group gap={0} wrap="nowrap" className={classes.name}>
-          <Text span fz="xs" c="dimmed" className="numbers" aria-hidden>
-            {prettyUnit(unit) ? `[${prettyUnit(unit)}]` : ""}
-          </Text>
-          <ActionIcon size="xs" variant="transparent" color="gray" aria-label={t("panel.reset", { path })} title={t("panel.reset", { path })} onClick={() => commit(parameter.value)} disabled={shown === parameter.value}>
-            ↺
-          </ActionIcon>
-          <ActionIcon size="xs" variant="transparent" color="gray" aria-label={t("panel.remove", { path })} title={t("panel.remove", { path })} onClick={() => onRemove(path)}>
-            ×
-          </ActionIcon>
-        </Group>
-      </Group>
+      <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={shown !== parameter.value} onReset={reset} onRemove={onRemove} onKnob={onKnob} onScale={onScale} />
       <div className={classes.row}>
-        <input
-          type="range"
-          className="slider"
-          min={0}
-          max={1}
-          step={0.0005}
-          value={toPosition(shown, travel)}
-          aria-label={path}
-          aria-valuetext={withUnit(shown, unit)}
-          onChange={(event) => move(fromPosition(Number(event.currentTarget.value), travel))}
-          onPointerUp={() => onCommit(path, shown)}
-          onKeyDown={(event) => {
-            const next = keyPosition(event.key, toPosition(shown, travel), { shift: event.shiftKey, alt: event.altKey });
-            if (next === null) return;
-            event.preventDefault();
-            move(fromPosition(next, travel));
-          }}
-          onKeyUp={() => onCommit(path, shown)}
-          onBlur={() => onCommit(path, shown)}
-          onDoubleClick={() => commit(parameter.value)}
-        />
-        <NumberEntry
-          aria-label={t("panel.valueOf", { path })}
-          value={Number(shown.toPrecision(6))}
-          onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))}
-          w={104}
-          size="xs"
-        />
+        {knob ? (
+          <Knob position={position} label={path} text={text} onMove={(next) => move(fromPosition(next, travel))} onCommit={() => onCommit(path, shown)} onReset={reset} />
+        ) : (
+          <input
+            type="range"
+            className="slider"
+            min={0}
+            max={1}
+            step={0.0005}
+            value={position}
+            style={{ "--at": `${(100 * position).toFixed(2)}%` } as CSSProperties}
+            aria-label={path}
+            aria-valuetext={text}
+            onChange={(event) => move(fromPosition(Number(event.currentTarget.value), travel))}
+            onPointerUp={() => onCommit(path, shown)}
+            onKeyDown={(event) => {
+              const next = keyPosition(event.key, position, { shift: event.shiftKey, alt: event.altKey });
+              if (next === null) return;
+              event.preventDefault();
+              move(fromPosition(next, travel));
+            }}
+            onKeyUp={() => onCommit(path, shown)}
+            onBlur={() => onCommit(path, shown)}
+            onDoubleClick={reset}
+          />
+        )}
+        <NumberEntry aria-label={t("panel.valueOf", { path })} value={Number(shown.toPrecision(6))} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={118} size="xs" />
       </div>
     </div>
+  );
+});
+
+interface HeadProps {
+  parameter: LiveParameter;
+  influence: Influence | null;
+  metric: string;
+  knob: boolean;
+  log: boolean;
+  canLog: boolean;
+  moved: boolean;
+  onReset(): void;
+  onRemove(path: string): void;
+  onKnob(path: string, knob: boolean): void;
+  onScale(path: string, scale: Scale): void;
+}
+
+/** What does not change while the slider moves: it is not rendered then. */
+const Head = memo(function Head({ parameter: { path, unit, doc }, influence, metric, knob, log, canLog, moved, onReset, onRemove, onKnob, onScale }: HeadProps) {
+  const { t } = useTranslation();
+  return (
+    <Group justify="space-between" wrap="nowrap" gap={4} className={classes.label}>
+      {influence && (
+        <Tooltip label={t("panel.elasticity", { metric, value: influence.value.toFixed(2) })}>
+          <span className={classes.bar} data-sign={influence.value < 0 ? "minus" : "plus"} style={{ width: `${Math.round(100 * Math.abs(influence.part))}%` }} />
+        </Tooltip>
+      )}
+      <Tooltip label={doc} disabled={!doc} openDelay={400}>
+        <Text span fz="xs" fw={500} truncate className={classes.name}>
+          {path}
+        </Text>
+      </Tooltip>
+      <Group gap={0} wrap="nowrap" className={classes.name}>
+        <Text span fz="xs" c="dimmed" className="numbers" aria-hidden>
+          {log ? "log " : ""}
+          {prettyUnit(unit) ? `[${prettyUnit(unit)}]` : ""}
+        </Text>
+        <ActionIcon size="xs" variant="transparent" color="gray" aria-label={t("panel.reset", { path })} title={t("panel.reset", { path })} onClick={onReset} disabled={!moved}>
+          ↺
+        </ActionIcon>
+        <Menu position="bottom-end" withinPortal>
+          <Menu.Target>
+            <ActionIcon size="xs" variant="transparent" color="gray" aria-label={t("panel.more", { path })}>
+              ⋮
+            </ActionIcon>
+          </Menu.Target>
+          <Menu.Dropdown>
+            <Menu.Item onClick={() => onKnob(path, !knob)}>{t(knob ? "panel.asSlider" : "panel.asKnob")}</Menu.Item>
+            <Menu.Item onClick={() => onScale(path, log ? "linear" : "log")} disabled={!log && !canLog}>
+              {t(log ? "panel.linear" : "panel.logarithmic")}
+            </Menu.Item>
+            <Menu.Item onClick={() => onRemove(path)}>{t("panel.remove", { path })}</Menu.Item>
+          </Menu.Dropdown>
+        </Menu>
+      </Group>
+    </Group>
   );
 });
 

@@ -7,7 +7,9 @@ export interface Travel {
   log: boolean;
 }
 
-export function travelOf(parameter: LiveParameter): Travel {
+export type Scale = "log" | "linear";
+
+export function travelOf(parameter: LiveParameter, wanted?: Scale): Travel {
   const { value } = parameter;
   let low = parameter.lower;
   let high = parameter.upper;
@@ -21,7 +23,7 @@ export function travelOf(parameter: LiveParameter): Travel {
     high = Math.min(high ?? Infinity, near[1]);
   }
   const travel = { low: low!, high: high!, log: false };
-  travel.log = travel.low > 0 && (parameter.scale === "log" || travel.high / travel.low > 8);
+  travel.log = travel.low > 0 && (wanted === undefined ? parameter.scale === "log" || travel.high / travel.low > 8 : wanted === "log");
   return travel;
 }
 

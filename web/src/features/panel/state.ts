@@ -1,4 +1,23 @@
 import type { LiveParameter, Opened } from "@/shared/live/protocol";
+import type { Scale } from "./scale";
+import { readGoal, writeGoal, type PanelGoal } from "./goals";
+
+/** Settings that were kept, to come back to or to be seen beside others. */
+export interface Snapshot {
+  name: string;
+  /** Drawn as a curve of its own. */
+  shown: boolean;
+  values: Record<string, number>;
+}
+
+/** A recorded channel over the curve of an output. */
+export interface Overlay {
+  output: string;
+  dataset: string;
+  channel: string;
+  start: number;
+  relative: boolean;
+}
 
 /** What a front panel shows; all of it stands in its address. */
 export interface PanelState {
@@ -16,13 +35,22 @@ export interface PanelState {
   output: string | null;
   loop: string | null;
   path: [string, string] | null;
+  /** Parameters that are turned instead of pushed. */
+  knobs: string[];
+  /** Where the travel is to be other than the parameter's own. */
+  scales: Record<string, Scale>;
+  goals: PanelGoal[];
+  snapshots: Snapshot[];
+  measured: Overlay[];
   /** Seconds; null lets the service choose. */
   duration: number | null;
-  /** Plots in their order: `step:position`, `bode`, `phase`, `nyquist`, `poles`. */
+  /** Plots in their order: `step:position`, `bode`, `phase`, `nyquist`, `poles`, `spectrum:position`. */
   plots: string[] | null;
 }
 
-const OWN = new Set(["s", "cmp", "in", "amp", "out", "loop", "path", "T", "v", "ref"]);
+const OWN = new Set(["s", "cmp", "in", "amp", "out", "loop", "path", "T", "v", "ref", "k", "log", "lin", "g", "sn", "ds"]);
+/** Between the parts of a snapshot or an overlay in the address. */
+const PART = "~";
 
 export function readState(query: URLSearchParams): PanelState {
   const list = (key: string): string[] | null => query.get(key)?.split(",").filter(Boolean) ?? null;
@@ -51,6 +79,11 @@ export function readState(query: URLSearchParams): PanelState {
     path: pair?.length === 2 ? [pair[0]!, pair[1]!] : null,
     duration: Number.isFinite(duration) && duration > 0 ? duration : null,
     plots: list("v"),
+    knobs: list("k") ?? [],
+    scales: Object.fromEntries([...(list("log") ?? []).map((path) => [path, "log"]), ...(list("lin") ?? []).map((path) => [path, "linear"])]) as Record<string, Scale>,
+    goals: (list("g") ?? []).flatMap(readGoal),
+    snapshots: query.getAll("sn").flatMap(readSnapshot),
+    measured: query.getAll("ds").flatMap(readOverlay),
   };
 }
 
@@ -74,7 +107,23 @@ export function writeState(state: PanelState, before: URLSearchParams): URLSearc
   if (state.path) put("path", state.path.join(","));
   put("T", state.duration);
   put("v", state.plots?.join(","));
+  put("k", state.knobs.join(","));
+  for (const [key, scale] of [["log", "log"], ["lin", "linear"]] as const) put(key, Object.keys(state.scales).filter((path) => state.scales[path] === scale).join(","));
+  put("g", state.goals.map(writeGoal).join(","));
+  for (const { name, shown, values } of state.snapshots) query.append("sn", [name, shown ? 1 : 0, ...Object.entries(values).map(([path, value]) => `${path}=${round(value)}`)].join(PART));
+  for (const { output, dataset, channel, start, relative } of state.measured) query.append("ds", [output, dataset, channel, start, relative ? 1 : 0].join(PART));
   return query;
+}
+
+function readSnapshot(text: string): Snapshot[] {
+  const [name = "", shown, ...parts] = text.split(PART);
+  const values = Object.fromEntries(parts.map((part) => part.split("=")).map(([path, value]) => [path, Number(value)]));
+  return name !== "" && Object.values(values).every((value) => Number.isFinite(value)) ? [{ name, shown: shown === "1", values }] : [];
+}
+
+function readOverlay(text: string): Overlay[] {
+  const [output, dataset, channel, start, relative] = text.split(PART);
+  return output && dataset && channel && Number.isFinite(Number(start)) ? [{ output, dataset, channel, start: Number(start), relative: relative === "1" }] : [];
 }
 
 function round(value: number): number {
@@ -83,25 +132,29 @@ function round(value: number): number {
 
 export interface Variant {
   label: string;
-  kind: "current" | "reference" | "compare";
+  kind: "current" | "reference" | "snapshot" | "compare";
   vector: number[];
 }
 
-/** Everything that is computed at once: the moving values, the reference, the comparisons. */
+/** Of one message: the service takes no more. */
+const MOST_VARIANTS = 12;
+
+/** Everything that is computed at once: the moving values, the reference, the snapshots, the comparisons. */
 export function variantsOf(state: PanelState, parameters: Map<string, LiveParameter>, moving: Record<string, number>, names: { current: string; reference: string }, show: (path: string, value: number) => string): { paths: string[]; variants: Variant[] } {
   const paths = pathsOf(state, parameters);
   const at = (values: Record<string, number>) => paths.map((path) => values[path] ?? parameters.get(path)!.value);
   const variants: Variant[] = [{ label: names.current, kind: "current", vector: at(moving) }];
   if (state.reference) variants.push({ label: names.reference, kind: "reference", vector: at(state.reference) });
+  for (const { name, shown, values } of state.snapshots) if (shown) variants.push({ label: name, kind: "snapshot", vector: at(values) });
   if (state.compare && paths.includes(state.compare.path)) {
     for (const value of state.compare.values) variants.push({ label: show(state.compare.path, value), kind: "compare", vector: at({ ...moving, [state.compare.path]: value }) });
   }
-  return { paths, variants };
+  return { paths, variants: variants.slice(0, MOST_VARIANTS) };
 }
 
 /** What the vectors of the live channel are made of, in this order. */
 export function pathsOf(state: PanelState, parameters: Map<string, LiveParameter>): string[] {
-  const wanted = [...state.sliders, ...Object.keys(state.values), ...Object.keys(state.reference ?? {}), ...(state.compare ? [state.compare.path] : [])];
+  const wanted = [...state.sliders, ...Object.keys(state.values), ...Object.keys(state.reference ?? {}), ...state.snapshots.flatMap((kept) => Object.keys(kept.values)), ...(state.compare ? [state.compare.path] : [])];
   return [...new Set(wanted)].filter((path) => parameters.has(path) && !parameters.get(path)!.bound).slice(0, 50);
 }
 

@@ -15,6 +15,18 @@ export interface LiveParameter {
   bound: boolean;
 }
 
+/** A recorded channel at the instants of the picture, SI; null outside of the recording. */
+export interface Measured {
+  output: string;
+  dataset: string;
+  channel: string;
+  /** Standard deviation of the noise of a sample. */
+  sigma: number;
+  values: (number | null)[];
+  low: (number | null)[];
+  high: (number | null)[];
+}
+
 export interface Opened {
   type: "opened";
   system: { id: string; revision: number } | null;
@@ -25,6 +37,7 @@ export interface Opened {
   metrics: string[];
   duration: number;
   nonlinear: boolean;
+  measured: Measured[];
   warnings: { pointer: string; detail: string }[];
 }
 

@@ -3,12 +3,12 @@ import { memo, useEffect, useImperativeHandle, useRef, type Ref } from "react";
 import { useTranslation } from "react-i18next";
 import { csvOf, download, fileName } from "./export";
 import classes from "./Plot.module.css";
-import type { Curve, LivePlot, PlotSpec } from "./types";
+import type { Curve, Decor, LivePlot, PlotSpec, ZoneMoved } from "./types";
 import { createUPlot } from "./uplot";
 
 export interface PlotHandle {
   /** Draws at once, without React: what a slider drags. */
-  update(curves: Curve[]): void;
+  update(curves: Curve[], decor?: Decor): void;
 }
 
 interface Props {
@@ -17,32 +17,44 @@ interface Props {
   height?: number;
   /** What the picture says, for those who cannot see it. */
   summary: string;
+  /** The edge of a zone was dragged. */
+  onZone?: ZoneMoved;
   ref?: Ref<PlotHandle>;
 }
 
 /** A plot with its legend, the value under the cursor, and its export as picture and table. */
-export const Plot = memo(function Plot({ spec, curves, height = 280, summary, ref }: Props) {
+export const Plot = memo(function Plot({ spec, curves, height = 280, summary, onZone, ref }: Props) {
   const { t } = useTranslation();
   const holder = useRef<HTMLDivElement>(null);
+  const layer = useRef<HTMLDivElement>(null);
+  const moved = useRef(onZone);
+  moved.current = onZone;
   const readout = useRef<HTMLParagraphElement>(null);
   const plot = useRef<LivePlot | null>(null);
   const shown = useRef<Curve[]>(curves ?? []);
+  const behind = useRef<Decor | undefined>(undefined);
 
   useEffect(() => {
-    const made = createUPlot(holder.current!, spec, (text) => {
-      if (readout.current) readout.current.textContent = text;
-    });
+    const made = createUPlot(
+      holder.current!,
+      spec,
+      (text) => {
+        if (readout.current) readout.current.textContent = text;
+      },
+      { layer: layer.current!, moved: (...told) => moved.current?.(...told) },
+    );
     plot.current = made;
-    if (shown.current.length === spec.series.length) made.update(shown.current);
+    if (shown.current.length === spec.series.length) made.update(shown.current, behind.current);
     return () => {
       plot.current = null;
       made.destroy();
     };
   }, [spec]);
 
-  const update = (next: Curve[]) => {
+  const update = (next: Curve[], decor?: Decor) => {
     shown.current = next;
-    if (next.length === spec.series.length) plot.current?.update(next);
+    behind.current = decor;
+    if (next.length === spec.series.length) plot.current?.update(next, decor);
   };
   useImperativeHandle(ref, () => ({ update }));
   useEffect(() => {
@@ -70,7 +82,10 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, re
           </Menu>
         </Group>
       </Group>
-      <div ref={holder} role="img" aria-label={summary} style={{ height }} className={classes.canvas} />
+      <div className={classes.plot}>
+        <div ref={holder} role="img" aria-label={summary} style={{ height }} className={classes.canvas} />
+        <div ref={layer} className={classes.grips} />
+      </div>
       <ul className={classes.legend}>
         {spec.series.filter((s) => !s.faint).map((s) => (
           <li key={s.label}>

@@ -27,13 +27,58 @@ export interface PlotSpec {
   equal?: boolean;
   /** Lowest and highest y that matters, whatever the curves do. */
   clamp?: [number, number];
+  /** The most of y that is shown, from the highest value down: spectra. */
+  span?: number;
   /** Vertical and horizontal lines to be compared with. */
   lines?: { x?: number; y?: number }[];
   /** Points of the plane that must be in sight, the critical point say. */
   keep?: [number, number][];
-  /** Regions where no curve should come. */
-  zones?: { x: [number, number]; y: [number, number] }[];
+  /** A circle about the origin: where a loop's gain is 1. */
+  circle?: number;
 }
+
+export type Point = [number, number];
+
+/** A region where no curve should come; infinite ends reach to the edge of the plot. */
+export type Shape =
+  | { kind: "box"; x: [number, number]; y: [number, number] }
+  | { kind: "disc"; center: Point; radius: number }
+  /** Everything right of both rays from the origin that meet the negative real axis at `angle`, rad. */
+  | { kind: "outside-wedge"; angle: number };
+
+export interface Zone {
+  id: string;
+  shapes: Shape[];
+  /** Where its edge can be taken; without one it only lies there. */
+  handle?: { at: Point; axis: "x" | "y" | "both"; label: string; text: string };
+}
+
+/** A distance that is read off a curve: a margin. */
+export interface Mark {
+  from: Point;
+  to: Point;
+  text: string;
+}
+
+/** Between two curves over the same x: the error band of a measurement. */
+export interface Band {
+  x: Numbers;
+  low: Numbers;
+  high: Numbers;
+  color: string;
+}
+
+/** What lies behind and beside the curves, and may change with each of them. */
+export interface Decor {
+  zones: Zone[];
+  marks: Mark[];
+  bands: Band[];
+}
+
+export const NOTHING: Decor = { zones: [], marks: [], bands: [] };
+
+/** The edge of a zone was taken to a point of the plane; `done` when it was let go. */
+export type ZoneMoved = (id: string, at: Point, done: boolean) => void;
 
 export interface Curve {
   x: Numbers;
@@ -42,7 +87,7 @@ export interface Curve {
 
 /** What a page knows of a plot, whichever library draws it. */
 export interface LivePlot {
-  update(curves: Curve[]): void;
+  update(curves: Curve[], decor?: Decor): void;
   png(): Promise<Blob>;
   destroy(): void;
 }

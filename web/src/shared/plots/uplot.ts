@@ -1,7 +1,9 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
-import type { Curve, LivePlot, PlotSpec, Series } from "./types";
+import { paintBehind, paintMarks } from "./decor";
+import { Handles } from "./handles";
+import { NOTHING, type Curve, type LivePlot, type PlotSpec, type Series, type ZoneMoved } from "./types";
 
 const FONT = "11px system-ui, sans-serif";
 
@@ -57,49 +59,14 @@ function drawFree(series: Series): uPlot.Series.PathBuilder {
   };
 }
 
-function drawMarks(spec: PlotSpec) {
-  return (u: uPlot) => {
-    const { left, top, width, height } = u.bbox;
-    const ctx = u.ctx;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(left, top, width, height);
-    ctx.clip();
-    for (const zone of spec.zones ?? []) {
-      const at = (value: number, axis: "x" | "y", low: number, high: number) => (value === -Infinity ? low : value === Infinity ? high : u.valToPos(value, axis, true));
-      const x0 = at(zone.x[0], "x", left, left + width);
-      const x1 = at(zone.x[1], "x", left, left + width);
-      const y0 = at(zone.y[0], "y", top + height, top);
-      const y1 = at(zone.y[1], "y", top + height, top);
-      ctx.fillStyle = spec.dark ? "rgba(255,157,92,0.16)" : "rgba(184,74,0,0.10)";
-      ctx.fillRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
-    }
-    ctx.strokeStyle = spec.dark ? "#9aa1a8" : "#6a7178";
-    ctx.lineWidth = devicePixelRatio;
-    ctx.setLineDash([4 * devicePixelRatio, 3 * devicePixelRatio]);
-    for (const line of spec.lines ?? []) {
-      ctx.beginPath();
-      if (line.x !== undefined) {
-        const x = u.valToPos(line.x, "x", true);
-        ctx.moveTo(x, top);
-        ctx.lineTo(x, top + height);
-      }
-      if (line.y !== undefined) {
-        const y = u.valToPos(line.y, "y", true);
-        ctx.moveTo(left, y);
-        ctx.lineTo(left + width, y);
-      }
-      ctx.stroke();
-    }
-    ctx.restore();
-  };
-}
-
 /** Draws curves on a canvas: aligned ones (all of one x) with uPlot's own paths, others in a plane. */
-export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void): LivePlot {
+export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void, grips?: { layer: HTMLElement; moved: ZoneMoved }): LivePlot {
   const ink = spec.dark ? "#d6dade" : "#24292e";
   const grid = { stroke: spec.dark ? "#3a3f45" : "#e4e7ea", width: 1 };
   let current: Curve[] = [];
+  let decor = NOTHING;
+  let handles: Handles | null = null;
+  let lastY: Range | null = null;
   let plane: { x: Range; y: Range } | null = null;
   const label = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
   const axis = (own: { label: string; unit: string; log?: boolean }, size: number): uPlot.Axis => ({
@@ -115,7 +82,14 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? decadeText(v) : "")) } 
       : { values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => tickTexts(splits, step) }),
   });
-  const yRange = (): Range => clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]])])), spec.clamp);
+  // Edges that can be taken are kept in sight, and the axis keeps still while one is held.
+  const yRange = (): Range => {
+    if (lastY && handles?.held) return lastY;
+    const edges = decor.zones.flatMap((zone) => (zone.handle && zone.handle.axis !== "x" ? [zone.handle.at[1]] : []));
+    const whole = clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]]), edges])), spec.clamp);
+    lastY = spec.span === undefined ? whole : [Math.max(whole[0], whole[1] - spec.span), whole[1]];
+    return lastY;
+  };
   const series: unknown[] = spec.equal
     ? [null, ...spec.series.map((s) => ({ label: s.label, stroke: s.color, paths: drawFree(s), facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))]
     : [
@@ -137,7 +111,13 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     axes: [axis(spec.x, 34), axis(spec.y, 58)],
     series: series as uPlot.Series[],
     hooks: {
-      drawAxes: [drawMarks(spec)],
+      drawAxes: [(u) => paintBehind(u, spec, decor)],
+      draw: [
+        (u) => {
+          paintMarks(u, spec, decor.marks);
+          handles?.place(decor.zones);
+        },
+      ],
       setCursor: [
         (u) => {
           const { left, top } = u.cursor;
@@ -148,8 +128,11 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     },
   };
   const plot = new uPlot(options, empty as uPlot.AlignedData, element);
+  if (grips) handles = new Handles(plot, grips.layer, grips.moved);
   const findPlane = () => {
-    const seen = planeOf(current, spec.keep ?? [], spec.clamp);
+    if (plane && handles?.held) return;
+    const edges = decor.zones.flatMap((zone) => (zone.handle ? [zone.handle.at] : []));
+    const seen = planeOf(current, [...(spec.keep ?? []), ...edges], spec.clamp);
     plane = equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height);
   };
   const observer = new ResizeObserver(() => {
@@ -161,8 +144,9 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   });
   observer.observe(element);
   return {
-    update(curves) {
+    update(curves, behind = NOTHING) {
       current = curves;
+      decor = behind;
       if (spec.equal) findPlane();
       const data = spec.equal ? [null, ...curves.map((c) => [c.x, c.y])] : [curves[0]?.x ?? [0, 1], ...curves.map((c) => c.y)];
       // batch() commits at its end, so that the picture is drawn before this returns.
@@ -171,6 +155,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
     destroy() {
       observer.disconnect();
+      handles?.destroy();
       plot.destroy();
     },
   };

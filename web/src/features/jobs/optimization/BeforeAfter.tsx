@@ -1,0 +1,50 @@
+import { SimpleGrid, useComputedColorScheme } from "@mantine/core";
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import { stroke } from "@/shared/plots/palette";
+import { Plot } from "@/shared/plots/Plot";
+import type { PlotSpec } from "@/shared/plots/types";
+import { words } from "@/shared/units/format";
+import { numbersOf, type Curves } from "../results";
+
+/** Every output of every experiment, before and after. */
+export function BeforeAfter({ before, after }: { before: Record<string, Curves>; after: Record<string, Curves> }) {
+  const { t } = useTranslation();
+  const dark = useComputedColorScheme("light") === "dark";
+  const plots = useMemo(
+    () =>
+      Object.entries(after).flatMap(([experiment, curves]) =>
+        Object.keys(curves.outputs).map((output) => {
+          const spec: PlotSpec = { title: `${words(output)} (${experiment})`, x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, series: [{ label: t("revisions.before"), ...stroke(1, dark) }, { label: t("revisions.after"), ...stroke(0, dark), width: 2.4 }], dark };
+          const old = before[experiment];
+          const x = numbersOf(curves.time);
+          const y = numbersOf(curves.outputs[output]!);
+          // Both on the times of the second: uPlot's series share theirs.
+          return { spec, curves: [{ x, y: old?.outputs[output] ? resampled(numbersOf(old.time), numbersOf(old.outputs[output]), x) : new Float64Array(x.length).fill(NaN) }, { x, y }] };
+        }),
+      ),
+    [before, after, dark, t],
+  );
+  return (
+    <SimpleGrid cols={{ base: 1, md: 2 }}>
+      {plots.map(({ spec, curves }) => (
+        <Plot key={spec.title} spec={spec} curves={curves} height={220} summary={spec.title} />
+      ))}
+    </SimpleGrid>
+  );
+}
+
+/** A curve at other times, straight between its points; after its end its last value, where it has come to rest. */
+export function resampled(time: Float64Array, values: Float64Array, at: Float64Array): Float64Array {
+  const found = new Float64Array(at.length);
+  let k = 0;
+  for (let i = 0; i < at.length; i++) {
+    const t = at[i]!;
+    while (k + 1 < time.length && time[k + 1]! < t) k++;
+    const next = Math.min(k + 1, time.length - 1);
+    const span = time[next]! - time[k]!;
+    const part = span > 0 ? Math.min(1, Math.max(0, (t - time[k]!) / span)) : 0;
+    found[i] = values[k]! + part * (values[next]! - values[k]!);
+  }
+  return found;
+}

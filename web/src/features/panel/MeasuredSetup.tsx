@@ -1,0 +1,71 @@
+import { Button, Checkbox, CloseButton, Group, NativeSelect, Popover, Stack, Text } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import { api, must } from "@/shared/api/client";
+import type { Opened } from "@/shared/live/protocol";
+import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { words } from "@/shared/units/format";
+import classes from "./CompareBar.module.css";
+import type { Overlay } from "./state";
+
+interface Props {
+  measured: Overlay[];
+  opened: Opened;
+  output: string;
+  onChange(measured: Overlay[]): void;
+}
+
+const MOST = 4;
+
+/** Which recordings are seen over which curves. */
+export function MeasuredSetup({ measured, opened, output, onChange }: Props) {
+  const { t } = useTranslation();
+  const [choosing, setChoosing] = useState(false);
+  const [dataset, setDataset] = useState("");
+  const [channel, setChannel] = useState("");
+  const [over, setOver] = useState("");
+  const [start, setStart] = useState(0);
+  const [relative, setRelative] = useState(false);
+  const datasets = useQuery({ queryKey: ["datasets", "choice"], enabled: choosing, queryFn: () => must(api.GET("/v1/datasets", { params: { query: { limit: 100 } } })) }).data?.items.filter((one) => one.status === "ready") ?? [];
+  const known = useQuery({ queryKey: ["dataset", dataset], enabled: dataset !== "", queryFn: () => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: dataset } } })) }).data;
+  const channels = known?.channels ?? [];
+  return (
+    <Group gap="xs" align="center" role="group" aria-label={t("panel.recordings")}>
+      <Popover opened={choosing} onChange={setChoosing} width={320} position="bottom-start" withinPortal trapFocus>
+        <Popover.Target>
+          <Button variant="default" onClick={() => setChoosing((now) => !now)} disabled={measured.length >= MOST}>
+            {t("panel.overlay")}
+          </Button>
+        </Popover.Target>
+        <Popover.Dropdown>
+          <Stack gap="xs">
+            <NativeSelect size="xs" label={t("panel.recording")} value={dataset} data={[{ value: "", label: datasets.length > 0 ? t("panel.choose") : t("panel.noRecordings") }, ...datasets.map((one) => ({ value: String(one.id), label: String(one.name || one.id) }))]} onChange={(event) => setDataset(event.currentTarget.value)} />
+            <NativeSelect size="xs" label={t("panel.channel")} value={channel} disabled={dataset === ""} data={[{ value: "", label: t("panel.choose") }, ...channels.map((one) => ({ value: String(one.name), label: one.unit ? `${String(one.name)} [${String(one.unit)}]` : String(one.name) }))]} onChange={(event) => setChannel(event.currentTarget.value)} />
+            <NativeSelect size="xs" label={t("panel.over")} value={over || output} data={opened.outputs.map((one) => ({ value: one.name, label: words(one.name) }))} onChange={(event) => setOver(event.currentTarget.value)} />
+            <NumberEntry label={t("panel.recordingStart")} unit="s" value={start} onCommit={(value) => typeof value === "number" && setStart(value)} />
+            <Checkbox size="xs" label={t("panel.relative")} checked={relative} onChange={(event) => setRelative(event.currentTarget.checked)} />
+            <Button
+              disabled={dataset === "" || channel === ""}
+              onClick={() => {
+                onChange([...measured, { output: over || output, dataset, channel, start, relative }]);
+                setChoosing(false);
+              }}
+            >
+              {t("panel.overlay")}
+            </Button>
+            <Text fz="xs" c="dimmed">
+              {t("panel.bandDoc")}
+            </Text>
+          </Stack>
+        </Popover.Dropdown>
+      </Popover>
+      {measured.map((one, i) => (
+        <span key={i} className={classes.chip} data-testid="recording">
+          {one.channel} → {words(one.output)}
+          <CloseButton size="xs" aria-label={t("panel.dropRecording", { channel: one.channel })} onClick={() => onChange(measured.filter((_, k) => k !== i))} />
+        </span>
+      ))}
+    </Group>
+  );
+}
