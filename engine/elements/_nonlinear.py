@@ -77,6 +77,8 @@ class NonlinearElement(Element):
     """The modes; one stands for all others where they are numbered through (intervals, levels)."""
     curved: ClassVar[bool] = False
     """Whether :meth:`surface` is no linear function, so that it may lose its slope while it is held."""
+    continuous: ClassVar[bool] = False
+    """Whether the output does not jump between modes, and all guards are distances in the unit of the only input."""
     note: ClassVar[str] = ""
     """What stands for the slope where the law has none: said wherever the element is linearised."""
 

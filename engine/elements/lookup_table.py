@@ -26,6 +26,7 @@ class LookupTable(NonlinearElement):
     equation = "y = linear interpolation of (points, values) at u"
     source = "Definition."
     note = "the slope of the table at its operating point counts"
+    continuous = True
     parameters = (
         Param(name="points", symbol="u_k", shape="list", doc="inputs, increasing, two at least"),
         Param(name="values", symbol="y_k", shape="list", doc="outputs at these inputs"),

@@ -91,13 +91,21 @@ class Switchboard:
 
     def tolerance(self, number: int, guard: int, values: Array) -> float:
         """Return what counts as 0 for a guard that has these values on a step."""
-        known = self._scale.get((number, self.modes[number], guard), 0.0)
+        known = self._scale.get(self._surface(number, guard), 0.0)
         return max(NEGLIGIBLE * max(known, float(np.abs(values).max())), self._rounding(number))
 
     def note(self, number: int, guard: int, values: Array) -> None:
         """Remember how large a guard has been on a step."""
-        key = (number, self.modes[number], guard)
+        key = self._surface(number, guard)
         self._scale[key] = max(self._scale.get(key, 0.0), float(np.abs(values).max()))
+
+    def _surface(self, number: int, guard: int) -> tuple[int, Mode, int]:
+        """Return the key under which the size of a guard is known.
+
+        All guards of a continuous law count alike: were a corner nearer in one interval than in the next, an input that
+        rests on it would go to and fro between them for ever.
+        """
+        return (number, 0, 0) if self.system.laws[number].element.continuous else (number, self.modes[number], guard)
 
     def _rounding(self, number: int) -> float:
         return float(self._noise[self.system.laws[number].inputs].max(initial=0.0))
@@ -212,7 +220,7 @@ class Switchboard:
             found = law.element.guards(seen, mode, law.values)
             size = float(largest[law.inputs].max(initial=0.0))
             for k, guard in enumerate(found):
-                least = max(NEGLIGIBLE * self._scale.get((number, mode, k), size), self._rounding(number))
+                least = max(NEGLIGIBLE * self._scale.get(self._surface(number, k), size), self._rounding(number))
                 if float(np.ravel(guard)[0].real) > least:
                     self._change(number, k, seen)
                     return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,39 @@ def test_a_law_alone_follows_a_recording():
     force, _ = simulate_recorded(made.laws(), speed[None], H)
     way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * H])
     np.testing.assert_allclose(force[0], 60 * (1 - np.exp(-3 * way)), atol=1e-9)
+
+
+def test_an_input_that_rests_on_a_corner_does_not_make_a_table_chatter() -> None:
+    """A valve that opens wider for lifting than for lowering: at each target the error rests on its corner.
+
+    The recorded staircase of examples/data/hydraulic_bench; between two samples the error e obeys e' = s - k e, with s the
+    slope of the reference and k the one of its side, which is solved by hand from corner to corner.
+    """
+    path = Path(__file__).parents[3] / "examples" / "data" / "hydraulic_bench" / "HangingLoad.csv"
+    reference = np.loadtxt(path, delimiter=",", usecols=1, max_rows=3000)
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "x": block("integrator"),
+             "t": block("lookup_table", points=[-10.0, 0.0, 10.0], values=[-16.0, 0.0, 26.0], extrapolation="linear")},
+            ["r -> e.in1", "x -> e.in2", "e -> t", "t -> x"],
+            {"y": "x"},
+        )
+    )  # fmt: skip
+    values, _ = simulate_recorded(made.laws(), reference[None], 0.02)
+    error = np.zeros(reference.size)
+    for i in range(1, reference.size):
+        error[i] = glided(error[i - 1], (reference[i] - reference[i - 1]) / 0.02, 0.02)
+    np.testing.assert_allclose(values[0], reference - error, atol=1e-7)
+
+
+def glided(e: float, s: float, duration: float) -> float:
+    """Return the solution of e' = s - k e after ``duration``, k 2.6 1/s above 0 and 1.6 1/s below."""
+    while duration > 0:
+        k = 2.6 if e > 0 or (e == 0 and s > 0) else 1.6
+        steady = s / k
+        # e goes from one side to the other only towards a steady error there
+        crossing = -np.log(steady / (steady - e)) / k if e * steady < 0 else np.inf
+        time = min(duration, crossing)
+        e = 0.0 if crossing <= duration else steady + (e - steady) * np.exp(-k * time)
+        duration -= time
+    return e
