@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import struct
+import zlib
 from datetime import UTC, datetime, timedelta
 
 import h5py
@@ -180,7 +182,33 @@ def matlab(**variables):
     return target.getvalue()
 
 
+def bomb():
+    """Return a MATLAB file of 1.5 MB whose one variable unpacks to 320 MB of zeros."""
+    size = 320 << 20
+    head = (
+        struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, size // 8, 1) + struct.pack("<HH4s", 1, 1, b"x")
+    )
+    squeezer = zlib.compressobj(1)
+    data = squeezer.compress(struct.pack("<II", 14, len(head) + 8 + size) + head + struct.pack("<II", 9, size))
+    data += squeezer.flush(zlib.Z_FULL_FLUSH)
+    # after a full flush equal content is compressed to equal bytes: the million zeros need be squeezed but once
+    piece = squeezer.compress(bytes(1 << 20)) + squeezer.flush(zlib.Z_FULL_FLUSH)
+    data += piece * (size >> 20) + squeezer.flush()
+    return matlab()[:128] + struct.pack("<II", 15, len(data)) + data
+
+
+def billion():
+    """Return a MATLAB file whose header claims a billion samples of a variable of two."""
+    good = matlab(x=np.ones(50))
+    assert good.count(struct.pack("<ii", 1, 50)) == 1
+    return good.replace(struct.pack("<ii", 1, 50), struct.pack("<ii", 1, 10**9))
+
+
 BAD = {
+    "a bomb": ("mat", bomb(), {}, "must unpack to at most 256 MiB or 64 times the size of the file"),
+    "a billion samples": ("mat", billion(), {}, "must fit into the .* got 1000000000"),
+    "a cut MATLAB file": ("mat", matlab(a=np.ones(500))[:-100], {}, "the file is cut off"),
+    "a cut HDF5 file": ("hdf5", b"\x89HDF\r\n\x1a\n" + bytes(600), {}, "an HDF5 file must be complete"),
     "channels of different length": ("mat", matlab(a=np.ones(50), b=np.ones(40)), {}, "same number of samples, got a 50, b 40"),
     "no sample rate": ("mat", matlab(a=np.ones(50)), {}, "sample_rate must be given in import"),
     "not there": ("mat", matlab(a=np.ones(50)), {"columns": [{"source": "c", "name": "c"}]}, r"one of the file's \(a\), got 'c'"),
