@@ -145,19 +145,25 @@ def read_settings() -> Settings:
 def _prepare(settings: Settings) -> None:
     """Migrate the database, and make the first key where there is none."""
     from api.services.keys import bootstrap
-    from storage.errors import UNAVAILABLE, DatabaseUrlError
+    from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
+    from storage.repositories.webhooks import renew_secrets
     from storage.session import open_database
+    from storage.vault import Vault
 
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
         database = open_database(settings.database_url)
         try:
             database.migrate()
+            with database.session() as session:
+                renew_secrets(session, Vault(settings.secret_keys).renewed)
             token = bootstrap(database, settings.bootstrap_key)
         finally:
             database.dispose()
     except unreachable as error:
         raise SystemExit(f"the database of SERVOTUNE_DATABASE_URL must be reachable: {error}") from error
+    except VaultError as error:
+        raise SystemExit(f"SERVOTUNE_SECRET_KEY: {error.message}") from error
     if token is not None:
         sys.stdout.write(
             f"\n  First admin key: {token}\n  It is shown only now. Send it as `Authorization: Bearer <key>`.\n\n"

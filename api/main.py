@@ -37,6 +37,7 @@ from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.models.base import utc_now
 from storage.session import open_database
+from storage.vault import Vault
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
 
@@ -126,6 +127,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
             computing=Computing(chosen),
             openid=Provider(chosen) if chosen.oidc_issuer is not None else None,
             beside=beside,
+            vault=Vault(chosen.secret_keys),
         )
         app.state.installation = service
         metrics.read_from(database)

@@ -26,6 +26,7 @@
 | ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
 | ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
 | ``SERVOTUNE_WEBHOOK_NETWORKS`` | ``[]`` | private networks that webhooks may call, as JSON: ``["10.1.0.0/16"]`` |
+| ``SERVOTUNE_SECRET_KEY`` | (none) | encrypts the secrets of webhooks in the database; several, separated by commas: the first encrypts |
 | ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
 | ``SERVOTUNE_JOB_DAYS`` | 400 | how long a job that has ended is kept with its result, days |
 | ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
@@ -35,12 +36,15 @@
 
 from __future__ import annotations
 
+import base64
 import os
 from ipaddress import IPv4Network, IPv6Network
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+_KEY_BYTES = 32
 
 
 class Role(BaseModel):
@@ -55,7 +59,7 @@ class Role(BaseModel):
 class Settings(BaseSettings):
     """The settings of one process, read from ``SERVOTUNE_*``; the module docstring is their table."""
 
-    model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True, hide_input_in_errors=True)
 
     database_url: str = Field(default="sqlite:///./servotune.db", repr=False)
     bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200, repr=False)
@@ -81,6 +85,7 @@ class Settings(BaseSettings):
     worker_stale_seconds: float = Field(default=30.0, gt=0)
     idempotency_hours: float = Field(default=24.0, gt=0)
     webhook_networks: list[IPv4Network | IPv6Network] = Field(default_factory=list)
+    secret_key: SecretStr | None = None
     audit_days: float = Field(default=400.0, gt=0)
     job_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
@@ -99,7 +104,33 @@ class Settings(BaseSettings):
                 raise ValueError("roles must be given with SERVOTUNE_OIDC_ISSUER, or nobody could sign in, got none")
         return roles
 
+    @field_validator("secret_key")
+    @classmethod
+    def _keys(cls, given: SecretStr | None) -> SecretStr | None:
+        for number, key in enumerate(_keys_of(given), start=1):
+            try:
+                length = len(base64.b64decode(key, altchars=b"-_", validate=True))
+            except ValueError:
+                length = 0
+            if length != _KEY_BYTES:  # what was got is a secret
+                raise ValueError(
+                    f"key {number} must be {_KEY_BYTES} bytes in base64 (openssl rand -base64 32), got others"
+                )
+        return given
+
+    @property
+    def secret_keys(self) -> tuple[str, ...]:
+        """The keys that encrypt (the first one) and decrypt secrets in the database."""
+        return _keys_of(self.secret_key)
+
     @property
     def encrypted(self) -> bool:
         """Whether browsers reach the service by HTTPS, and only so."""
         return self.public_url is not None and self.public_url.startswith("https://")
+
+
+def _keys_of(given: SecretStr | None) -> tuple[str, ...]:
+    """Return the keys of a list, in URL-safe base64."""
+    if given is None:
+        return ()
+    return tuple(key.strip().replace("+", "-").replace("/", "_") for key in given.get_secret_value().split(","))

@@ -13,6 +13,7 @@
     ├── InvalidCursorError        a page cursor that this list did not hand out
     ├── QuotaExceededError        more than the workspace may have
     ├── DatabaseUrlError          a database this package cannot work with
+    ├── VaultError                a secret that was encrypted under another key
     ├── CopyError                 a copy that cannot be made, or is not what was copied
     └── IdempotencyError          a key used for another request, or one still running
         ├── IdempotencyMismatchError
@@ -59,6 +60,10 @@ class StorageError(Exception):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.message = message
+
+
+class VaultError(StorageError):
+    """A secret that cannot be read with the keys that there are."""
 
 
 class NotFoundError(StorageError):

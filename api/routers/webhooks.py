@@ -35,7 +35,7 @@ def create(request: WebhookRequest, caller: Admin, service: InstallationDep, cre
     values = webhooks.check(service, request)
 
     def work(session: Session) -> Answer:
-        body, secret = webhooks.create(session, caller, values)
+        body, secret = webhooks.create(service, session, caller, values)
         headers = {"Location": f"/v1/webhooks/{body['id']}", "ETag": etag(body["revision"])}
         return shown_once(body, secret={"secret": secret}, status=201, headers=headers)
 

@@ -26,7 +26,7 @@ import httpx
 
 from api.services.installation import Installation
 from api.services.outside import Address, ForbiddenUrlError, Lookup, checked_url, judged, look_up
-from storage.errors import UNAVAILABLE
+from storage.errors import UNAVAILABLE, VaultError
 from storage.models.base import utc_now
 from storage.repositories import webhooks
 from storage.repositories.webhooks import Parcel
@@ -155,6 +155,8 @@ class Courier:
             return Outcome(error=f"the receiver must answer within {TIMEOUT.total_seconds():g} s")
         except ForbiddenUrlError as error:
             return Outcome(error=f"the url {error}")
+        except VaultError as error:
+            return Outcome(error=error.message)
         except (httpx.HTTPError, httpx.InvalidURL, OSError) as error:
             return Outcome(error=f"the receiver cannot be reached: {type(error).__name__}")
         if HTTPStatus(200) <= status < HTTPStatus(300):
@@ -164,6 +166,7 @@ class Courier:
 
     async def _send(self, parcel: Parcel) -> int:
         """Send a message to an address that was judged; return the status of the answer, whose body nobody reads."""
+        secret = self._service.vault.open(parcel.secret)
         url = checked_url(parcel.url)
         allowed = self._service.settings.webhook_networks
         addresses = await asyncio.to_thread(judged, url, allowed=allowed, lookup=self._lookup)
@@ -175,7 +178,7 @@ class Courier:
             "Host": url.netloc.decode("ascii"),
             "webhook-id": parcel.id,
             "webhook-timestamp": str(timestamp),
-            "webhook-signature": signature(parcel.secret, message_id=parcel.id, timestamp=timestamp, body=body),
+            "webhook-signature": signature(secret, message_id=parcel.id, timestamp=timestamp, body=body),
         }
         *others, last = addresses
         for address in others:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from api.beside import WorkerBeside
@@ -12,6 +12,7 @@ from api.settings import Settings
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE
 from storage.session import Database
+from storage.vault import Vault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,3 +48,4 @@ class Installation:
     computing: Computing
     openid: Provider | None = None
     beside: WorkerBeside | None = None
+    vault: Vault = field(default_factory=Vault)

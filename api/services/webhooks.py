@@ -12,6 +12,7 @@ from api.services.installation import Caller, Installation
 from api.services.outside import ForbiddenUrlError, checked_url, judged
 from storage.models import Webhook, WebhookDelivery
 from storage.repositories import WebhookRepository
+from storage.repositories.webhooks import new_secret
 
 
 def check(service: Installation, request: WebhookRequest) -> dict[str, Any]:
@@ -32,10 +33,13 @@ def check(service: Installation, request: WebhookRequest) -> dict[str, Any]:
     return {"name": request.name, "url": request.url, "events": events, "active": request.active}
 
 
-def create(session: Session, caller: Caller, values: dict[str, Any]) -> tuple[dict[str, Any], str]:
+def create(
+    service: Installation, session: Session, caller: Caller, values: dict[str, Any]
+) -> tuple[dict[str, Any], str]:
     """Keep a checked webhook; return it, and its secret apart."""
-    row = WebhookRepository(session, caller.workspace).create(**values)
-    return to_wire(row), row.secret
+    secret = new_secret()
+    row = WebhookRepository(session, caller.workspace).create(**values, secret=service.vault.seal(secret))
+    return to_wire(row), secret
 
 
 def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:

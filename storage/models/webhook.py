@@ -23,7 +23,7 @@ class DeliveryStatus(StrEnum):
 class Webhook(Base):
     """An address that is told of events.
 
-    ``secret`` signs what is sent, so it is kept as it is. ``failures`` counts the attempts that failed in a row;
+    ``secret`` signs what is sent; it is kept as a `storage.vault.Vault` has sealed it. ``failures`` counts the attempts that failed in a row;
     before ``retry_at`` nothing is sent; ``disabled_reason`` says why the service itself made it inactive.
     """
 

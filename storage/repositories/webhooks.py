@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 import secrets
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -31,7 +31,7 @@ TEST = "webhook.test"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parcel:
-    """What is to be sent now; ``attempt`` counts from 1, ``failures`` those of the webhook in a row before this one."""
+    """What is to be sent now, its secret sealed; ``attempt`` counts from 1, ``failures`` those of the webhook in a row before this one."""
 
     id: str
     webhook_id: str
@@ -43,6 +43,21 @@ class Parcel:
     failures: int
 
 
+def new_secret() -> str:
+    """Return a secret as the Standard Webhooks specification has it."""
+    return "whsec_" + base64.b64encode(secrets.token_bytes(32)).decode()
+
+
+def renew_secrets(session: Session, renewed: Callable[[str], str]) -> int:
+    """Keep every secret as it is to be kept now; return how many had to change."""
+    changed = 0
+    for identifier, kept in session.execute(select(Webhook.id, Webhook.secret)).all():
+        if (now := renewed(kept)) != kept:
+            session.execute(update(Webhook).where(Webhook.id == identifier, Webhook.secret == kept).values(secret=now))
+            changed += 1
+    return changed
+
+
 class WebhookRepository:
     """The webhooks of one workspace."""
 
@@ -50,8 +65,8 @@ class WebhookRepository:
         self._session = session
         self._workspace_id = workspace_id
 
-    def create(self, *, name: str, url: str, events: Sequence[str], active: bool) -> Webhook:
-        """Keep a webhook with a new secret; raise `QuotaExceededError` when there are too many."""
+    def create(self, *, name: str, url: str, events: Sequence[str], active: bool, secret: str) -> Webhook:
+        """Keep a webhook with its sealed secret; raise `QuotaExceededError` when there are too many."""
         quotas.admit_webhook(self._session, self._workspace_id)
         webhook = Webhook(
             id=new_id("wh"),
@@ -59,7 +74,7 @@ class WebhookRepository:
             name=name,
             url=url,
             events=list(events),
-            secret="whsec_" + base64.b64encode(secrets.token_bytes(32)).decode(),
+            secret=secret,
             active=active,
         )
         self._session.add(webhook)

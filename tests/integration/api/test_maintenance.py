@@ -66,7 +66,7 @@ def fill(database: Database) -> dict[str, str]:
             system_revision=1,
         )
         WebhookRepository(session, DEFAULT_WORKSPACE).create(
-            name="w", url="https://example.com/", events=["job.failed"], active=True
+            name="w", url="https://example.com/", events=["job.failed"], active=True, secret="whsec_"
         )
         AlertRepository(session, DEFAULT_WORKSPACE).raise_once(
             kind="validation", source="job_0", detail="d", data={"z": 1, "a": [None, True]}

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address, ip_network
 
 import pytest
+from cryptography.fernet import Fernet
 from sqlalchemy import select
 
 import servotune
@@ -19,11 +20,13 @@ from api.services.installation import Installation
 from api.settings import Settings
 from servotune.webhooks import SignatureError, verify
 from storage import open_database
-from storage.errors import QuotaExceededError
+from storage.errors import QuotaExceededError, VaultError
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, Alert, Job, JobStatus, Webhook, WebhookDelivery, Workspace
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, WebhookRepository, jobs
+from storage.repositories.webhooks import new_secret, renew_secrets
+from storage.vault import Vault
 from tests.integration.api.conftest import Service, serving
 from tests.support.receiver import Receiver, receiving
 
@@ -34,20 +37,21 @@ EVENTS = ["job.succeeded", "job.failed", "job.cancelled"]
 class Desk:
     """A service without its loops: what is due is sent when the test says so, at the time that it says."""
 
-    def __init__(self, database, *, networks=(HERE,), lookup=None) -> None:
+    def __init__(self, database, *, networks=(HERE,), lookup=None, keys=()) -> None:
         self.database = database
         self.now = utc_now()
         settings = Settings(webhook_networks=list(networks))
         self.queue = JobQueue(database)
         self.service = Installation(
-            settings=settings, database=database, queue=self.queue, computing=Computing(settings)
+            settings=settings, database=database, queue=self.queue, computing=Computing(settings), vault=Vault(keys)
         )
         self.options = {"clock": lambda: self.now} | ({"lookup": lookup} if lookup else {})
 
     def hook(self, url: str, events=tuple(EVENTS), *, active: bool = True, workspace: str = DEFAULT_WORKSPACE) -> str:
         with self.database.session() as session:
             repository = WebhookRepository(session, workspace)
-            return repository.create(name="x", url=url, events=list(events), active=active).id
+            secret = self.service.vault.seal(new_secret())
+            return repository.create(name="x", url=url, events=list(events), active=active, secret=secret).id
 
     def end_job(self, status=JobStatus.SUCCEEDED, *, roll_back: bool = False) -> str:
         with self.database.session() as session:
@@ -382,6 +386,45 @@ def test_a_webhook_that_cannot_be_is_refused(lively, change, pointer, says) -> N
     (fault,) = reply.json()["errors"]
     assert fault["pointer"] == pointer
     assert says in fault["detail"]
+
+
+def test_secrets_are_encrypted_at_rest_and_outlive_a_change_of_the_key(database, receiver) -> None:
+    old, new = Fernet.generate_key().decode(), Fernet.generate_key().decode()
+    plain = Desk(database)
+    identifier = plain.hook(receiver.url)
+    secret = plain.webhook(identifier).secret
+    plain.queue.close()
+
+    def starting(*keys: str) -> int:
+        with database.session() as session:
+            return renew_secrets(session, Vault(keys).renewed)
+
+    assert (starting(), starting(old), starting(old)) == (0, 1, 0)
+    kept = Vault([old]).seal(secret), plain.webhook(identifier).secret
+    assert all(secret.removeprefix("whsec_") not in text for text in kept)
+    assert Fernet(old).decrypt(kept[1].removeprefix("fernet:")).decode() == secret
+    for keys in ((), (new,)):
+        with pytest.raises(VaultError, match="got none" if not keys else "got another"):
+            starting(*keys)
+    assert (starting(new, old), starting(new)) == (1, 0)
+    for keys in ((new,), (old,)):
+        desk = Desk(database, keys=keys)
+        desk.end_job()
+        desk.send()
+        desk.queue.close()
+    verify(secret, *receiver.got[0], now=desk.now.timestamp())
+    failed, arrived = desk.deliveries(identifier)
+    assert (arrived.status, failed.status, len(receiver.got)) == ("delivered", "pending", 1)
+    assert "the key must be the one" in failed.error
+
+
+@pytest.mark.parametrize("key", ["short", "A" * 43 + "=,", "!" * 44])
+def test_a_key_that_is_none_is_refused_without_being_shown(key) -> None:
+    with pytest.raises(ValueError, match="must be 32 bytes in base64") as refused:
+        Settings(secret_key=key)
+    assert key not in str(refused.value)
+    pair = Settings(secret_key="+/" * 21 + "+=, " + "A" * 43 + "=").secret_keys
+    assert pair == ("-_" * 21 + "-=", "A" * 43 + "=")
 
 
 def test_a_repeated_creation_shows_no_secret_twice(lively) -> None:

@@ -34,7 +34,7 @@ HEARTBEAT = HEARTBEAT_INTERVAL if FULL else 0.2
 VARIABLES = [{"parameter": "c"}, {"parameter": "k", "lower": 0.5, "upper": 50}]
 LONG = {
     "global": {"kind": "global", "population": 64, "restarts": 20, "max_evaluations": 100_000_000},
-    "gradient": {"kind": "gradient", "starts": 1000, "max_evaluations": 10_000_000},
+    "gradient": {"kind": "gradient", "starts": 100, "max_evaluations": 10_000_000},
     "grid": {"kind": "grid", "points": 1000},
 }
 CASES = [(kind, base) for kind in LONG for base in ("sqlite", "postgres")] if FULL else [("global", "sqlite")]
