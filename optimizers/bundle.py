@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
-from optimizers.certificate import BROKEN
 from optimizers.evaluate import Local, Matrix
+from optimizers.excess import excess, excess_slopes
 from optimizers.problem import Vector
 from optimizers.search import Tracker
 
@@ -97,16 +97,13 @@ class Polish:
 
     def _cut(self, x: Vector, local: Local) -> _Cut:
         """Return objective and excesses with their slopes, relative to the objective at the start and to the bounds."""
-        excess = [
-            np.clip(sign * (local.values[:, g] - bound) / (abs(bound) or 1.0), -BROKEN, BROKEN) + self._margins[g]
-            for g, bound, sign in self._bounds
-        ]
-        slopes = [sign * local.slopes[:, g] / (abs(bound) or 1.0) for g, bound, sign in self._bounds]
+        beyond = [excess(local.values[:, g], bound, sign) + self._margins[g] for g, bound, sign in self._bounds]
+        slopes = [excess_slopes(local.values[:, g], local.slopes[:, g], bound, sign) for g, bound, sign in self._bounds]
         return _Cut(
             x=x,
             objective=self._evaluator.objectives(local.values) / self._scale,
             objective_slopes=self._evaluator.objective_slopes(local) / self._scale,
-            excess=np.concatenate(excess) if excess else np.zeros(0),
+            excess=np.concatenate(beyond) if beyond else np.zeros(0),
             excess_slopes=np.concatenate(slopes) if slopes else np.zeros((0, len(x))),
         )
 

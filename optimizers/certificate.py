@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.verdicts import Measured, Verdict
+from optimizers.excess import BROKEN, signed_excess
 from optimizers.measuring import measured as measured_goals
 from optimizers.problem import Goal, Problem, Sense
 from optimizers.witness import Statement, witnessed
@@ -23,9 +24,6 @@ TOLERANCE = 1e-6
 
 _EVERY = 8
 """With more scenarios than this the second measurement looks at those that serve some goal worst."""
-
-BROKEN = 1e2
-"""Violation of a goal whose metric has no value, and the largest that an infinite value can have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,17 +119,6 @@ def violation_of_value(goal: Goal, value: float) -> float:
         if not math.isnan(value)
         else BROKEN
     )
-
-
-def signed_excess(
-    goal: Goal, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return for each bound of the goal (first axis: upper, lower where given) how far values lie beyond it.
-
-    Relative to the bound, plain where the bound is 0; negative where there is room.
-    """
-    rows = [sign * (values - bound) / (abs(bound) or 1.0) for bound, sign in goal.bounds]
-    return np.clip(np.array(rows).reshape(len(rows), *np.shape(values)), -BROKEN, BROKEN)
 
 
 def worst_scenario(goal: Goal, measured: list[Measured]) -> int:

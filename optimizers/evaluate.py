@@ -1,7 +1,7 @@
 """Candidates -> goals: the one place for scenarios, penalties and the ranking of points.
 
     objective(p) = max_s or mean_s Σ_g w_g σ_g f_g(p, s) / n_g + max over soft g of w_g max(excess_g, 0)
-    violation(p) = max over hard g and s of excess_g,   excess = (f - bound) / |bound|   (plain where the bound is 0)
+    violation(p) = max over hard g and s of excess_g,   excess as `optimizers.excess` has it
 
 σ is 1 to minimise, -1 to maximise. Without any sense the objective is the worst weighted excess itself, negative where there
 is room. It is the largest of several smooth functions, which is how a descent sees it.
@@ -23,7 +23,8 @@ import numpy.typing as npt
 from engine.screening import Screened, Screening, Slopes
 from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import BROKEN, TOLERANCE, number_of, signed_excess
+from optimizers.certificate import TOLERANCE, number_of
+from optimizers.excess import BROKEN, excess_slopes, signed_excess
 from optimizers.measuring import measured as measured_goals
 from optimizers.measuring import screened as screened_requests
 from optimizers.problem import Across, Problem, Sense, Vector
@@ -199,9 +200,8 @@ class Evaluator:
         rows = [total] if self.problem.objectives else []
         for index in self.problem.soft:
             goal = self.problem.goals[index]
-            rows.extend(
-                total + goal.weight * sign * local.slopes[:, index] / (abs(bound) or 1.0) for bound, sign in goal.bounds
-            )
+            values, slopes = local.values[:, index], local.slopes[:, index]
+            rows.extend(total + goal.weight * excess_slopes(values, slopes, *bound) for bound in goal.bounds)
         return np.concatenate(rows)
 
     def objective_weight(self, goal: int) -> float:

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import TOLERANCE, Certificate, certify, number_of, signed_excess, worst_scenario
+from optimizers.certificate import TOLERANCE, Certificate, certify, number_of, worst_scenario
 from optimizers.evaluate import Evaluator, Local, Matrix
+from optimizers.excess import signed_excess
 from optimizers.problem import Goal, Vector
 from optimizers.result import Front, GoalReport, GridMap, Result, Status
 from optimizers.search import Tracker

@@ -25,8 +25,9 @@ from scipy.optimize import minimize as scipy_minimize
 from scipy.stats import qmc
 
 from optimizers.blocks import in_blocks
-from optimizers.certificate import TOLERANCE, signed_excess
+from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
+from optimizers.excess import signed_excess
 from optimizers.problem import Across, Problem, Scenario, Vector
 from optimizers.result import Monitor, Result, Robustness, Share, Status, Unwatched
 from optimizers.search import Stopped, Tracker

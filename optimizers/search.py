@@ -20,8 +20,9 @@ import numpy as np
 from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
-from optimizers.certificate import BROKEN, TOLERANCE
+from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
+from optimizers.excess import BROKEN, excess, excess_slopes
 from optimizers.problem import Vector
 from optimizers.result import HistoryPoint, Monitor
 
@@ -220,12 +221,9 @@ class Descent:
 
     def _excess(self, values: Matrix) -> Vector:
         """Return every bound's excess in every scenario, bound by bound."""
-        rows = [
-            np.clip(sign * (values[:, g] - bound) / (abs(bound) or 1.0), -BROKEN, BROKEN) + self._margins[g]
-            for g, bound, sign in self._bounds
-        ]
+        rows = [excess(values[:, g], bound, sign) + self._margins[g] for g, bound, sign in self._bounds]
         return np.concatenate(rows) if rows else np.zeros(0)
 
     def _excess_slopes(self, local: Local) -> Matrix:
-        rows = [sign * local.slopes[:, g] / (abs(bound) or 1.0) for g, bound, sign in self._bounds]
+        rows = [excess_slopes(local.values[:, g], local.slopes[:, g], bound, sign) for g, bound, sign in self._bounds]
         return np.concatenate(rows) if rows else np.zeros((0, local.slopes.shape[2]))

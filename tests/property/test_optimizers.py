@@ -11,8 +11,9 @@ from engine.diagram import Block, Connection, Diagram, Parameter, System, compil
 from engine.screening import Screening
 from engine.signals import make
 from engine.study import MetricRequest, measure
-from optimizers.certificate import TOLERANCE, signed_excess
+from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import Assessment, Evaluator
+from optimizers.excess import signed_excess
 from optimizers.problem import Axis, Experiment, Goal, Problem, Sense, Variable
 
 STEP = {"u": make("step", {})}

@@ -8,7 +8,8 @@ import pytest
 from engine.diagram import Block, Connection, Parameter, System, compile_system
 from engine.signals import make
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import BROKEN, certify, violation_of, worst_scenario
+from optimizers.certificate import certify, violation_of, worst_scenario
+from optimizers.excess import BROKEN
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 
 
