@@ -254,7 +254,7 @@ def described(entry: InputSettings) -> dict[str, Any]:
         "sensor": {
             "model": entry.model,
             "serial": entry.serial,
-            "calibrated_on": str(entry.calibration.get("calibrated_on", "")),
-            "certificate": str(entry.calibration.get("certificate", "")),
+            "calibrated_on": entry.calibration.calibrated_on,
+            "certificate": entry.calibration.certificate,
         },
     }

@@ -60,14 +60,17 @@ class Agent:
         self._end_what_was_interrupted()
         self._uploader.start()
         try:
-            if not self._is_anothers():
+            resting = not self._is_anothers()
+            if resting:
                 self._rest_until_it_works()
             while not self._stop.is_set():
                 agent = self._register()
                 if agent is not None:
                     self._uploader.agent = agent
-                    self._rest_until_it_works()  # whoever had the rig before may have left it anywhere
+                    if not resting:  # whoever had the rig in between may have left it anywhere
+                        self._rest_until_it_works()
                     self._serve(agent)
+                    resting = False
         finally:
             self._uploader.stop(patience=_PATIENCE_AT_END)
             self._hardware.close()

@@ -26,6 +26,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from datetime import date
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,6 +91,18 @@ class DeviceSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationSettings:
+    """What the certificate of a sensor says; days as 2027-03-02."""
+
+    certificate: str = ""
+    laboratory: str = ""
+    calibrated_on: str = ""
+    due: str = ""
+    uncertainty_percent: float | None = None
+    reference_frequency: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InputSettings:
     """An input with its sensor: physical value = V / sensitivity + offset, in ``unit``."""
 
@@ -104,7 +117,7 @@ class InputSettings:
     excitation: float = 0.0
     model: str = ""
     serial: str = ""
-    calibration: Mapping[str, Any] = field(default_factory=dict)
+    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,15 +254,16 @@ def _section(kind: type[Section], table: Any, place: str) -> Section:
 
 
 def _checked(value: Any, type_: str, place: str) -> Any:
+    if type_ == "CalibrationSettings":
+        return _section(CalibrationSettings, value, place)
+    if type_ == "str" and type(value) is date:
+        return value.isoformat()  # TOML has days of its own
+    type_ = type_.removesuffix(" | None")
     if type_ == "float" and isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value):
         return float(value)
-    if (
-        (type_ == "str" and isinstance(value, str))
-        or (type_ == "bool" and isinstance(value, bool))
-        or (type_.startswith("Mapping") and isinstance(value, dict))
-    ):
+    if (type_ == "str" and isinstance(value, str)) or (type_ == "bool" and isinstance(value, bool)):
         return value
-    word = {"float": "a number", "str": "text", "bool": "true or false"}.get(type_, "a table")
+    word = {"float": "a number", "str": "text", "bool": "true or false"}[type_]
     raise SettingsError(f"{place} must be {word}, got {value!r}")
 
 
@@ -273,6 +287,13 @@ def _check_input(entry: InputSettings) -> None:
         raise SettingsError(f"{place}: sensitivity must be finite and not 0, got {entry.sensitivity:g}")
     if not 0.0 < entry.range < math.inf:
         raise SettingsError(f"{place}: range must be > 0 V, got {entry.range:g}")
+
+    for name in ("calibrated_on", "due"):
+        day = getattr(entry.calibration, name)
+        try:
+            date.fromisoformat(day or "2000-01-01")
+        except ValueError as error:
+            raise SettingsError(f"{place}: calibration.{name} must be a day such as 2027-03-02, got {day!r}") from error
 
 
 def _check_output(output: OutputSettings) -> None:

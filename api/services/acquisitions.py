@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, timedelta
 from typing import Any
 
 from pydantic import ValidationError
@@ -25,6 +25,9 @@ from storage.repositories import (
     JobRepository,
 )
 from storage.repositories.acquisitions import end_leases
+
+_SOON = timedelta(days=30)
+"""Before a calibration is due, measurements say so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,15 +188,16 @@ def _attempt(repository: AcquisitionRepository, row: AcquisitionAttempt) -> dict
 
 
 def _warnings(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Say which calibrations are over."""
+    """Say which calibrations are over, and which soon will be."""
     today = utc_now().date()
     inputs = {entry["name"]: entry for entry in rig.get("inputs", ())}
     found = []
     for i, name in enumerate(channels):
         due = inputs.get(name, {}).get("calibration", {}).get("due", "")
         day = _date(due)
-        if day is not None and day < today:
-            found.append({"pointer": f"/channels/{i}", "detail": f"calibration of {name} was due on {due}"})
+        if day is not None and day < today + _SOON:
+            was = "was" if day < today else "is"
+            found.append({"pointer": f"/channels/{i}", "detail": f"calibration of {name} {was} due on {due}"})
     return found
 
 

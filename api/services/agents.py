@@ -9,14 +9,18 @@ from sqlalchemy.orm import Session
 
 from api.convert.values import check_unit
 from api.errors import invalid
-from api.schemas.acquisitions import AgentRequest
+from api.pointers import Place
+from api.schemas.acquisitions import AgentRequest, RigInputDocument
 from api.services.installation import Caller
+from api.units import UnitError, to_si
 from storage.models import Agent, Rig
 from storage.models.base import utc_now
 from storage.repositories import AgentRepository
 
 LEASE = timedelta(seconds=30)
 """How long a rig may move without a word from its agent."""
+_UNITS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s"}
+"""Kind of an input -> the SI unit of what its sensor measures; a voltage or a bridge may stand for anything."""
 
 
 def register(session: Session, caller: Caller, request: AgentRequest) -> dict[str, Any]:
@@ -41,6 +45,7 @@ def _check(request: AgentRequest) -> None:
     for i, entry in enumerate(rig.inputs):
         place = ("document", "inputs", i)
         check_unit(entry.unit, name=f"unit of {entry.name}", place=(*place, "unit"))
+        _check_kind(entry, place=(*place, "unit"))
         if entry.sensitivity == 0.0:
             raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
     for i, output in enumerate(rig.outputs):
@@ -49,6 +54,19 @@ def _check(request: AgentRequest) -> None:
                 f"safe of {output.name} must be within its amplitude of {output.amplitude:g} V, got {output.safe:g}",
                 *("document", "outputs", i, "safe"),
             )
+
+
+def _check_kind(entry: RigInputDocument, *, place: Place) -> None:
+    """Refuse a sensor in a unit of something else; volts are what is left of one that nobody has calibrated."""
+    expected = _UNITS.get(entry.kind)
+    if expected is None or entry.unit == "V":
+        return
+    try:
+        to_si(1.0, entry.unit, expected)
+    except UnitError as error:
+        raise invalid(
+            f"unit of {entry.name} must be one of {entry.kind} ({expected}) or V, got {entry.unit!r}", *place
+        ) from error
 
 
 def _check_names(key: str, names: list[str]) -> None:

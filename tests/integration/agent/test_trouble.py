@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import time
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 import numpy as np
 import pytest
 
 from agent import process, service, uploading
-from api.services import agents, attempts
 from storage import open_database
 from storage.models import AcquisitionAttempt, Agent
 from storage.models.base import utc_now
@@ -96,31 +95,6 @@ def test_a_lost_lease_stops_the_rig_and_late_samples_are_kept(lab, service) -> N
     assert lab.get(asked)["status"] == "lost"  # until a person retries
 
 
-def test_an_agent_that_nobody_hears_stops_the_rig_before_its_lease_ends(lab, monkeypatch) -> None:
-    """By its own clock: when the service gives the attempt up, the rig rests already."""
-    lab.bench.speed = 1.0
-    for module in (agents, attempts):
-        monkeypatch.setattr(module, "LEASE", timedelta(seconds=6))
-    with lab.agent():
-        asked = lab.ask(duration=60)
-        _running(lab, asked, progress=0.01)
-
-        def unheard(*_, **__) -> None:
-            raise service.UnreachableError("no answer")
-
-        with monkeypatch.context() as cut:
-            cut.setattr(service.Service, "heartbeat", unheard)
-            cut.setattr(uploading.Uploader, "_round", lambda _: False)
-            lab.until((lab.runs()[0] / "end.json").exists)
-            until = datetime.fromisoformat(lab.attempt(asked)["lease_until"])
-            ended = datetime.fromtimestamp((lab.runs()[0] / "end.json").stat().st_mtime, tz=UTC)
-            assert document(lab.runs()[0] / "end.json")["error"]["code"] == "lease_lost"
-            assert lab.level() == 0.0
-            assert ended < until
-        lab.until(lambda: lab.runs() == [])
-    lab.whole(asked)
-
-
 def test_a_second_agent_leaves_a_rig_alone_that_has_one(lab, service) -> None:
     lab.bench.speed = 1.0
     second = lab.settings(**{"spool.folder": str(lab.folder / "second")})
@@ -152,12 +126,12 @@ def test_a_revoked_key_stops_the_rig_and_a_new_one_brings_the_samples(lab) -> No
         asked = lab.ask(duration=30)
         _running(lab, asked, progress=0.01)
         lab.client.delete(f"/v1/keys/{made['id']}").raise_for_status()
-        lab.until((lab.runs()[0] / "end.json").exists, within=20)
+        lab.until((lab.runs()[0] / "end.json").exists)
         assert document(lab.runs()[0] / "end.json")["error"]["code"] == "lease_lost"
         assert lab.level() == 0.0
         recorded = document(lab.runs()[0] / "end.json")["facts"]["samples"]
         key_file.write_text(lab.service.keys["acquire"])
-        lab.until(lambda: lab.runs() == [], within=40)
+        lab.until(lambda: lab.runs() == [])
     attempt = lab.attempt(asked)
     # Its lease had not ended yet, so its own agent ends it: failed; after that time it would be lost.
     assert attempt["status"] in {"failed", "lost"}

@@ -252,6 +252,8 @@ def test_an_agent_of_another_rig_has_no_say(client, agent, request) -> None:
         ({"inputs": [RIG["inputs"][0], RIG["inputs"][0]]}, "/document/inputs/1/name"),
         ({"inputs": [RIG["inputs"][0] | {"unit": "parsnip"}]}, "/document/inputs/0/unit"),
         ({"inputs": [RIG["inputs"][0] | {"sensitivity": 0}]}, "/document/inputs/0/sensitivity"),
+        ({"inputs": [RIG["inputs"][0] | {"kind": "acceleration", "unit": "mm"}]}, "/document/inputs/0/unit"),
+        ({"inputs": [RIG["inputs"][0] | {"kind": "force", "unit": "kg"}]}, "/document/inputs/0/unit"),
         ({"outputs": [RIG["outputs"][0] | {"safe": 6}]}, "/document/outputs/0/safe"),
     ],
 )

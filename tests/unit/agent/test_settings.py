@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from agent.errors import SettingsError
@@ -21,6 +24,7 @@ name = "valve"
 channel = "Dev1/ao0"
 amplitude = 5.0
 """
+CALIBRATED = GOOD.replace("sensitivity = 2", 'calibration = {due = "2027-03-02", uncertainty_percent = 1}')
 
 
 def settings(tmp_path, text=GOOD, environment=None, **arguments):
@@ -51,6 +55,12 @@ def test_the_later_one_counts(tmp_path) -> None:
         (GOOD.replace("5.0", "5.0\nsafe = 6"), "output valve: safe must be within 5 V, got 6"),
         (GOOD.replace("sensitivity = 2", "sensitivity = 0"), "input position: sensitivity must be finite and not 0"),
         (GOOD.replace("sensitivity = 2", 'kind = "magic"'), "input position: kind must be one of voltage, "),
+        (
+            CALIBRATED.replace("2027-03-02", "soon"),
+            "position: calibration.due must be a day such as 2027-03-02, got 'soon'",
+        ),
+        (CALIBRATED.replace("due", "until"), r"inputs\[0\].calibration: setting must be one of .* got 'until'"),
+        (GOOD.replace("sensitivity = 2", "calibration = 3"), r"inputs\[0\].calibration must be a table, got 3"),
         (GOOD + '[[outputs]]\nname = "valve"\nchannel = "x"\namplitude = 1', "got 'valve' twice"),
         (GOOD + "[daq]\nchunk = 0", "daq.chunk must be > 0 s, got 0"),
         ("[[", "must be TOML"),
@@ -72,3 +82,18 @@ def test_a_key_is_read_anew_each_time(tmp_path) -> None:
     assert made.key() == "second"
     with pytest.raises(SettingsError, match="a key must be given"):
         settings(tmp_path).key()
+
+
+@pytest.mark.parametrize("day", ['"2027-03-02"', "2027-03-02"])
+def test_a_day_is_text_or_what_toml_has_for_days(tmp_path, day) -> None:
+    made = settings(tmp_path, CALIBRATED.replace('"2027-03-02"', day)).inputs[0].calibration
+    assert (made.due, made.uncertainty_percent, made.certificate) == ("2027-03-02", 1.0, "")
+
+
+def test_the_examples_of_the_manual_are_settings(tmp_path) -> None:
+    """docs/agent.md: what its reader copies works."""
+    manual = (Path(__file__).parents[3] / "docs" / "agent.md").read_text()
+    agent = re.search(r"```toml\n(\[service\].*?)```", manual, re.DOTALL)
+    assert agent is not None
+    made = settings(tmp_path, agent[1])
+    assert (made.rig.name, made.inputs[0].calibration.due, made.outputs[0].slew) == ("bench-1", "2027-03-02", 500.0)
