@@ -8,6 +8,7 @@ from pathlib import Path
 
 from examples import (
     dc_motor_resistance,
+    hanging_load,
     hydraulic_leakage,
     hydraulic_orifice,
     intelligent_damper,
@@ -32,6 +33,7 @@ STUDIES = (
     many_loops,
     mr_damper,
     intelligent_damper,
+    hanging_load,
 )
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 
