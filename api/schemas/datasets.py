@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, Field
 
+from api.schemas.queue import QueueDocument
 from api.schemas.values import Document
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -103,6 +104,7 @@ class PreviewRequest(Document):
 
     segments: list[Sha256] = Field(min_length=1, max_length=15_000)
     import_: ImportDocument | None = Field(default=None, alias="import")
+    queue: QueueDocument | None = Field(default=None, description="of the job, where a worker does it")
 
 
 class CommitRequest(Document):
@@ -113,3 +115,4 @@ class CommitRequest(Document):
     import_: ImportDocument | None = Field(
         default=None, alias="import", description="files only: replaces what was said when the recording was opened"
     )
+    queue: QueueDocument | None = Field(default=None, description="of the job, where a worker does it")

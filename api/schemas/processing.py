@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from api.schemas.datasets import ChannelName
+from api.schemas.queue import QueueDocument
 from api.schemas.values import Document, Identifier, Quantity, is_scalar_quantity
 
 Names = Annotated[list[ChannelName], Field(min_length=1, max_length=500)]
@@ -141,3 +142,4 @@ class ProcessingRequest(Document):
         description="several sources: experiments after one another, or channels beside one another",
     )
     steps: list[StepDocument] = Field(default_factory=list, max_length=100)
+    queue: QueueDocument | None = Field(default=None, description="of the job, where a worker does it")

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from api.schemas.jobs import Channels, Window
+from api.schemas.queue import QueueDocument
 from api.schemas.systems import SystemRef
 from api.schemas.values import Document, Identifier, Name, Overrides, Path, Quantity
 
@@ -40,3 +41,4 @@ class ValidationRequest(Document):
         default=None, ge=2, description="most points of each curve in the reply; every sample by default"
     )
     keep: bool = False
+    queue: QueueDocument | None = Field(default=None, description="of the job, where a worker does it")

@@ -16,10 +16,9 @@ from api.errors import Problem, invalid
 from api.formats import FormatError
 from api.pointers import Place
 from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest, ImportDocument, PreviewRequest
-from api.services import raw_samples
+from api.services import jobs, raw_samples
 from api.services.importing import zone_of
 from api.services.installation import Caller, Installation
-from api.services.jobs import job_to_wire
 from api.services.lineage import check_free
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
@@ -205,10 +204,10 @@ def commit(
         return Committed(dataset=to_wire(row), job=None)
     if row.format == "raw" and (row.size or 0) <= raw_samples.AT_ONCE:
         return Committed(dataset=to_wire(raw_samples.ingest(repository, row)), job=None)
-    job = service.queue.enqueue(session, kind=PARSING, body={"dataset": identifier}, workspace_id=caller.workspace)
-    row.job_id = job.id
+    job = jobs.enqueue(service, session, caller, kind=PARSING, body={"dataset": identifier}, queue=request.queue)
+    row.job_id = job["id"]
     session.flush()
-    return Committed(dataset=to_wire(row), job=job_to_wire(job))
+    return Committed(dataset=to_wire(row), job=job)
 
 
 def preview(
@@ -225,8 +224,8 @@ def preview(
         check_import(request.import_)
         given = request.import_.model_dump(by_alias=True, exclude_unset=True, mode="json")
     body = {"dataset": identifier, "segments": request.segments, "import": given}
-    job = service.queue.enqueue(session, kind=PREVIEW, body=body, workspace_id=caller.workspace)
-    return {"dataset": identifier, "job": job_to_wire(job)}
+    job = jobs.enqueue(service, session, caller, kind=PREVIEW, body=body, queue=request.queue)
+    return {"dataset": identifier, "job": job}
 
 
 def original(service: Installation, caller: Caller, identifier: str) -> Iterator[bytes]:

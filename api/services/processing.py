@@ -14,9 +14,9 @@ from api.convert.processing import described, steps_from_wire
 from api.convert.recordings import physical
 from api.errors import Problem, at, invalid
 from api.schemas.processing import ProcessingRequest
+from api.services import jobs
 from api.services.datasets import to_wire
 from api.services.installation import Caller, Installation
-from api.services.jobs import job_to_wire
 from api.services.results import versions
 from engine.processing.cut import Cut
 from engine.processing.merge import Merged, appended, side_by_side
@@ -64,20 +64,21 @@ def submit(service: Installation, session: Session, caller: Caller, request: Pro
         with service.computing.slot():
             computed = _compute(session, caller.workspace, request, steps, sources)
     repository = ProcessingRepository(session, caller.workspace)
+    asked = request.model_dump(by_alias=True, exclude_unset=True, mode="json", exclude={"queue"})
     row = repository.create(
         name=request.name,
         sources=request.sources,
         steps=[step.model_dump(by_alias=True, exclude_unset=True, mode="json") for step in request.steps],
         combine=request.combine if len(sources) > 1 else None,
-        description=request.model_dump(by_alias=True, exclude_unset=True, mode="json"),
+        description=asked,
         versions=versions(),
         start_time=sources[0].start_time,
     )
     if computed is None:
-        body = {"request": request.model_dump(by_alias=True, exclude_unset=True, mode="json"), "dataset": row.id}
-        job = service.queue.enqueue(session, kind=KIND, body=body, workspace_id=caller.workspace)
-        repository.assign(row.id, job.id)
-        return Started(dataset=to_wire(row), job=job_to_wire(job))
+        body = {"request": asked, "dataset": row.id}
+        job = jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
+        repository.assign(row.id, job["id"])
+        return Started(dataset=to_wire(row), job=job)
     record = computed.merged.record
     samples = np.stack(list(record.channels.values()), axis=1)
     DatasetRepository(session, caller.workspace).write_channels(

@@ -20,9 +20,9 @@ from api.convert.values import overrides_from_wire, si
 from api.errors import at, invalid
 from api.pointers import Place
 from api.schemas.validations import ValidationRequest
+from api.services import jobs
 from api.services.identified import Adjusted, adjusted_by
 from api.services.installation import Caller, Installation
-from api.services.jobs import job_to_wire
 from api.services.recordings import recording_of
 from api.services.results import Study
 from api.services.systems import Subject, compiled, subject_of
@@ -281,7 +281,11 @@ def run_validation(service: Installation, caller: Caller, request: ValidationReq
     with service.computing.slot():
         found = compute(prepared, seconds=service.settings.request_seconds / 3)
     body = _wire(found, prepared, reference=subject.reference, warnings=subject.warnings())
-    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=subject.reference)
+    return Study(
+        body=body,
+        request=request.model_dump(by_alias=True, exclude_unset=True, exclude={"queue"}),
+        system=subject.reference,
+    )
 
 
 def _samples(service: Installation, caller: Caller, request: ValidationRequest) -> int:
@@ -312,11 +316,14 @@ def submit(
 ) -> dict[str, Any]:
     """Write the job down, in the caller's transaction, with the document revision it is about."""
     body = {
-        "request": {**request.model_dump(by_alias=True, exclude_unset=True), "system": subject.document},
+        "request": {
+            **request.model_dump(by_alias=True, exclude_unset=True, exclude={"queue"}),
+            "system": subject.document,
+        },
         "system_reference": dict(subject.reference) if subject.reference else None,
         "warnings": subject.warnings(),
     }
-    return job_to_wire(service.queue.enqueue(session, kind=KIND, body=body, workspace_id=caller.workspace))
+    return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
 def prove(service: Installation, caller: Caller, request: ValidationRequest) -> Subject:

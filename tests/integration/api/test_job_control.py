@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import pytest
 
 from tests.integration.api.documents import LAG
@@ -59,3 +61,28 @@ def test_a_wrong_word_about_the_queue_is_refused_at_its_place(client, queue, poi
     reply = client.post("/v1/optimizations", json=OPTIMIZATION | {"queue": queue})
     assert reply.status_code == 422, reply.text
     assert [entry["pointer"] for entry in reply.json()["errors"]] == [pointer]
+
+
+def test_whatever_a_worker_does_says_when_it_gets_its_turn(client) -> None:
+    """A file that is looked at and read, as an optimisation is."""
+    queue = {"priority": "high", "time_limit": 30}
+    content = b"t,u,y\n" + b"".join(b"%g,%g,%g\n" % (0.001 * i, i % 7, i % 5) for i in range(500))
+    name = hashlib.sha256(content).hexdigest()
+    dataset = f"/v1/datasets/{client.post('/v1/datasets', json={'name': 'r', 'format': 'txt'}).json()['id']}"
+    put = client.put(
+        f"{dataset}/segments/{name}", content=content, headers={"Content-Type": "application/octet-stream"}
+    )
+    assert put.status_code < 300, put.text
+    preview = client.post(f"{dataset}/preview", json={"segments": [name], "queue": queue})
+    read = client.post(f"{dataset}/commit", json={"segments": [name], "sha256": name, "queue": queue})
+    for reply in (preview, read):
+        assert reply.status_code == 202, reply.text
+        job = client.get(
+            f"/v1/jobs/{reply.json()['job']['id'] if 'job' in reply.json() else reply.json()['id']}"
+        ).json()
+        assert (job["priority"], job["time_limit"]) == ("high", 30.0)
+        client.post(f"/v1/jobs/{job['id']}/cancel")
+    late = {"segments": [name], "queue": {"deadline": "2020-01-01T00:00:00Z"}}
+    refused = client.post(f"{dataset}/preview", json=late)
+    assert refused.status_code == 422, refused.text
+    assert refused.json()["errors"][0]["pointer"] == "/queue/deadline"

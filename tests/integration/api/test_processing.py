@@ -146,8 +146,9 @@ def test_a_long_recording_is_processed_by_a_worker(client, sqlite_worker, source
     steps = [{"kind": "decimate", "factor": 10}, {"kind": "integrate", "channel": "u", "name": "area"}]
     at_once = made(client, [source], steps)
     monkeypatch.setattr(processing, "_AT_ONCE", 0)
-    reply = processed(client, [source], steps)
+    reply = processed(client, [source], steps, queue={"time_limit": 600})
     assert reply.status_code == 202, reply.text
+    assert reply.json()["job"]["time_limit"] == 600.0
     assert reply.headers["Location"] == f"/v1/jobs/{reply.json()['job']['id']}"
     assert finished(client, reply.json()["job"])["status"] == "succeeded"
     new = client.get(f"/v1/datasets/{reply.json()['id']}").json()

@@ -76,6 +76,26 @@ def test_every_measure_has_a_name_a_definition_and_company(client, recording) ->
     assert y["one_step_prediction"]["last_sample"]["fit_percent"] > 90
 
 
+def test_two_inputs_are_compared_each_without_the_other(client) -> None:
+    """y = u + 0.5 w, both noises: the model has 0.4 of w."""
+    rng = np.random.default_rng(3)
+    u, w = rng.normal(size=(2, 4096))
+    dataset = made(client, {"u": u, "w": w, "y": 1000 * (u + 0.5 * w + 0.01 * rng.normal(size=4096))}, w={"unit": "V"})
+    two = {
+        "name": "two",
+        "blocks": {"u": {"kind": "input"}, "w": {"kind": "input"}, "k": {"kind": "gain", "gain": 0.4},
+                   "s": {"kind": "sum", "signs": "++"}},
+        "connections": [{"from": "u", "to": "s.in1"}, {"from": "w", "to": "k"}, {"from": "k", "to": "s.in2"}],
+        "outputs": {"y": "s"},
+    }  # fmt: skip
+    y = answered(client, asked(dataset, system=two, inputs={"u": "u", "w": "w"}, offsets="none"))["outputs"]["y"]
+    assert y["frequency_domain"] is None
+    assert set(y["frequency_by_input"]) == {"u", "w"}
+    # 0.4 for 0.5 is 1.94 dB too little, and of u nothing is
+    assert y["frequency_by_input"]["w"]["median_deviation"] == pytest.approx(1.94, abs=0.1)
+    assert y["frequency_by_input"]["u"]["median_deviation"] < 0.1
+
+
 def test_adjusted_parameters_stand_beside_theoretical_ones(client, recording) -> None:
     table = answered(client, asked(recording, **TRUE))["adjustment"]
     rows = {row["parameter"]: row for row in table["parameters"]}
@@ -165,11 +185,13 @@ def test_a_model_no_better_than_a_trivial_one_is_told_so(client) -> None:
 
 
 def test_a_worker_validates_too(client, sqlite_worker, recording) -> None:
-    accepted = client.post("/v1/validations", json=asked(recording, **TRUE), headers={"Prefer": "respond-async"})
+    body = asked(recording, **TRUE) | {"queue": {"priority": "high"}}
+    accepted = client.post("/v1/validations", json=body, headers={"Prefer": "respond-async"})
     assert accepted.status_code == 202, accepted.text
     assert accepted.headers["Preference-Applied"] == "respond-async"
     job = accepted.json()
     assert (job["kind"], accepted.headers["Location"]) == ("validation", f"/v1/jobs/{job['id']}")
+    assert job["priority"] == "high"
     done = finished(client, job)
     assert done["status"] == "succeeded", done
     result = client.get(done["result"]).json()
