@@ -65,6 +65,9 @@ def _output(output: Output, *, unit: str, time: Samples, stride: int, points: in
         "residuals": residuals_to_wire(output.residuals, comparison.sample_time),
         "one_step_prediction": one_step_to_wire(output.one_step),
         "frequency_domain": None if output.frequency is None else frequency_domain_to_wire(output.frequency, points),
+        "frequency_by_input": {
+            name: frequency_domain_to_wire(one, points) for name, one in output.frequency_by_input.items()
+        },
         "offset": number(output.offset),
         "unit": unit,
         "curves": {

@@ -68,7 +68,7 @@ def averaged_frf(
             raise SpectrumError(f"input and output must be of the same length, got {x.size} and {y.size} samples")
     check_pair(np.concatenate([x for x, _ in pairs]), np.concatenate([y for _, y in pairs]))
     found = crossed(pairs, rate, segment=segment, window=window, overlap=overlap, removal=removal)
-    frf = _estimate(found, estimator)
+    frf = estimated(found, estimator)
     doubts: list[Doubt] = []
     if frf.magnitude_error is None:
         detail = (
@@ -84,7 +84,8 @@ def averaged_frf(
     return replace(frf, line_width=facts.noise_bandwidth, doubts=tuple(doubts))
 
 
-def _estimate(found: Crossed, estimator: Estimator) -> Frf:
+def estimated(found: Crossed, estimator: Estimator) -> Frf:
+    """Return the frequency response function that averaged spectra stand for, without a look at its doubts."""
     value = _values(found, estimator)
     telling = found.effective_averages >= _FEWEST
     coherence = np.clip(found.coherence, 0.0, 1.0) if telling else None
@@ -110,7 +111,8 @@ def _estimate(found: Crossed, estimator: Estimator) -> Frf:
 def _values(found: Crossed, estimator: Estimator) -> Complex:
     driven = np.where(found.xx > 1e-24 * found.xx.max(), found.xx, np.nan)
     if estimator == "H1":
-        return np.asarray(found.xy / driven)
+        with np.errstate(invalid="ignore"):  # a complex number over NaN is one more NaN, and a warning
+            return np.asarray(found.xy / driven)
     turn = np.exp(1j * np.angle(found.xy))
     if estimator == "Hv":
         return np.asarray(np.sqrt(found.yy / driven) * turn)

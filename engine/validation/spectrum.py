@@ -22,10 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.spectra import comparison as spectra
-from engine.spectra.averaged import averaged_frf
+from engine.spectra.averaged import averaged_frf, estimated
+from engine.spectra.conditioned import conditioned
 from engine.spectra.crossed import Crossed, crossed
 from engine.spectra.fourier import Complex
 from engine.spectra.frf import Confidence, Frf, confidence
+from engine.spectra.sampled import window_of
 from engine.validation.comparison import Comparison
 
 SEGMENTS = 8
@@ -33,6 +35,8 @@ LEVEL = 0.95
 _COHERENT = 0.7
 _DRIVEN = 1e-5
 """Of the power of the strongest line of the input: among thousands of lines of noise some look coherent by chance."""
+_MOST_INPUTS = 6
+"""All pairs of channels are transformed; and each further input costs an average of the some fifteen."""
 _SHORTEST = 512
 """Samples of a window below which eight segments hold too few lines."""
 
@@ -54,7 +58,7 @@ class FrequencyDomain:
     lines : int
         Of all coherences.
     unexplained_percent : float or None
-        Relative error that a linear model of this input leaves, judged from the coherence.
+        Relative error that a linear model of the only input leaves, judged from the coherence.
     """
 
     source: str
@@ -69,25 +73,57 @@ class FrequencyDomain:
 def frequency_domain(comparison: Comparison) -> FrequencyDomain | None:
     """Return the comparison of the frequency responses.
 
-    None for several inputs (each would be the other one's noise), a short window, a channel that does not change, or where no
-    line is coherent.
+    None for several inputs (see :func:`by_input`), a short window, a channel that does not change, or where no line is coherent.
 
     Parameters
     ----------
     comparison : Comparison
     """
-    n = comparison.measured.size
-    if len(comparison.inputs) != 1 or n < _SHORTEST:
+    if len(comparison.inputs) != 1 or not _long_and_moving(comparison):
         return None
     ((source, u),) = comparison.inputs.items()
-    if not all(_changes(signal) for signal in (u, comparison.measured, comparison.simulated)):
-        return None
-    rate, segment = 1.0 / comparison.sample_time, n // SEGMENTS
+    rate, segment = 1.0 / comparison.sample_time, comparison.measured.size // SEGMENTS
     frf = averaged_frf([(u, comparison.measured)], rate, segment=segment)
     model = averaged_frf([(u, comparison.simulated)], rate, segment=segment)
+    powers = crossed([(u, comparison.measured)], rate, segment=segment)
+    return _compared(source, frf, model, powers, _unexplained(comparison, powers))
+
+
+def by_input(comparison: Comparison) -> dict[str, FrequencyDomain]:
+    """Return the comparison for each of several inputs, without what the others explain of it and of the output.
+
+    Inputs that are made of each other on all lines (displacement and velocity of one motion) cannot be told apart, and are
+    left out, as are those about which no line tells anything; nothing for one input (see :func:`frequency_domain`).
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    if not 2 <= len(comparison.inputs) <= _MOST_INPUTS or not _long_and_moving(comparison):
+        return {}
+    rate, segment = 1.0 / comparison.sample_time, comparison.measured.size // SEGMENTS
+    inputs = list(comparison.inputs.values())
+    of_measured = conditioned(inputs, comparison.measured, rate, segment=segment)
+    of_model = conditioned(inputs, comparison.simulated, rate, segment=segment)
+    width = window_of("hann", segment)[0].noise_bandwidth
+    found = {}
+    for source, powers, model in zip(comparison.inputs, of_measured, of_model, strict=True):
+        frf = replace(estimated(powers, "H1"), line_width=width)
+        one = _compared(source, frf, estimated(model, "H1"), powers, None)
+        if one is not None:
+            found[source] = one
+    return found
+
+
+def _long_and_moving(comparison: Comparison) -> bool:
+    signals = (*comparison.inputs.values(), comparison.measured, comparison.simulated)
+    return comparison.measured.size >= _SHORTEST and all(_changes(signal) for signal in signals)
+
+
+def _compared(source: str, frf: Frf, model: Frf, powers: Crossed, unexplained: float | None) -> FrequencyDomain | None:
+    """Return the comparison on the lines about which the recording tells something; None where there is none."""
     if frf.coherence is None:
         return None
-    powers = crossed([(u, comparison.measured)], rate, segment=segment)
     told = np.isfinite(frf.value) & np.isfinite(model.value) & (powers.xx >= _DRIVEN * powers.xx.max())
     told &= frf.coherence >= _COHERENT
     if not told.any():
@@ -110,7 +146,7 @@ def frequency_domain(comparison: Comparison) -> FrequencyDomain | None:
         simulated=simulated,
         comparison=spectra.compared(measured, simulated, level=LEVEL),
         lines=frf.frequency.size,
-        unexplained_percent=_unexplained(comparison, powers),
+        unexplained_percent=unexplained,
     )
 
 

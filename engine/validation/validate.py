@@ -14,7 +14,7 @@ from engine.fit import Fit, ResidualTests, baselines, compare, examine_residuals
 from engine.validation.comparison import Comparison
 from engine.validation.diagnosis import Diagnosis
 from engine.validation.prediction import OneStep, one_step
-from engine.validation.spectrum import FrequencyDomain, frequency_domain
+from engine.validation.spectrum import FrequencyDomain, by_input, frequency_domain
 from engine.validation.verdict import Grade, grade, remarks
 
 Samples = npt.NDArray[np.float64]
@@ -61,6 +61,7 @@ class Output:
     residuals: ResidualTests
     one_step: OneStep | None
     frequency: FrequencyDomain | None
+    frequency_by_input: Mapping[str, FrequencyDomain]
     remarks: tuple[str, ...]
 
 
@@ -179,6 +180,7 @@ def validate(compared: Compared, *, limit_percent: float) -> Validated:
             residuals=examine_residuals(measured - model, inputs),
             one_step=one_step(comparison),
             frequency=frequency_domain(comparison),
+            frequency_by_input=by_input(comparison),
             remarks=remarks(name, fit, trivial),
         )
     return Validated(outputs=outputs, grade=grade({name: o.fit for name, o in outputs.items()}, limit_percent))

@@ -106,6 +106,7 @@ class OutputValidation(Fit):
     residuals: dict[str, Any]
     one_step_prediction: OneStepPrediction | None
     frequency_domain: dict[str, Any] | None
+    frequency_by_input: dict[str, dict[str, Any]]
     offset: float
     unit: str
     curves: MeasuredCurves

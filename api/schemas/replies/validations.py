@@ -98,6 +98,9 @@ class ValidatedOutput(FitReply):
     frequency_domain: FrequencyDomainReply | None = Field(
         description="null for several inputs, a short window, or where nothing is coherent"
     )
+    frequency_by_input: dict[str, FrequencyDomainReply] = Field(
+        description="of several inputs: for each, without what the others explain; empty for one"
+    )
     offset: Number
     unit: str
     curves: ValidationCurves

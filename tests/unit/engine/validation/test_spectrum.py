@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.validation.comparison import Comparison
-from engine.validation.spectrum import frequency_domain
+from engine.validation.spectrum import by_input, frequency_domain
 from tests.unit.engine.validation.lags import H, lag
 
 RNG = np.random.default_rng(11)
@@ -81,3 +81,34 @@ def test_lines_without_an_input_are_left_out() -> None:
 )
 def test_there_is_no_comparison_where_it_would_say_nothing(case) -> None:
     assert frequency_domain(case) is None
+
+
+def test_each_of_several_inputs_is_compared_without_the_others() -> None:
+    """Two noises with a common part; the second one's response is wrong in the model, the first one's right."""
+    rng = np.random.default_rng(21)
+    first = U
+    second = 0.6 * U + rng.normal(size=U.size)
+    noise = 0.05 * rng.normal(size=U.size)
+    measured = lag(first, tau=0.005) + 0.5 * lag(second, tau=0.003) + noise
+    simulated = lag(first, tau=0.005) + 0.4 * lag(second, tau=0.003)
+    comparison = compared(measured, simulated, a=first, b=second)
+    found = by_input(comparison)
+    assert set(found) == {"a", "b"}
+    assert frequency_domain(comparison) is None
+    for name, gain, tau in (("a", 1.0, 0.005), ("b", 0.5, 0.003)):
+        one = found[name]
+        slow = one.measured.frequency < 300.0
+        expected = gain * held(one.measured.frequency[slow], tau)
+        assert np.median(np.abs(one.measured.value[slow] / expected - 1)) < 0.05
+    assert found["a"].comparison.within_percent is not None
+    assert found["a"].comparison.within_percent > 85
+    # 0.4 instead of 0.5 is 1.94 dB
+    assert found["b"].comparison.median_deviation == pytest.approx(1.94, abs=0.15)
+    assert found["b"].unexplained_percent is None
+
+
+def test_a_motion_and_its_velocity_are_not_told_apart() -> None:
+    swing = lag(lag(U, tau=0.02), tau=0.02)
+    found = by_input(compared(swing + 0.01 * U, swing, x=swing, v=3.0 * swing))
+    assert found == {}
+    assert by_input(compared(lag(U, tau=0.005), lag(U, tau=0.004))) == {}
