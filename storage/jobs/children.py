@@ -96,11 +96,16 @@ class Zygote:
         self._reader: threading.Thread | None = None
         #: How long it took to load what computes, None until that is done.
         self.warm_up_seconds: float | None = None
+        self._settled = threading.Event()
 
     def warm_up(self) -> None:
         """Begin to import the compute function; returns at once."""
         with self._lock:
             self._ensure()
+
+    def settled(self, timeout: float) -> bool:
+        """Wait until it can compute, or will never be able to, which a child then tells; False after ``timeout`` (s)."""
+        return self._settled.wait(timeout)
 
     def start(self, job: ComputeJob) -> Child:
         """Give a job to a fresh child."""
@@ -162,6 +167,7 @@ class Zygote:
                     start_new_session=True,
                 )
             self._control = ours
+            self._settled.clear()
             self._reader = threading.Thread(target=self._read, args=(ours,), name="zygote-reader", daemon=True)
             self._reader.start()
         return self._control
@@ -182,12 +188,14 @@ class Zygote:
                 received = b""
                 if number == PREPARED:
                     self.warm_up_seconds = status / 1000
+                    self._settled.set()
                     continue
                 with self._lock:
                     self._forget(self._children.get(number), status)
         with self._lock:
             if self._control is control:
                 self._control = None
+                self._settled.set()
             for child in [child for child in self._children.values() if child.control is control]:
                 self._forget(child, None)
             control.close()

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any, NoReturn, TypeVar
 
@@ -100,6 +100,9 @@ class Supervisor:
                 detail = f"the job was begun {MAX_ATTEMPTS} times, and each time its worker died or was cut off"
                 self._fail(job, "interrupted", "Interrupted too often", detail)
                 return
+            begun = self._warm(begun)
+            if begun is None:
+                return
             child = self._zygote.start(
                 ComputeJob(
                     id=job.id,
@@ -132,6 +135,20 @@ class Supervisor:
             parts=parts.results(session, job),
             seconds=_time_left(job),
         )
+
+    def _warm(self, begun: _Begun) -> _Begun | None:
+        """Wait until the kernels are there, which is no time of the job's; None when it is not wanted any more."""
+        job, since = begun.job, time.monotonic()
+        if self._zygote.settled(0.0):
+            return begun
+        while not self._zygote.settled(_LOOK_INTERVAL):
+            if self._stopping.is_set():
+                self._give_back(job)
+            if not self._write(lambda session: jobs.is_wanted(session, job.id, attempt=job.attempts)):
+                return None
+        waited = time.monotonic() - since
+        later = self._write(lambda session: jobs.postpone(session, job.id, attempt=job.attempts, seconds=waited))
+        return None if later is None else replace(begun, job=later, seconds=_time_left(later))
 
     def _follow(self, begun: _Begun, child: Child) -> None:
         job, look_at = begun.job, 0.0

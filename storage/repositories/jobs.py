@@ -11,7 +11,7 @@ Rows are locked in the order parent, part, workspace: what is cut into parts is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import delete, func, select, update
@@ -236,6 +236,17 @@ def report(session: Session, job_id: str, *, attempt: int, progress: float | Non
         payload["message"] = message
     append_event(session, job_id, "message" if progress is None else "progress", payload, **payload)
     return True
+
+
+def postpone(session: Session, job_id: str, *, attempt: int, seconds: float) -> Job | None:
+    """Count a time for which a job had to wait in its worker (s) as one before its start; None when another attempt has it."""
+    if not lock(session, job_id, attempt=attempt):
+        return None
+    job = session.get_one(Job, job_id, populate_existing=True)
+    assert job.started_at is not None
+    job.started_at += timedelta(seconds=seconds)
+    session.flush()
+    return job
 
 
 def set_progress(session: Session, job_id: str, fraction: float) -> None:
