@@ -130,7 +130,7 @@ class Settings(BaseSettings):
 
 
 def _keys_of(given: SecretStr | None) -> tuple[str, ...]:
-    """Return the keys of a list, in URL-safe base64."""
-    if given is None:
+    """Return the keys of a list, in URL-safe base64; none of an empty one, as compose files give it."""
+    if given is None or not given.get_secret_value():
         return ()
     return tuple(key.strip().replace("+", "-").replace("/", "_") for key in given.get_secret_value().split(","))

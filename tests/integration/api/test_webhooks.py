@@ -423,6 +423,7 @@ def test_a_key_that_is_none_is_refused_without_being_shown(key) -> None:
     with pytest.raises(ValueError, match="must be 32 bytes in base64") as refused:
         Settings(secret_key=key)
     assert key not in str(refused.value)
+    assert Settings(secret_key="").secret_keys == ()
     pair = Settings(secret_key="+/" * 21 + "+=, " + "A" * 43 + "=").secret_keys
     assert pair == ("-_" * 21 + "-=", "A" * 43 + "=")
 

@@ -1,0 +1,84 @@
+"""What the image and the compose file name exists here; that they build and start only a container engine can tell."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from api import commands
+from api.settings import Settings
+
+ROOT = Path(__file__).parents[2]
+IMAGE = (ROOT / "Containerfile").read_text()
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "compose.yaml").read_text())
+UNITS = sorted((ROOT / "deploy").glob("*.service"))
+KNOWN = {f"SERVOTUNE_{name.upper()}" for name in Settings.model_fields}
+OWN = [name for name, service in COMPOSE["services"].items() if service["image"] == COMPOSE["x-servotune"]["image"]]
+
+COMMANDS = [
+    json.loads(re.findall(r"^CMD (.*)$", IMAGE, flags=re.MULTILINE)[-1]),
+    *(COMPOSE["services"][name]["command"] for name in OWN),
+]
+
+
+def test_everything_that_is_copied_into_the_image_is_there() -> None:
+    copied = [line.split()[1:-1] for line in re.findall(r"^COPY (?!--from).*$", IMAGE, flags=re.MULTILINE)]
+    assert len(copied) > 5
+    for source in (name for names in copied for name in names):
+        assert (ROOT / source).exists(), source
+
+
+def test_every_package_that_is_installed_is_copied_into_the_image() -> None:
+    wheel = re.search(r"^packages = (\[[^\]]*\])", (ROOT / "pyproject.toml").read_text(), flags=re.MULTILINE)
+    assert wheel is not None
+    for package in json.loads(wheel[1].replace("'", '"')):
+        assert re.search(rf"^COPY {package} {package}$", IMAGE, flags=re.MULTILINE), package
+
+
+def test_what_a_container_gets_from_another_stage_is_made_there() -> None:
+    stages = re.findall(r"^FROM \S+ AS (\w+)$", IMAGE, flags=re.MULTILINE)
+    assert set(re.findall(r"--from=(\w+)", IMAGE)) <= set(stages)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_is_one_of_ours_and_takes_its_arguments(command, capsys) -> None:
+    program, name, *arguments = command
+    assert program == "servotune"
+    with pytest.raises(SystemExit) as ended:
+        getattr(commands, name)([*arguments, "--help"])
+    assert ended.value.code == 0
+    shown = capsys.readouterr().out
+    assert [argument for argument in arguments if argument.startswith("--") and argument not in shown] == []
+
+
+def test_every_setting_that_is_given_is_one() -> None:
+    given = {key for name in OWN for key in COMPOSE["services"][name]["environment"]}
+    given |= {key for unit in UNITS for key in re.findall(r"Environment=\"?(SERVOTUNE_\w+)", unit.read_text())}
+    given |= set(re.findall(r"\b(SERVOTUNE_[A-Z_]+)=", IMAGE))
+    assert "SERVOTUNE_DATABASE_URL" in given
+    assert {key for key in given if key.startswith("SERVOTUNE_")} <= KNOWN
+
+
+def test_services_and_volumes_that_are_named_are_there() -> None:
+    services = COMPOSE["services"]
+    for service in services.values():
+        assert set(service.get("depends_on", {})) <= set(services)
+        named = [volume.split(":")[0] for volume in service.get("volumes", [])]
+        assert set(named) <= set(COMPOSE["volumes"])
+        for needed, how in service.get("depends_on", {}).items():
+            assert how["condition"] != "service_healthy" or "healthcheck" in services[needed]
+
+
+def test_units_start_what_is_there() -> None:
+    assert len(UNITS) == 2
+    for unit in UNITS:
+        (start,) = re.findall(r"^ExecStart=(.*)$", unit.read_text(), flags=re.MULTILINE)
+        program, name, *_ = shlex.split(start)
+        assert Path(program).name == "servotune"
+        assert hasattr(commands, name)
