@@ -39,8 +39,18 @@ interface Reply<T> {
   response: Response;
 }
 
-/** Returns what came back, or throws the problem document that came instead. */
+/** Returns what came back, or throws the problem document that came instead; that nothing came is a problem of status 0. */
 export async function must<T>(reply: Promise<Reply<T>>): Promise<T> {
+  return (await answered(reply)).data as T;
+}
+
+/** The same with the entity tag, for documents that are changed later. */
+export async function mustWithTag<T>(reply: Promise<Reply<T>>): Promise<{ data: T; etag: string }> {
+  const found = await answered(reply);
+  return { data: found.data as T, etag: found.response.headers.get("ETag") ?? "*" };
+}
+
+async function answered<T>(reply: Promise<Reply<T>>): Promise<Reply<T>> {
   let found: Reply<T>;
   try {
     found = await reply;
@@ -48,12 +58,5 @@ export async function must<T>(reply: Promise<Reply<T>>): Promise<T> {
     throw new Problem({ status: 0, title: "", detail: error instanceof Error ? error.message : String(error) });
   }
   if (found.error !== undefined || !found.response.ok) throw Problem.of(found.error, found.response.status);
-  return found.data as T;
-}
-
-/** The same with the entity tag, for documents that are changed later. */
-export async function mustWithTag<T>(reply: Promise<Reply<T>>): Promise<{ data: T; etag: string }> {
-  const found = await reply;
-  if (found.error !== undefined || !found.response.ok) throw Problem.of(found.error, found.response.status);
-  return { data: found.data as T, etag: found.response.headers.get("ETag") ?? "*" };
+  return found;
 }
