@@ -1,10 +1,12 @@
-import { ActionIcon, Button, Group, NativeSelect, Select, Stack, Text, TextInput, Title } from "@mantine/core";
+import { ActionIcon, Button, Group, Kbd, NativeSelect, Select, Stack, Text, Textarea, TextInput, Title } from "@mantine/core";
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Problem } from "@/shared/api/problem";
 import type { Block, ParameterDocument, Scalar, SystemDocument } from "@/shared/api/types";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
-import { connect, connectionsOf, disconnect, endOf, freeName, NAME, portsOf, removeBlocks, renameBlock, textOf, type Catalogue } from "./model";
+import { connect, connectionsOf, disconnect, endOf, freeName, NAME, portsOf, removeBlocks, textOf, withOutput, type Catalogue } from "./model";
+import classes from "./Inspector.module.css";
+import { readParameter } from "./quick";
 import { ValueEntry } from "./ValueEntry";
 
 interface Props {
@@ -16,6 +18,7 @@ interface Props {
   pointer: string;
   onEdit(document: SystemDocument): void;
   onSelect(name: string | null): void;
+  onRename(before: string, after: string): void;
   onEnter(name: string): void;
 }
 
@@ -25,7 +28,7 @@ export function Inspector(props: Props) {
   return block ? <BlockPart key={props.selected} {...props} name={props.selected!} block={block} /> : <SystemPart {...props} />;
 }
 
-function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit, onSelect, onEnter }: Props & { name: string; block: Block }) {
+function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit, onSelect, onRename, onEnter }: Props & { name: string; block: Block }) {
   const { t } = useTranslation();
   const entry = catalogue.get(block.kind);
   const ports = portsOf(block, catalogue);
@@ -50,13 +53,11 @@ function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit,
         {entry?.title ?? block.kind}
       </Title>
       <NameEntry
+        data-name
         label={t("diagram.blockName")}
         value={name}
         taken={Object.keys(document.blocks)}
-        onCommit={(next) => {
-          onEdit(renameBlock(document, name, next));
-          onSelect(next);
-        }}
+        onCommit={(next) => onRename(name, next)}
       />
       {problem?.at(here) && (
         <Text fz="xs" c="var(--mantine-color-error)" role="alert">
@@ -69,7 +70,7 @@ function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit,
         </Button>
       )}
       {entry?.parameters.map((parameter) => (
-        <ValueEntry key={parameter.name} parameter={parameter} value={block[parameter.name]} error={problem?.at(`${here}/${parameter.name}`)} onCommit={(value) => set(parameter.name, value)} />
+        <ValueEntry key={parameter.name} data-parameter parameter={parameter} value={block[parameter.name]} error={problem?.at(`${here}/${parameter.name}`)} onCommit={(value) => set(parameter.name, value)} />
       ))}
       {ports.inputs.length > 0 && (
         <Title order={3} fz="xs" mt={4}>
@@ -97,7 +98,7 @@ function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit,
               key={port}
               variant="default"
               size="compact-xs"
-              onClick={() => onEdit({ ...document, outputs: { ...document.outputs, [freeName(port === "out" ? name : port, Object.keys(document.outputs))]: textOf({ block: name, port }, document, catalogue, "outputs") } })}
+              onClick={() => onEdit(withOutput(document, catalogue, freeName(port === "out" ? name : port, Object.keys(document.outputs)), { block: name, port }))}
             >
               {t("diagram.makeOutput", { port })}
             </Button>
@@ -139,40 +140,23 @@ function SystemPart({ document, catalogue, problem, pointer, onEdit }: Props) {
         {t("diagram.system")}
       </Title>
       <TextEntry label={t("systems.name")} value={document.name ?? ""} onCommit={(name) => onEdit({ ...document, name })} />
+      <TextEntry label={t("diagram.notes")} value={document.doc ?? ""} onCommit={(doc) => onEdit({ ...document, doc })} lines />
       <Title order={3} fz="xs" mt={4}>
         {t("diagram.parameters")}
       </Title>
       <Text fz="xs" c="dimmed">
         {t("diagram.parametersDoc")}
       </Text>
-      {Object.entries(parameters).map(([name, parameter]) => {
-        const part = (key: "value" | "lower" | "upper", label: string) => (
-          <NumberEntry
-            label={label}
-            value={parameter[key]}
-            expressions={key === "value"}
-            optional={key !== "value"}
-            error={problem?.at(`${pointer}/parameters/${name}/${key}`)}
-            onCommit={(value: Scalar | undefined) => {
-              const next = { ...parameter };
-              if (value === undefined) delete next[key];
-              else Object.assign(next, { [key]: value });
-              setParameter(name, next);
-            }}
-          />
-        );
-        return (
-          <Group key={name} gap={4} align="flex-end" wrap="nowrap">
-            {part("value", parameter.unit ? `${name} [${parameter.unit}]` : name)}
-            {part("lower", "≥")}
-            {part("upper", "≤")}
-            <ActionIcon variant="subtle" color="gray" aria-label={t("diagram.removeParameter", { name })} onClick={() => setParameter(name, undefined)}>
-              ×
-            </ActionIcon>
-          </Group>
-        );
-      })}
-      <Adder label={t("diagram.newParameter")} taken={Object.keys(parameters)} onAdd={(name) => setParameter(name, { value: 1 })} />
+      {Object.entries(parameters).map(([name, parameter]) => (
+        <ParameterRow
+          key={name}
+          name={name}
+          parameter={parameter}
+          fault={(key) => problem?.at(`${pointer}/parameters/${name}${key ? `/${key}` : ""}`)}
+          onCommit={(next) => setParameter(name, next)}
+        />
+      ))}
+      <Adder label={t("diagram.newParameter")} taken={Object.keys(parameters)} onAdd={setParameter} />
       <Title order={3} fz="xs" mt={4}>
         {t("diagram.outputs")}
       </Title>
@@ -189,21 +173,80 @@ function SystemPart({ document, catalogue, problem, pointer, onEdit }: Props) {
           </ActionIcon>
         </Group>
       ))}
-      <Text fz="xs" c="dimmed" mt="sm">
-        {t("diagram.keys")}
-      </Text>
+      <Keys />
     </Stack>
   );
 }
 
-function TextEntry({ label, value, onCommit }: { label: string; value: string; onCommit(value: string): void }) {
+const KEYS = ["A", "C", "O", "/", "Enter", "Alt+↑", "F", "L", "F2", "Ctrl+G", "Ctrl+Shift+G", "Ctrl+Z", "Ctrl+C", "Del", "Ctrl+S"] as const;
+
+function Keys() {
+  const { t } = useTranslation();
+  return (
+    <details className={classes.keys}>
+      <summary>{t("diagram.keys")}</summary>
+      <dl>
+        {KEYS.map((key) => (
+          <div key={key}>
+            <dt>
+              <Kbd size="xs">{key}</Kbd>
+            </dt>
+            <dd>{t(`diagram.key.${key.replace("↑", "Up")}`)}</dd>
+          </div>
+        ))}
+      </dl>
+    </details>
+  );
+}
+
+/** A value that blocks share, between its bounds; its unit and what it means behind a fold. */
+function ParameterRow({ name, parameter, fault, onCommit }: { name: string; parameter: ParameterDocument; fault(key: string): string | undefined; onCommit(parameter: ParameterDocument | undefined): void }) {
+  const { t } = useTranslation();
+  const set = (key: keyof ParameterDocument, value: unknown) => {
+    const next = { ...parameter };
+    if (value === undefined || value === "") delete next[key];
+    else Object.assign(next, { [key]: value });
+    onCommit(next);
+  };
+  const part = (key: "value" | "lower" | "upper", label: string) => (
+    <NumberEntry label={label} value={parameter[key]} unit={key === "value" ? parameter.unit : undefined} expressions={key === "value"} optional={key !== "value"} error={fault(key)} onCommit={(value: Scalar | undefined) => set(key, value)} />
+  );
+  return (
+    <div className={classes.parameter}>
+      <Group gap={4} align="flex-end" wrap="nowrap">
+        {part("value", name)}
+        <ActionIcon variant="subtle" color="gray" aria-label={t("diagram.removeParameter", { name })} onClick={() => onCommit(undefined)}>
+          ×
+        </ActionIcon>
+      </Group>
+      <Group gap={4} align="flex-end" wrap="nowrap">
+        {part("lower", "≥")}
+        {part("upper", "≤")}
+        <TextEntry label={t("diagram.unit")} value={parameter.unit ?? ""} onCommit={(unit) => set("unit", unit)} />
+      </Group>
+      {fault("unit") && (
+        <Text fz="xs" c="var(--mantine-color-error)">
+          {fault("unit")}
+        </Text>
+      )}
+      {parameter.doc && (
+        <Text fz="xs" c="dimmed">
+          {parameter.doc}
+        </Text>
+      )}
+    </div>
+  );
+}
+
+function TextEntry({ label, value, onCommit, lines = false }: { label: string; value: string; onCommit(value: string): void; lines?: boolean }) {
   const [text, setText] = useState(value);
   useEffect(() => setText(value), [value]);
   const commit = () => text !== value && onCommit(text);
+  if (lines) return <Textarea label={label} value={text} maxLength={2000} autosize minRows={1} maxRows={6} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} />;
   return <TextInput label={label} value={text} maxLength={200} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} />;
 }
 
-function NameEntry({ label, value, taken, onCommit }: { label: string; value: string; taken: string[]; onCommit(value: string): void }) {
+function NameEntry({ label, value, taken, onCommit, ...rest }: { label: string; "data-name"?: boolean; value: string; taken: string[]; onCommit(value: string): void }) {
   const { t } = useTranslation();
   const [text, setText] = useState(value);
   useEffect(() => setText(value), [value]);
@@ -211,23 +254,28 @@ function NameEntry({ label, value, taken, onCommit }: { label: string; value: st
   const commit = () => {
     if (text !== value && !wrong) onCommit(text);
   };
-  return <TextInput label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong} spellCheck={false} classNames={{ input: "numbers" }} />;
+  return <TextInput wrapperProps={rest} label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong} spellCheck={false} classNames={{ input: "numbers" }} />;
 }
 
-function Adder({ label, taken, onAdd }: { label: string; taken: string[]; onAdd(name: string): void }) {
+/** `kp`, or with everything at once: `area = 20 cm**2 [10, 50]`. */
+function Adder({ label, taken, onAdd }: { label: string; taken: string[]; onAdd(name: string, parameter: ParameterDocument): void }) {
   const { t } = useTranslation();
   const [text, setText] = useState("");
-  const wrong = text !== "" && (!NAME.test(text) ? t("diagram.badName") : taken.includes(text) ? t("diagram.takenName") : undefined);
+  const [tried, setTried] = useState(false);
+  const read = readParameter(text);
+  const wrong = text === "" ? undefined : !NAME.test(read.name) ? t("diagram.badName") : taken.includes(read.name) ? t("diagram.takenName") : tried && !read.parameter ? t("diagram.noParameter") : undefined;
   return (
     <form
       onSubmit={(event) => {
         event.preventDefault();
-        if (text === "" || wrong) return;
-        onAdd(text);
+        setTried(true);
+        if (text === "" || wrong || !read.parameter) return;
+        onAdd(read.name, read.parameter);
         setText("");
+        setTried(false);
       }}
     >
-      <TextInput label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} error={wrong} placeholder="kp" spellCheck={false} />
+      <TextInput label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} error={wrong} placeholder="kp = 2.4k [1, 10k]" spellCheck={false} autoComplete="off" classNames={{ input: "numbers" }} />
     </form>
   );
 }

@@ -1,4 +1,4 @@
-import { useComputedColorScheme } from "@mantine/core";
+import { CloseButton, useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -10,8 +10,8 @@ import { Plot } from "@/shared/plots/Plot";
 import type { PlotSpec } from "@/shared/plots/types";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 
-/** What travels along a connection when the first input makes a step. */
-export function SignalPlot({ document, from }: { document: SystemDocument; from: string }) {
+/** What travels along a connection, in a subsystem too (`inner.motor.position`), when the first input makes a step. */
+export function SignalPlot({ document, from, onClose }: { document: SystemDocument; from: string; onClose(): void }) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const port = Object.keys(document.blocks).find((name) => document.blocks[name]!.kind === "input");
@@ -25,6 +25,11 @@ export function SignalPlot({ document, from }: { document: SystemDocument; from:
   const spec = useMemo<PlotSpec>(() => ({ title: t("diagram.signalOf", { from }), x: { label: t("panel.time"), unit: "s" }, y: { label: from, unit: "" }, series: [{ label: from, ...stroke(0, dark), width: 2 }], dark }), [from, dark, t]);
   const variant = reply.data?.variants[0];
   const curves = useMemo(() => (variant ? [{ x: Float64Array.from(variant.time as number[]), y: Float64Array.from((variant.outputs.signal ?? []) as (number | null)[], (v) => v ?? NaN) }] : undefined), [variant]);
-  if (reply.isError) return <ProblemAlert error={reply.error} />;
-  return curves ? <Plot spec={spec} curves={curves} height={180} summary={t("diagram.signalOf", { from })} /> : null;
+  return (
+    <div style={{ position: "relative" }}>
+      <CloseButton size="sm" aria-label={t("diagram.closeSignal")} onClick={onClose} style={{ position: "absolute", right: 34, top: 2, zIndex: 2 }} />
+      {reply.isError && <ProblemAlert error={reply.error} />}
+      {curves && <Plot spec={spec} curves={curves} height={180} summary={t("diagram.signalOf", { from })} />}
+    </div>
+  );
 }

@@ -5,6 +5,7 @@ import type { ParameterEntry, Scalar } from "@/shared/api/types";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 
 interface Props {
+  "data-parameter"?: boolean;
   parameter: ParameterEntry & { shape?: string; required?: boolean; default?: unknown };
   value: unknown;
   error: string | undefined;
@@ -12,20 +13,20 @@ interface Props {
 }
 
 /** One parameter of a block, entered as its shape wants: a number with its unit, a choice, a list, a matrix. */
-export function ValueEntry({ parameter, value, error, onCommit }: Props) {
+export function ValueEntry({ parameter, value, error, onCommit, ...rest }: Props) {
   const { shape, name, unit, doc } = parameter;
   const label = `${name}${parameter.required ? " *" : ""}`;
   const fallback = parameter.default ?? undefined;
   if (parameter.choices?.length) {
-    return <NativeSelect size="xs" label={label} description={doc} value={String(value ?? fallback ?? "")} error={error} data={parameter.required ? parameter.choices : ["", ...parameter.choices.filter((c) => c !== "")]} onChange={(event) => onCommit(event.currentTarget.value || undefined)} />;
+    return <NativeSelect wrapperProps={rest} size="xs" label={label} description={doc} value={String(value ?? fallback ?? "")} error={error} data={parameter.required ? parameter.choices : ["", ...parameter.choices.filter((c) => c !== "")]} onChange={(event) => onCommit(event.currentTarget.value || undefined)} />;
   }
   if (shape === undefined || shape === "scalar" || shape === "integer") {
-    return <NumberEntry label={label} title={doc} value={value as Scalar | undefined} unit={unit} expressions optional error={error} placeholder={fallback === undefined || fallback === null ? undefined : String(fallback as string | number)} onCommit={onCommit} />;
+    return <NumberEntry wrapperProps={rest} label={label} title={doc} value={value as Scalar | undefined} unit={unit} expressions optional error={error} placeholder={fallback === undefined || fallback === null ? undefined : String(fallback as string | number)} onCommit={onCommit} />;
   }
-  return <ListEntry label={label} doc={doc} value={value} text={shape === "text"} error={error} onCommit={onCommit} />;
+  return <ListEntry wrapperProps={rest} label={label} doc={doc} value={value} text={shape === "text"} error={error} onCommit={onCommit} />;
 }
 
-function ListEntry({ label, doc, value, text, error, onCommit }: { label: string; doc: string; value: unknown; text: boolean; error: string | undefined; onCommit(value: unknown): void }) {
+function ListEntry({ wrapperProps, label, doc, value, text, error, onCommit }: { wrapperProps: Record<`data-${string}`, boolean | undefined>; label: string; doc: string; value: unknown; text: boolean; error: string | undefined; onCommit(value: unknown): void }) {
   const { t } = useTranslation();
   const given = value === undefined ? "" : text ? String(value) : JSON.stringify(value);
   const [shown, setShown] = useState(given);
@@ -39,7 +40,7 @@ function ListEntry({ label, doc, value, text, error, onCommit }: { label: string
     setWrong(read === undefined);
     if (read !== undefined) onCommit(read);
   };
-  return <TextInput label={label} title={doc} value={shown} onChange={(event) => setShown(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong ? t("diagram.noList") : error} spellCheck={false} classNames={{ input: "numbers" }} />;
+  return <TextInput wrapperProps={wrapperProps} label={label} title={doc} value={shown} onChange={(event) => setShown(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong ? t("diagram.noList") : error} spellCheck={false} classNames={{ input: "numbers" }} />;
 }
 
 /** `[1, 2]` as JSON, or just `1, 2`. */

@@ -1,6 +1,5 @@
 import { describe, expect, it } from "vitest";
 import type { ElementEntry, SystemDocument } from "@/shared/api/types";
-import { merge } from "./merge";
 import { blockOf, connect, disconnect, feedbackOf, freeName, partOf, pasted, portsOf, removeBlocks, renameBlock, scoped, withScoped } from "./model";
 
 const entry = (kind: string, inputs: string[], outputs: string[]): [string, ElementEntry] => [kind, { kind, inputs, outputs, title: kind, parameters: [], equation: "", source: "", example: { kind } }];
@@ -53,19 +52,3 @@ describe("edits", () => {
 });
 
 it("feedback is what leads back", () => expect([...feedbackOf(loop)]).toEqual(["e.in2"]));
-
-describe("merging", () => {
-  const set = (value: number, more: object = {}): SystemDocument => ({ ...loop, blocks: { ...loop.blocks, c: { kind: "gain", gain: value }, ...more } });
-  it("takes what only one side changed", () => {
-    const { merged, conflicts } = merge(loop, set(5), { ...loop, name: "theirs", blocks: { ...loop.blocks, lag: { kind: "gain" } } });
-    expect(conflicts).toEqual([]);
-    expect(merged).toMatchObject({ name: "theirs", blocks: { c: { gain: 5 }, lag: { kind: "gain" } } });
-  });
-  it("keeps mine where both did, and says so", () => expect(merge(loop, set(5), set(6))).toMatchObject({ conflicts: ["blocks.c.gain"], merged: { blocks: { c: { gain: 5 } } } }));
-  it("joins connections", () => {
-    const mine = { ...loop, connections: loop.connections!.slice(1) };
-    const theirs = { ...loop, connections: [...loop.connections!, { from: "r", to: "m.force" }] };
-    expect(merge(loop, mine, theirs).merged.connections).toEqual([...loop.connections!.slice(1), { from: "r", to: "m.force" }]);
-  });
-  it("removes what one side removed", () => expect(Object.keys(merge(loop, removeBlocks(loop, new Set(["c"])), { ...loop, name: "x" }).merged.blocks)).toEqual(["r", "e", "m"]));
-});

@@ -177,3 +177,18 @@ export function feedbackOf(document: SystemDocument): Set<string> {
   }
   return back;
 }
+
+/** The inputs of a block that a loop comes back to. */
+export function backOf(name: string, wires: readonly { to: End; back: boolean }[]): string[] {
+  return wires.filter((wire) => wire.back && wire.to.block === name).map((wire) => wire.to.port);
+}
+
+/** A signal as an output of its system. */
+export function withOutput(document: SystemDocument, catalogue: Catalogue, name: string, from: End): SystemDocument {
+  return { ...document, outputs: { ...document.outputs, [name]: textOf(from, document, catalogue, "outputs") } };
+}
+
+/** Every block by its path, those inside of subsystems too. */
+export function pathsOf(document: SystemDocument, prefix = ""): string[] {
+  return Object.entries(document.blocks).flatMap(([name, block]) => [prefix + name, ...(block.system ? pathsOf(block.system, `${prefix}${name}.`) : [])]);
+}

@@ -5,8 +5,17 @@ export interface Point {
   x: number;
   y: number;
 }
+/** A connection as it was laid out; it is drawn so as long as its ends are where it begins and ends. */
+export type Route = Point[];
 /** Where blocks stand, by the path of the system they are in; documents say nothing of it. */
 export type Places = Record<string, Record<string, Point>>;
+export type Routes = Record<string, Record<string, Route>>;
+
+/** What belongs to the picture and not to the document. */
+export interface Kept {
+  places: Places;
+  routes: Routes;
+}
 
 interface Version {
   document: SystemDocument;
@@ -16,14 +25,15 @@ interface Version {
 interface Editor extends Version {
   past: Version[];
   future: Version[];
+  routes: Routes;
   /** What the service has: with `etag` it is told which version an edit was made from. */
   base: SystemDocument;
   etag: string;
-  start(document: SystemDocument, etag: string, places: Places): void;
+  start(document: SystemDocument, base: SystemDocument, etag: string, kept: Kept): void;
   /** One entry of the history for each gesture. */
   edit(change: Partial<Version>): void;
   /** Places that nobody chose (automatic layout) are no gesture. */
-  place(places: Places): void;
+  place(scope: string, places: Record<string, Point>, routes: Record<string, Route>): void;
   undo(): void;
   redo(): void;
   saved(document: SystemDocument, etag: string): void;
@@ -34,18 +44,19 @@ const LONGEST = 200;
 export const useEditor = create<Editor>((set) => ({
   document: { blocks: {}, outputs: {} },
   places: {},
+  routes: {},
   past: [],
   future: [],
   base: { blocks: {}, outputs: {} },
   etag: "*",
-  start: (document, etag, places) => set({ document, base: document, etag, places, past: [], future: [] }),
+  start: (document, base, etag, kept) => set({ document, base, etag, ...kept, past: [], future: [] }),
   edit: (change) =>
     set((now) => ({
       ...change,
       past: [...now.past.slice(-LONGEST + 1), { document: now.document, places: now.places }],
       future: [],
     })),
-  place: (places) => set({ places }),
+  place: (scope, places, routes) => set((now) => ({ places: { ...now.places, [scope]: places }, routes: { ...now.routes, [scope]: routes } })),
   undo: () =>
     set((now) => {
       const before = now.past.at(-1);
@@ -58,17 +69,3 @@ export const useEditor = create<Editor>((set) => ({
     }),
   saved: (document, etag) => set({ base: document, etag }),
 }));
-
-const KEY = (id: string) => `servotune-places-${id}`;
-
-export function keptPlaces(id: string): Places {
-  try {
-    return JSON.parse(localStorage.getItem(KEY(id)) ?? "{}") as Places;
-  } catch {
-    return {};
-  }
-}
-
-export function keepPlaces(id: string, places: Places): void {
-  localStorage.setItem(KEY(id), JSON.stringify(places));
-}

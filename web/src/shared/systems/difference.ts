@@ -28,9 +28,9 @@ function compare(place: string, a: unknown, b: unknown, found: Change[]): void {
     for (const key of new Set([...Object.keys(a), ...Object.keys(b)])) compare(place ? `${place}.${key}` : key, a[key], b[key], found);
     return;
   }
-  if (a === undefined) found.push({ place, kind: "added", after: shown(b) });
-  else if (b === undefined) found.push({ place, kind: "removed", before: shown(a) });
-  else found.push({ place, kind: "changed", before: shown(a), after: shown(b) });
+  if (a === undefined) found.push({ place, kind: "added", after: shownValue(b) });
+  else if (b === undefined) found.push({ place, kind: "removed", before: shownValue(a) });
+  else found.push({ place, kind: "changed", before: shownValue(a), after: shownValue(b) });
 }
 
 function isRecord(value: unknown): value is Record<string, unknown> {
@@ -41,7 +41,8 @@ function isQuantity(value: Record<string, unknown>): boolean {
   return Object.keys(value).length === 2 && "value" in value && "unit" in value;
 }
 
-function shown(value: unknown): string {
+/** A value as a reader would write it: a quantity with its unit, a block by its kind. */
+export function shownValue(value: unknown): string {
   if (value === true) return "";
   if (isRecord(value) && isQuantity(value)) return `${String(value.value)} ${String(value.unit)}`;
   if (isRecord(value) && typeof value.kind === "string") return value.kind;
