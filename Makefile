@@ -86,8 +86,9 @@ bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service
 
-bench-web: setup  ## from a moving slider to the painted picture, in a real Chromium (a minute)
+bench-web: setup  ## from a moving slider to the painted picture, and a diagram of 300 blocks, in a real Chromium (a minute)
 	@$(BIN)/python -m bench.drag
+	@$(BIN)/python -m bench.diagram
 
 bench-optimizers: setup  ## every published optimum by every method that covers it; writes docs/benchmarks/ (minutes)
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.optimizers
