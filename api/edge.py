@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Collection
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -22,11 +21,6 @@ _ALWAYS = {
 }
 #: Nothing of the API is a page: a browser that takes it for one may do nothing with it.
 _NO_PAGE = "default-src 'none'; frame-ancestors 'none'"
-#: The API reference is a page, and loads its viewer from where FastAPI does.
-_REFERENCE = (
-    "default-src 'none'; connect-src 'self'; frame-ancestors 'none'; img-src 'self' data: https://fastapi.tiangolo.com; "
-    "script-src 'self' 'unsafe-inline' https://cdn.jsdelivr.net; style-src 'self' 'unsafe-inline' https://cdn.jsdelivr.net"
-)
 _YEAR = 365 * 24 * 3600
 
 
@@ -38,14 +32,11 @@ class Edge:
     app : ASGI application
     encrypted : bool
         Whether browsers reach the service by HTTPS, and only so.
-    pages : collection of str
-        Paths of the API reference.
     """
 
-    def __init__(self, app: ASGIApp, *, encrypted: bool, pages: Collection[str] = ()) -> None:
+    def __init__(self, app: ASGIApp, *, encrypted: bool) -> None:
         self._app = app
         self._headers = dict(_ALWAYS)
-        self._pages = frozenset(pages)
         if encrypted:
             self._headers["Strict-Transport-Security"] = f"max-age={_YEAR}"
 
@@ -66,7 +57,7 @@ class Edge:
                 for name, value in self._headers.items():
                     headers[name] = value
                 headers[REQUEST_ID] = request_id
-                headers.setdefault("Content-Security-Policy", _REFERENCE if path in self._pages else _NO_PAGE)
+                headers.setdefault("Content-Security-Policy", _NO_PAGE)
                 if path.startswith("/v1"):
                     headers.setdefault("Cache-Control", "no-store")
             await send(message)

@@ -89,8 +89,7 @@ class Application(FastAPI):
 
     def build_middleware_stack(self) -> ASGIApp:
         """Put the edge outside of what answers errors that nobody foresaw."""
-        pages = [path for path in (self.docs_url, self.redoc_url) if path]
-        return Edge(super().build_middleware_stack(), encrypted=self.encrypted, pages=pages)
+        return Edge(super().build_middleware_stack(), encrypted=self.encrypted)
 
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""
@@ -151,6 +150,8 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
         version=version("servotune"),
         description=DESCRIPTION,
         lifespan=lifespan,
+        docs_url=None,  # the reference is one of the pages
+        redoc_url=None,
         separate_input_output_schemas=False,
         telemetry=telemetry,
     )

@@ -23,6 +23,7 @@ POLICY = (
     "img-src 'self' data: blob:; font-src 'self'; connect-src 'self'; worker-src 'self'; manifest-src 'self'; "
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
+_REFERENCE = "reference.html"
 _NONCE = "__NONCE__"
 _FOR_EVER = "public, max-age=31536000, immutable"
 
@@ -67,4 +68,15 @@ def _page(request: Request) -> Response:
     )
 
 
-ROUTES = (_Page("/assets/{name}", _asset), _Page("/{path:path}", _page))
+def _reference(_request: Request) -> Response:
+    """Return the reference of the interface; its viewer is built with the client and asks no other host."""
+    page = STATIC / _REFERENCE
+    if not page.is_file():
+        raise HTTPException(
+            404, "the reference must be built with the pages (make web); the contract is at /openapi.json"
+        )
+    headers = {"Content-Security-Policy": POLICY.format(nonce=secrets.token_urlsafe(16)), "Cache-Control": "no-cache"}
+    return Response(page.read_text(encoding="utf-8"), media_type="text/html", headers=headers)
+
+
+ROUTES = (_Page("/docs", _reference), _Page("/assets/{name}", _asset), _Page("/{path:path}", _page))

@@ -1,3 +1,4 @@
+import { createHash } from "node:crypto";
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { gzipSync } from "node:zlib";
@@ -20,10 +21,32 @@ function precompress(): Plugin {
   };
 }
 
+/** The reference of the interface at /docs: a finished viewer, copied as it is under names that tell its content. */
+function reference(): Plugin {
+  return {
+    name: "reference",
+    apply: "build",
+    closeBundle() {
+      const at = (path: string) => fileURLToPath(new URL(path, import.meta.url));
+      const kept = (path: string, name: string, ending: string) => {
+        const content = readFileSync(at(path));
+        const file = `${name}-${createHash("sha256").update(content).digest("hex").slice(0, 8)}.${ending}`;
+        writeFileSync(at(`${OUT}/assets/${file}`), content);
+        return `/assets/${file}`;
+      };
+      const page = readFileSync(at("reference/index.html"), "utf-8")
+        .replace("__STYLES__", kept("node_modules/swagger-ui-dist/swagger-ui.css", "swagger-ui", "css"))
+        .replace("__VIEWER__", kept("node_modules/swagger-ui-dist/swagger-ui-bundle.js", "swagger-ui", "js"))
+        .replace("__START__", kept("reference/start.js", "reference", "js"));
+      writeFileSync(at(`${OUT}/reference.html`), page);
+    },
+  };
+}
+
 const service = process.env.SERVOTUNE_URL ?? "http://127.0.0.1:8000";
 
 export default defineConfig({
-  plugins: [react(), precompress()],
+  plugins: [react(), reference(), precompress()],
   resolve: { alias: { "@": fileURLToPath(new URL("./src", import.meta.url)) } },
   build: { outDir: OUT, emptyOutDir: true, target: "es2023", manifest: true, chunkSizeWarningLimit: 2000, assetsInlineLimit: 0 },
   server: {
