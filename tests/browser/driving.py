@@ -52,7 +52,7 @@ class Running:
         }
         with (self.folder / "service.log").open("ab") as log:
             self.process = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=log, stderr=log)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 180
         with self.client() as client:
             while time.monotonic() < deadline:
                 try:
@@ -61,7 +61,7 @@ class Running:
                 except httpx.TransportError:
                     assert self.process.poll() is None, (self.folder / "service.log").read_text()
                 time.sleep(0.1)
-        raise AssertionError("the service was not ready within 60 s")
+        raise AssertionError("the service was not ready within 180 s")
 
     def stop(self) -> None:
         assert self.process is not None

@@ -13,6 +13,8 @@ import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { datasetQuery } from "./recording";
+import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 
 const POINTS = 1600;
@@ -22,11 +24,7 @@ export function DatasetPage() {
   const { t } = useTranslation();
   const { id = "" } = useParams();
   const [query, setQuery] = useSearchParams();
-  const dataset = useQuery({
-    queryKey: ["dataset", id],
-    refetchInterval: (q) => (q.state.data && ["open", "parsing"].includes(q.state.data.status as string) ? 1000 : false),
-    queryFn: (): Promise<components["schemas"]["DatasetReply"]> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
-  });
+  const dataset = useQuery(datasetQuery(id));
   const ready = dataset.data?.status === "ready";
   const names = (dataset.data?.channels ?? []).map((channel) => String(channel.name));
   const end = dataset.data?.duration ?? 0;
@@ -42,6 +40,16 @@ export function DatasetPage() {
       },
       { replace: true },
     );
+  const choose = (key: string, value: string) =>
+    setQuery(
+      (before) => {
+        const next = new URLSearchParams(before);
+        if (value) next.set(key, value);
+        else next.delete(key);
+        return next;
+      },
+      { replace: true },
+    );
   const channels = useQueries({
     queries: names.map((name) => ({
       queryKey: ["channel", id, name, from, to],
@@ -51,12 +59,15 @@ export function DatasetPage() {
     })),
   });
   const chosen = query.get("channel") ?? names[0] ?? "";
+  const quantity = query.get("quantity") === "density" ? "density" : "amplitude";
+  const window = query.get("window") ?? "hann";
+  const segment = Number(query.get("segment")) || undefined;
   const spectrum = useQuery({
-    queryKey: ["spectrum", id, chosen, from, to],
+    queryKey: ["spectrum", id, chosen, from, to, quantity, window, segment],
     enabled: ready && chosen !== "" && to > from,
     retry: false,
     placeholderData: keepPreviousData,
-    queryFn: () => must(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity: "amplitude", window: "hann" } as unknown as components["schemas"]["SpectrumRequest"] })),
+    queryFn: () => must(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity, window, ...(segment ? { segment } : {}) } as unknown as components["schemas"]["SpectrumRequest"] })),
   });
   if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
   if (!dataset.data) return null;
@@ -65,6 +76,24 @@ export function DatasetPage() {
     <div className="page">
       <PageHead title={dataset.data.name} doc={ready ? t("datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
         <StatusBadge status={dataset.data.status} />
+        {ready && names.length > 1 && (
+          <Button component={Link} to={`/datasets/${id}/frf`} variant="default">
+            {t("spectra.frf")}
+          </Button>
+        )}
+        {ready && (
+          <Button component={Link} to={`/identify?dataset=${id}`} variant="default">
+            {t("matching.identify")}
+          </Button>
+        )}
+        {ready && (
+          <Button component={Link} to={`/validate?dataset=${id}`} variant="default">
+            {t("matching.validate")}
+          </Button>
+        )}
+        <Button component={Link} to={`/lineage/${id}`} variant="default">
+          {t("lineage.open")}
+        </Button>
         <Button component={Link} to="/datasets" variant="default">
           {t("datasets.back")}
         </Button>
@@ -72,7 +101,17 @@ export function DatasetPage() {
       <Stack gap="md">
         {dataset.data.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(dataset.data.error as object) })} />}
         <ProblemAlert error={channels.find((c) => c.error)?.error} />
-        {dataset.data.status === "open" && <Text fz="sm">{t("datasets.open")}</Text>}
+        {dataset.data.status === "open" && (
+          <Text fz="sm">
+            {manifestOf(id) ? (
+              <Text component={Link} to={`/datasets/${id}/import`} inherit c="var(--mantine-color-anchor)">
+                {t("importing.describe")}
+              </Text>
+            ) : (
+              t("datasets.open")
+            )}
+          </Text>
+        )}
         {ready && (
           <>
             <Group align="flex-end" gap="xs">
@@ -97,13 +136,16 @@ export function DatasetPage() {
             <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
               {names.map((name, i) => {
                 const data = channels[i]?.data;
-                return data ? <Channel key={name} name={name} data={data} index={i} /> : null;
+                return data ? <Channel key={name} name={name} data={data} index={i} onZoom={look} /> : null;
               })}
             </SimpleGrid>
             <section>
               <Group align="flex-end" mb="xs">
                 <Title order={2}>{t("datasets.spectrum")}</Title>
-                <NativeSelect size="xs" aria-label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), channel: event.currentTarget.value }), { replace: true })} />
+                <NativeSelect size="xs" label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => choose("channel", event.currentTarget.value)} />
+                <NativeSelect size="xs" label={t("spectra.quantity")} data={["amplitude", "density"].map((value) => ({ value, label: t(`spectra.quantities.${value}`) }))} value={quantity} onChange={(event) => choose("quantity", event.currentTarget.value)} />
+                <NativeSelect size="xs" label={t("spectra.window")} data={["hann", "flat_top", "none"].map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} value={window} onChange={(event) => choose("window", event.currentTarget.value)} />
+                <NumberEntry label={t("spectra.segment")} unit="s" value={segment} optional placeholder={t("datasets.whole")} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
               </Group>
               <ProblemAlert error={spectrum.error} />
               {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}
@@ -117,7 +159,7 @@ export function DatasetPage() {
 
 const plain = (values: (number | null)[] | null | undefined): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
 
-function Channel({ name, data, index }: { name: string; data: components["schemas"]["ChannelReply"]; index: number }) {
+function Channel({ name, data, index, onZoom }: { name: string; data: components["schemas"]["ChannelReply"]; index: number; onZoom(from: number, to: number): void }) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const thinned = data.min != null && data.max != null;
@@ -130,13 +172,13 @@ function Channel({ name, data, index }: { name: string; data: components["schema
     const x = plain(data.time);
     return thinned ? [{ x, y: plain(data.min) }, { x, y: plain(data.max) }] : [{ x, y: plain(data.values) }];
   }, [data, thinned]);
-  return <Plot spec={spec} curves={curves} height={200} summary={t("datasets.summary", { name, unit: data.unit })} />;
+  return <Plot spec={spec} curves={curves} height={200} summary={t("datasets.summary", { name, unit: data.unit })} onZoom={onZoom} />;
 }
 
 function Spectrum({ name, reply }: { name: string; reply: components["schemas"]["SpectrumReply"] }) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
-  const spec = useMemo<PlotSpec>(() => ({ title: t("datasets.spectrumOf", { name }), x: { label: "ω", unit: "rad/s", log: true }, y: { label: t("datasets.amplitude"), unit: prettyUnit(reply.unit) }, series: [{ label: words(name), ...stroke(0, dark), width: 1.2 }], dark }), [name, reply.unit, dark, t]);
+  const spec = useMemo<PlotSpec>(() => ({ title: t("datasets.spectrumOf", { name }), x: { label: "ω", unit: "rad/s", log: true }, y: { label: t(reply.quantity === "density" ? "spectra.density" : "datasets.amplitude"), unit: prettyUnit(reply.unit) }, series: [{ label: words(name), ...stroke(0, dark), width: 1.2 }], dark }), [name, reply.unit, reply.quantity, dark, t]);
   const curves = useMemo<Curve[]>(() => {
     const variant = reply.variants[0];
     const x = plain(variant?.frequency);

@@ -1,21 +1,45 @@
-import { describe, expect, it } from "vitest";
-import { cellsOf, columnsOf, guessLayout, rateOf } from "./preview";
+import { expect, it } from "vitest";
+import { frfRequest, readFrf, writeFrf } from "./frf";
+import { fieldsOf, formatOf, importOf, importSchema, layoutOf, type Look } from "./importing";
 
-describe("text files", () => {
-  it("are understood with tabs, decimal commas and a header", () => {
-    const lines = ["Recorded 2026", "Time [s]\tForce (kN)\tForce (kN)", "0,00\t1,5\t2", "0,01\t1,6\t3", "0,02\t1,7\t4"];
-    const layout = guessLayout(lines);
-    expect(layout).toEqual({ delimiter: "\t", decimal: ",", header_lines: 2 });
-    expect(columnsOf(lines, layout).map((c) => [c.index, c.name, c.unit])).toEqual([[0, "time", "s"], [1, "force", "kN"], [2, "force_3", "kN"]]);
-    expect(rateOf(lines, layout, 0)).toBe(100);
-    expect(rateOf(lines, layout, 2)).toBe(1);
-    expect(cellsOf(lines, layout, 1)).toEqual([["0,00", "1,5", "2"]]);
-  });
-  it("need no header", () => {
-    const lines = ["1.0 2.0", "3.0 4.0"];
-    const layout = guessLayout(lines);
-    expect(layout).toEqual({ delimiter: " ", decimal: ".", header_lines: 0 });
-    expect(columnsOf(lines, layout).map((c) => c.name)).toEqual(["channel_1", "channel_2"]);
-  });
-  it("have a rate only where time rises evenly", () => expect(rateOf(["0,1", "1,1", "5,1"], { delimiter: ",", decimal: ".", header_lines: 0 }, 0)).toBeNull());
+const look: Look = {
+  series: [
+    { index: 0, name: "Time", sample_count: 5, unit: "s", role: "time" },
+    { index: 1, name: "Force", sample_count: 5, unit: "N", role: "channel" },
+    { index: 2, name: "Count", sample_count: 5, unit: "", role: "counter" },
+  ],
+  refused: {},
+  import: { delimiter: ";", decimal: ",", header_lines: 2, columns: [{ index: 1, name: "force", unit: "kN", scale: 0.5, offset: 0, quantity: "" }], time: { index: 0, unit: "s" }, gaps: "fill", time_zone: "UTC" },
+  channels: [{ name: "force", unit: "kN", first: [1, 2, 3] }],
+  sample_rate: 1000,
+  start_time: null,
+  scalars: {},
+  remarks: [],
+};
+
+it("knows files by their endings", () => expect(["a.TDMS", "b.mf4", "c.h5", "d.unknown", "e"].map(formatOf)).toEqual(["tdms", "mdf", "hdf5", "csv", "csv"]));
+
+it("shows every series, takes those proposed, and says the same again", () => {
+  const fields = fieldsOf(look);
+  expect(fields.columns.map((column) => column.take)).toEqual([false, true, false]);
+  expect(importOf(fields, true)).toEqual({ ...look.import, columns: look.import!.columns });
+});
+
+it("says nothing of a layout that a file has none of", () => {
+  const { delimiter, decimal, header_lines } = importOf(fieldsOf(look), false);
+  expect([delimiter, decimal, header_lines]).toEqual([undefined, undefined, undefined]);
+  expect(layoutOf(fieldsOf(look))).not.toHaveProperty("columns");
+});
+
+it("asks for names that differ, and for a rate where there are no instants", () => {
+  const fields = fieldsOf(look);
+  const twice = { ...fields, columns: fields.columns.map((column) => ({ ...column, take: column.index > 0, name: "x" })), time: "" };
+  const found = importSchema.safeParse(twice);
+  expect(found.error?.issues.map((issue) => [issue.path.join("."), issue.message])).toEqual([["columns.1.name", "importing.twice"], ["columns.2.name", "importing.twice"], ["sample_rate", "importing.needRate"]]);
+});
+
+it("keeps what is estimated in the address", () => {
+  const fields = { ...readFrf(new URLSearchParams(), ["force", "a"]), segment: 2, modes: true };
+  expect(readFrf(writeFrf(fields), ["force", "a"])).toEqual(fields);
+  expect(frfRequest("ds_1", fields)).toEqual({ dataset: "ds_1", input: "force", output: ["a"], estimator: "H1", window: "hann", segment: 2, confidence: 0.95, modes: {} });
 });

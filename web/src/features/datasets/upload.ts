@@ -38,6 +38,24 @@ export function interrupted(file: File): string | null {
   return localStorage.getItem(KEY(file));
 }
 
+/** The pieces of a file in their order, and the sum of the whole: what the service is told when it is all there. */
+export interface Manifest {
+  segments: string[];
+  sha256: string;
+}
+
+const MANIFEST = (id: string) => `servotune-manifest-${id}`;
+
+/** What was sent for a recording that waits to be described; null in another browser than the one that sent it. */
+export function manifestOf(id: string): Manifest | null {
+  const kept = localStorage.getItem(MANIFEST(id));
+  return kept === null ? null : (JSON.parse(kept) as Manifest);
+}
+
+export function forgetManifest(id: string): void {
+  localStorage.removeItem(MANIFEST(id));
+}
+
 /**
  * Sends a file in verified segments and returns the dataset's id. What the service has already is not sent again: an upload that was
  * interrupted goes on where it was.
@@ -45,11 +63,15 @@ export function interrupted(file: File): string | null {
 export async function upload(file: File, request: object, onProgress: (part: number) => void, signal: AbortSignal): Promise<string> {
   const kept = interrupted(file);
   let id = kept;
-  let present = new Set<string>();
+  const present = new Set<string>();
   if (kept) {
-    const found = await api.GET("/v1/datasets/{identifier}/segments", { params: { path: { identifier: kept }, query: { limit: 1000 } } });
-    if (found.data) present = new Set(found.data.items.map((segment) => segment.sha256));
-    else id = null;
+    let cursor: string | undefined;
+    do {
+      const found = await api.GET("/v1/datasets/{identifier}/segments", { params: { path: { identifier: kept }, query: { limit: 1000, cursor } } });
+      if (!found.data) id = null;
+      for (const segment of found.data?.items ?? []) present.add(segment.sha256);
+      cursor = found.data?.next_cursor ?? undefined;
+    } while (cursor !== undefined);
   }
   if (id === null) {
     id = (await must(api.POST("/v1/datasets", { body: request as never }))).id;
@@ -63,7 +85,7 @@ export async function upload(file: File, request: object, onProgress: (part: num
     if (!present.has(digest)) await put(`/v1/datasets/${id}/segments/${digest}`, part, (sent) => onProgress((start + sent) / file.size), signal);
     onProgress(Math.min(1, (start + part.size) / file.size));
   }
-  await must(api.POST("/v1/datasets/{identifier}/commit", { params: { path: { identifier: id } }, body: { segments, sha256: await sha256(file) } }));
+  localStorage.setItem(MANIFEST(id), JSON.stringify({ segments, sha256: await sha256(file) } satisfies Manifest));
   localStorage.removeItem(KEY(file));
   return id;
 }

@@ -1,7 +1,7 @@
 import { Button, Code, Group, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
-import { useParams } from "react-router";
+import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobQuery, resultQuery } from "@/shared/api/jobs";
 import { Problem } from "@/shared/api/problem";
@@ -14,7 +14,8 @@ import { useEvents } from "./events";
 import { IdentificationView } from "./IdentificationView";
 import { Convergence } from "./optimization/Convergence";
 import { OptimizationView } from "./optimization/OptimizationView";
-import { isIdentification, isOptimization } from "./results";
+import { isIdentification, isOptimization, isValidation } from "./results";
+import { ValidationView } from "./ValidationView";
 
 export function JobPage() {
   const { t } = useTranslation();
@@ -45,6 +46,9 @@ export function JobPage() {
             {t("jobs.download")}
           </Button>
         )}
+        <Button variant="default" component={Link} to={`/lineage/${id}`}>
+          {t("lineage.open")}
+        </Button>
         {kind === "optimization" && (
           <Button variant="default" component="a" href={`/v1/jobs/${id}/script`} download>
             {t("jobs.script")}
@@ -67,7 +71,9 @@ export function JobPage() {
           (isOptimization(kind, result.data) ? (
             <OptimizationView result={result.data} />
           ) : isIdentification(kind, result.data) ? (
-            <IdentificationView result={result.data} />
+            <IdentificationView id={id} result={result.data} />
+          ) : isValidation(kind, result.data) ? (
+            <ValidationView result={result.data} />
           ) : (
             <section>
               <Title order={2} mb="xs">

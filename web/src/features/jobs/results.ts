@@ -1,3 +1,4 @@
+import type { components } from "@/shared/api/schema";
 import type { Metric } from "@/shared/api/types";
 import type { GridMap } from "./optimization/map";
 
@@ -37,12 +38,47 @@ export interface OptimizationResult {
   system: { id: string; revision: number } | null;
 }
 
+/** Measures of agreement in per cent, by name. */
+export type Fits = Record<string, number | null>;
+
 export interface IdentificationResult {
+  method?: string;
   status: string;
   advice: string;
-  parameters: Record<string, { value: number; unit: string; lower95: number | null; upper95: number | null; start: number }>;
-  fit: Record<string, Record<string, Record<string, number | null>>>;
-  indistinguishable: string[];
+  parameters: Record<string, { value: number; unit: string; lower95: number | null; upper95: number | null; start: number | null }>;
+  fit?: { estimation: Record<string, Fits>; validation: Record<string, Fits>; baselines: Record<string, Record<string, Fits>> };
+  one_step_prediction?: Record<string, Fits>;
+  indistinguishable?: string[];
+  correlations?: (number | null)[][];
+  residuals?: Record<string, { white: boolean; independent: boolean; autocorrelation: (number | null)[]; autocorrelation_bound: number | null }>;
+  /** Of a model that was made without a document. */
+  tried?: { order?: number; degree?: number; estimation?: number | null; validation: number | null }[];
+  order?: number;
+  degree?: number;
+  document?: unknown;
+  system?: { id: string; revision: number } | null;
+}
+
+export interface FitRow {
+  part: string;
+  output: string;
+  numbers: Fits;
+  /** Of a model that knows nothing, or of a prediction that knows the measurement. */
+  trivial: boolean;
+}
+
+/** Fits of all outputs, each beside what needs no model to reach it. */
+export function fitRows(fit: IdentificationResult["fit"], oneStep?: Record<string, Fits>): FitRow[] {
+  const outputs = Object.keys(fit?.estimation ?? fit?.validation ?? {});
+  return outputs.flatMap((output) => {
+    const row = (part: string, numbers: Fits | undefined, trivial: boolean): FitRow[] => (numbers ? [{ part, output, numbers, trivial }] : []);
+    return [
+      ...row("estimation", fit?.estimation?.[output], false),
+      ...row("validation", fit?.validation?.[output], false),
+      ...Object.entries(fit?.baselines ?? {}).flatMap(([kind, fits]) => row(kind, fits[output], true)),
+      ...row("one_step", oneStep?.[output], true),
+    ];
+  });
 }
 
 export function isOptimization(kind: string, body: unknown): body is OptimizationResult {
@@ -51,6 +87,10 @@ export function isOptimization(kind: string, body: unknown): body is Optimizatio
 
 export function isIdentification(kind: string, body: unknown): body is IdentificationResult {
   return kind === "identification" && typeof body === "object" && body !== null && "parameters" in body;
+}
+
+export function isValidation(kind: string, body: unknown): body is components["schemas"]["ValidationReply"] {
+  return kind === "validation" && typeof body === "object" && body !== null && "verdict" in body && "outputs" in body;
 }
 
 /** The address of the front panel at these values. */

@@ -20,10 +20,12 @@ interface Props {
   /** The edge of a zone was dragged. */
   onZone?: ZoneMoved;
   ref?: Ref<PlotHandle>;
+  /** A stretch of x was marked with the mouse: the page fetches it in its own detail. Without it, the picture itself is stretched. */
+  onZoom?: (from: number, to: number) => void;
 }
 
 /** A plot with its legend, the value under the cursor, and its export as picture and table. */
-export const Plot = memo(function Plot({ spec, curves, height = 280, summary, onZone, ref }: Props) {
+export const Plot = memo(function Plot({ spec, curves, height = 280, summary, onZone, ref, onZoom }: Props) {
   const { t } = useTranslation();
   const holder = useRef<HTMLDivElement>(null);
   const layer = useRef<HTMLDivElement>(null);
@@ -34,7 +36,11 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
   const shown = useRef<Curve[]>(curves ?? []);
   const behind = useRef<Decor | undefined>(undefined);
 
+  const zoom = useRef(onZoom);
+  zoom.current = onZoom;
+  const zooms = onZoom !== undefined;
   useEffect(() => {
+    const told = zooms ? (from: number, to: number) => zoom.current?.(from, to) : undefined;
     const made = createUPlot(
       holder.current!,
       spec,
@@ -42,6 +48,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
         if (readout.current) readout.current.textContent = text;
       },
       { layer: layer.current!, moved: (...told) => moved.current?.(...told) },
+      told,
     );
     plot.current = made;
     if (shown.current.length === spec.series.length) made.update(shown.current, behind.current);
@@ -49,7 +56,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
       plot.current = null;
       made.destroy();
     };
-  }, [spec]);
+  }, [spec, zooms]);
 
   const update = (next: Curve[], decor?: Decor) => {
     shown.current = next;

@@ -60,7 +60,7 @@ function drawFree(series: Series): uPlot.Series.PathBuilder {
 }
 
 /** Draws curves on a canvas: aligned ones (all of one x) with uPlot's own paths, others in a plane. */
-export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void, grips?: { layer: HTMLElement; moved: ZoneMoved }): LivePlot {
+export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void, grips?: { layer: HTMLElement; moved: ZoneMoved }, onZoom?: (from: number, to: number) => void): LivePlot {
   const ink = spec.dark ? "#d6dade" : "#24292e";
   const grid = { stroke: spec.dark ? "#3a3f45" : "#e4e7ea", width: 1 };
   let current: Curve[] = [];
@@ -104,7 +104,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     mode: spec.equal ? 2 : 1,
     legend: { show: false },
     padding: [8, 20, 0, 0],
-    cursor: { show: true, x: true, y: true, points: { show: !spec.equal }, drag: { x: !spec.equal, y: false } },
+    cursor: { show: true, x: true, y: true, points: { show: !spec.equal }, drag: { x: !spec.equal, y: false, setScale: onZoom === undefined } },
     scales: spec.equal
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
       : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
@@ -116,6 +116,14 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
         (u) => {
           paintMarks(u, spec, decor.marks);
           handles?.place(decor.zones);
+        },
+      ],
+      setSelect: [
+        (u) => {
+          const { left, width } = u.select;
+          if (!onZoom || width < 4) return;
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          onZoom(u.posToVal(left, "x"), u.posToVal(left + width, "x"));
         },
       ],
       setCursor: [

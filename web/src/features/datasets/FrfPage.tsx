@@ -1,0 +1,195 @@
+import { zodResolver } from "@hookform/resolvers/zod";
+import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, NumberInput, Paper, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { useMutation, useQuery } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { Controller, useForm } from "react-hook-form";
+import { useTranslation } from "react-i18next";
+import { Link, useParams, useSearchParams } from "react-router";
+import { api, must } from "@/shared/api/client";
+import { isProblem } from "@/shared/api/problem";
+import type { components } from "@/shared/api/schema";
+import { AnalysisChart } from "@/shared/charts/AnalysisChart";
+import type { AnalysisLine, AnalysisSpec } from "@/shared/charts/analysis";
+import { Empty } from "@/shared/ui/Empty";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { formatNumber, prettyUnit, words } from "@/shared/units/format";
+import { ESTIMATORS, FORMS, frfRequest, frfSchema, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
+import { datasetQuery } from "./recording";
+
+type Reply = components["schemas"]["FrfReply"];
+type FrfRequest = components["schemas"]["FrfRequest"];
+
+const ask = (body: Record<string, unknown>): Promise<Reply> => must(api.POST("/v1/frfs", { body: body as unknown as FrfRequest }));
+const SHOWN = ["/input", "/output", "/estimator", "/segment", "/window", "/confidence", "/form", "/period"];
+const plain = (values: (number | null)[] | null | undefined): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
+
+/** Measured frequency responses with their coherence and the bounds that hold the truth, natural frequencies, and the doubts. */
+export function FrfPage() {
+  const { t } = useTranslation();
+  const { id = "" } = useParams();
+  const [query] = useSearchParams();
+  const dataset = useQuery(datasetQuery(id));
+  if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
+  if (!dataset.data) return null;
+  const channels = dataset.data.channels.map((channel) => String(channel.name));
+  return (
+    <div className="page">
+      <PageHead title={t("spectra.frfOf", { name: dataset.data.name })} doc={t("spectra.frfDoc")}>
+        <Button variant="default" component={Link} to={`/datasets/${id}`}>
+          {t("spectra.toRecording")}
+        </Button>
+      </PageHead>
+      {channels.length < 2 ? <Empty title={t("spectra.one")}>{t("spectra.oneDoc")}</Empty> : <Form id={id} channels={channels} asked={query.has("input")} fields={readFrf(query, channels)} />}
+    </div>
+  );
+}
+
+function Form({ id, channels, asked, fields }: { id: string; channels: string[]; asked: boolean; fields: FrfFields }) {
+  const { t } = useTranslation();
+  const [, setQuery] = useSearchParams();
+  const { control, register, handleSubmit, watch, formState } = useForm<FrfFields>({ resolver: zodResolver(frfSchema), defaultValues: fields });
+  const body = frfRequest(id, fields);
+  const found = useQuery({ queryKey: ["frf", id, JSON.stringify(body)], enabled: asked, retry: false, staleTime: Infinity, queryFn: () => ask(body) });
+  const problem = isProblem(found.error) ? found.error : null;
+  const wrong = (field: keyof FrfFields, pointer = `/${field}`) => {
+    const own = formState.errors[field]?.message;
+    return own ? t(own) : problem?.at(pointer);
+  };
+  const periodic = watch("estimator") === "multisine";
+  const amount = (name: "segment" | "period" | "confidence", unit: string, doc: string) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={170} label={t(`spectra.${name}`)} description={doc} hideControls suffix={unit} value={field.value ?? ""} onChange={(value) => field.onChange(value === "" ? undefined : Number(value))} error={wrong(name)} />} />;
+  return (
+    <Stack gap="md">
+      <Paper withBorder p="md">
+        <form onSubmit={(event) => void handleSubmit((value) => setQuery(writeFrf(value)))(event)} noValidate>
+          <Group align="flex-start">
+            <NativeSelect size="xs" label={t("spectra.input")} description={t("spectra.inputDoc")} {...register("input")} data={channels} error={wrong("input")} />
+            <Controller control={control} name="outputs" render={({ field }) => <MultiSelect label={t("spectra.outputs")} description={t("spectra.outputsDoc")} data={channels} value={field.value} onChange={field.onChange} error={wrong("outputs", "/output")} miw={180} maw={320} />} />
+            <NativeSelect size="xs" label={t("spectra.estimator")} description={t("spectra.estimatorDoc")} {...register("estimator")} data={ESTIMATORS.map((value) => ({ value, label: t(`spectra.estimators.${value}`) }))} error={wrong("estimator")} />
+            {periodic ? amount("period", " s", t("spectra.periodDoc")) : amount("segment", " s", t("spectra.segmentDoc"))}
+            {!periodic && <NativeSelect size="xs" label={t("spectra.window")} description={t("spectra.windowDoc")} {...register("window")} data={WINDOWS.map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} error={wrong("window")} />}
+            {amount("confidence", "", t("spectra.confidenceDoc"))}
+            <NativeSelect size="xs" label={t("spectra.form")} description={t("spectra.formDoc")} {...register("form")} data={FORMS.map((value) => ({ value, label: t(`spectra.forms.${value || "own"}`) }))} error={wrong("form")} />
+          </Group>
+          <Checkbox size="xs" mt="sm" label={t("spectra.modes")} {...register("modes")} />
+          <Button type="submit" mt="sm" loading={found.isFetching}>
+            {t("spectra.estimate")}
+          </Button>
+        </form>
+      </Paper>
+      <ProblemAlert error={found.error} shown={SHOWN} />
+      {found.data && <Result reply={found.data} body={body} />}
+    </Stack>
+  );
+}
+
+function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }) {
+  const { t } = useTranslation();
+  const keep = useMutation({ mutationFn: () => ask({ ...body, keep: true }) });
+  const outputs = Object.entries(reply.outputs);
+  const doubts = outputs.flatMap(([output, found]) => found.doubts.map((doubt) => ({ output, detail: doubt.detail })));
+  const spec = useMemo(() => {
+    const x = plain(reply.frequency);
+    const axis = { label: "ω", unit: "rad/s", log: true };
+    const units = [...new Set(outputs.map(([, found]) => prettyUnit(found.unit)))];
+    const lines = (pick: (found: Reply["outputs"][string]) => Omit<AnalysisLine, "label" | "x">): AnalysisLine[] => outputs.map(([output, found]) => ({ label: words(output), x, ...pick(found) }));
+    const band = (lower: (number | null)[] | null | undefined, upper: (number | null)[] | null | undefined) => (lower && upper ? { band: { lower: plain(lower), upper: plain(upper) } } : {});
+    const marks = (reply.modes?.modes ?? []).flatMap((mode) => (mode.frequency === null ? [] : [{ x: mode.frequency, label: "" }]));
+    return {
+      magnitude: { title: t("spectra.magnitude"), x: axis, y: { label: "|G|", unit: units.length === 1 ? units[0]! : "", log: true }, lines: lines((found) => ({ y: plain(found.magnitude), ...band(found.magnitude_lower, found.magnitude_upper) })), marks } as AnalysisSpec,
+      phase: { title: t("panel.phase"), x: axis, y: { label: t("panel.phase"), unit: "rad" }, lines: lines((found) => ({ y: plain(found.phase), ...band(found.phase_lower, found.phase_upper) })), marks } as AnalysisSpec,
+      coherence: { title: t("spectra.coherence"), x: axis, y: { label: "γ²", unit: "", min: 0, max: 1 }, lines: lines((found) => ({ y: plain(found.coherence) })) } as AnalysisSpec,
+    };
+  }, [reply, t]);
+  return (
+    <Stack gap="md" data-testid="frf">
+      <Group justify="space-between">
+        <Text fz="sm">{t("spectra.averages", { count: reply.averages, confidence: formatNumber(100 * reply.confidence), resolution: reply.resolution == null ? "–" : formatNumber(reply.resolution) })}</Text>
+        <Group gap="xs">
+          {keep.data?.id ? (
+            <Button variant="default" component="a" href={`/v1/frfs/${keep.data.id}/uff`} download={`${keep.data.id}.uff`}>
+              {t("spectra.uff")}
+            </Button>
+          ) : (
+            <Button variant="default" onClick={() => keep.mutate()} loading={keep.isPending}>
+              {t("spectra.keep")}
+            </Button>
+          )}
+        </Group>
+      </Group>
+      <ProblemAlert error={keep.error} />
+      {(doubts.length > 0 || reply.warnings.length > 0) && (
+        <Alert color="orange" variant="outline" title={t("spectra.doubts")}>
+          <List size="sm">
+            {doubts.map(({ output, detail }) => (
+              <List.Item key={output + detail}>
+                {words(output)}: {detail}
+              </List.Item>
+            ))}
+            {reply.warnings.filter((warning) => !doubts.some((doubt) => doubt.detail === warning.detail)).map((warning) => (
+              <List.Item key={warning.pointer + warning.detail}>{warning.detail}</List.Item>
+            ))}
+          </List>
+        </Alert>
+      )}
+      <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
+        <AnalysisChart spec={spec.magnitude} height={300} summary={t("spectra.magnitude")} />
+        <AnalysisChart spec={spec.phase} height={300} summary={t("panel.phase")} />
+        {outputs.some(([, found]) => found.coherence) && <AnalysisChart spec={spec.coherence} height={200} summary={t("spectra.coherence")} />}
+      </SimpleGrid>
+      {reply.modes && <Modes modes={reply.modes.modes} />}
+    </Stack>
+  );
+}
+
+function Modes({ modes }: { modes: NonNullable<Reply["modes"]>["modes"] }) {
+  const { t } = useTranslation();
+  const range = (lower: number | null, upper: number | null) => (lower === null || upper === null ? "–" : `${formatNumber(lower)} … ${formatNumber(upper)}`);
+  return (
+    <section>
+      <Title order={2} mb="xs">
+        {t("spectra.modesFound")}
+      </Title>
+      {modes.length === 0 ? (
+        <Text fz="sm">{t("spectra.noModes")}</Text>
+      ) : (
+        <Table.ScrollContainer minWidth={640}>
+          <Table maw={960} data-testid="modes">
+            <Table.Thead>
+              <Table.Tr>
+                <Table.Th ta="right">{t("spectra.natural")} [rad/s]</Table.Th>
+                <Table.Th ta="right">[Hz]</Table.Th>
+                <Table.Th ta="right">{t("found.interval")} [rad/s]</Table.Th>
+                <Table.Th ta="right">{t("spectra.damping")}</Table.Th>
+                <Table.Th ta="right">{t("found.interval")}</Table.Th>
+                <Table.Th>{t("spectra.doubts")}</Table.Th>
+              </Table.Tr>
+            </Table.Thead>
+            <Table.Tbody>
+              {modes.map((mode, i) => (
+                <Table.Tr key={i}>
+                  <Table.Td ta="right" className="numbers" fw={600}>
+                    {mode.frequency === null ? "–" : formatNumber(mode.frequency, 5)}
+                  </Table.Td>
+                  <Table.Td ta="right" className="numbers">
+                    {mode.frequency === null ? "–" : formatNumber(mode.frequency / (2 * Math.PI), 5)}
+                  </Table.Td>
+                  <Table.Td ta="right" className="numbers">
+                    {range(mode.frequency_lower, mode.frequency_upper)}
+                  </Table.Td>
+                  <Table.Td ta="right" className="numbers" fw={600}>
+                    {mode.damping_ratio === null ? "–" : formatNumber(mode.damping_ratio)}
+                  </Table.Td>
+                  <Table.Td ta="right" className="numbers">
+                    {range(mode.damping_ratio_lower, mode.damping_ratio_upper)}
+                  </Table.Td>
+                  <Table.Td>{mode.doubt}</Table.Td>
+                </Table.Tr>
+              ))}
+            </Table.Tbody>
+          </Table>
+        </Table.ScrollContainer>
+      )}
+    </section>
+  );
+}

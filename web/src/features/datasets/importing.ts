@@ -1,0 +1,109 @@
+import { z } from "zod";
+import type { components } from "@/shared/api/schema";
+
+type Schemas = components["schemas"];
+export type ImportDocument = Schemas["ImportDocument"];
+export type Format = Schemas["DatasetRequest"]["format"];
+
+export const FORMATS: Format[] = ["csv", "txt", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf"];
+const ENDINGS: Record<string, Format> = { csv: "csv", tsv: "csv", txt: "txt", dat: "csv", asc: "csv", lvm: "lvm", tdms: "tdms", mat: "mat", h5: "hdf5", hdf5: "hdf5", hdf: "hdf5", parquet: "parquet", uff: "uff", unv: "uff", mdf: "mdf", mf4: "mdf" };
+
+export function formatOf(name: string): Format {
+  return ENDINGS[name.toLowerCase().split(".").at(-1) ?? ""] ?? "csv";
+}
+
+/** What a worker found on looking at a file: everything there is, how it would be read, and what it noticed. */
+export interface Look {
+  series: { index: number; name: string; sample_count: number; unit: string; role: string }[];
+  refused: Record<string, string>;
+  import: ImportDocument | null;
+  channels: { name: string; unit?: string; first: (number | null)[] }[];
+  sample_rate: number | null;
+  start_time: string | null;
+  scalars: Record<string, unknown>;
+  remarks: string[];
+}
+
+const row = z.object({
+  take: z.boolean(),
+  index: z.number(),
+  label: z.string(),
+  name: z.string(),
+  quantity: z.string(),
+  unit: z.string(),
+  scale: z.number("forms.number"),
+  offset: z.number("forms.number"),
+});
+export const importSchema = z
+  .object({
+    columns: z.array(row),
+    delimiter: z.string(),
+    decimal: z.enum([".", ","]),
+    header_lines: z.number("forms.number").int("forms.whole").min(0, "forms.notNegative"),
+    missing: z.string(),
+    /** Place of the instants in the file; "" where there are none. */
+    time: z.string(),
+    time_unit: z.string(),
+    order: z.enum(["", "ymd", "mdy", "dmy"]),
+    sample_rate: z.number("forms.number").positive("forms.positive").optional(),
+    gaps: z.enum(["fill", "close"]),
+    time_zone: z.string(),
+  })
+  .superRefine(({ columns, time, sample_rate }, context) => {
+    const taken = columns.flatMap((column, i) => (column.take ? [{ ...column, i }] : []));
+    if (taken.length === 0) context.addIssue({ code: "custom", path: ["columns"], message: "importing.needChannel" });
+    for (const { i, name, scale } of taken) {
+      if (name.trim() === "") context.addIssue({ code: "custom", path: ["columns", i, "name"], message: "forms.required" });
+      if (taken.filter((other) => other.name === name).length > 1) context.addIssue({ code: "custom", path: ["columns", i, "name"], message: "importing.twice" });
+      if (scale === 0) context.addIssue({ code: "custom", path: ["columns", i, "scale"], message: "importing.notZero" });
+    }
+    if (time === "" && sample_rate === undefined) context.addIssue({ code: "custom", path: ["sample_rate"], message: "importing.needRate" });
+  });
+export type ImportFields = z.infer<typeof importSchema>;
+
+/** Whether a file is a text table, whose layout can be said. */
+export function isTable(found: ImportDocument | null): boolean {
+  return found?.delimiter != null || found?.header_lines != null;
+}
+
+/** The form of a proposal: every series of the file, those taken that the proposal takes. */
+export function fieldsOf(look: Look): ImportFields {
+  const proposed = look.import;
+  const placed = (proposed?.columns ?? []).map((column) => ({ ...column, place: column.index ?? look.series.find((one) => one.name === column.source)?.index }));
+  const time = proposed?.time ? (proposed.time.index ?? look.series.find((one) => one.name === proposed.time?.source)?.index) : undefined;
+  return {
+    columns: look.series.map((one) => {
+      const column = placed.find((candidate) => candidate.place === one.index);
+      return { take: column !== undefined, index: one.index, label: one.name, name: column?.name ?? one.name, quantity: column?.quantity ?? "", unit: column?.unit ?? one.unit, scale: column?.scale ?? 1, offset: column?.offset ?? 0 };
+    }),
+    delimiter: proposed?.delimiter ?? ",",
+    decimal: proposed?.decimal ?? ".",
+    header_lines: proposed?.header_lines ?? 0,
+    missing: (proposed?.missing ?? []).join("; "),
+    time: time === undefined ? "" : String(time),
+    time_unit: proposed?.time?.unit ?? "s",
+    order: proposed?.time?.order ?? "",
+    sample_rate: proposed?.sample_rate ?? undefined,
+    gaps: proposed?.gaps ?? "fill",
+    time_zone: proposed?.time_zone ?? "UTC",
+  };
+}
+
+/** What the form says, as the service takes it. */
+export function importOf(fields: ImportFields, table: boolean): ImportDocument {
+  const missing = fields.missing.split(";").map((cell) => cell.trim()).filter((cell) => cell !== "");
+  return {
+    ...(table ? { delimiter: fields.delimiter, decimal: fields.decimal, header_lines: fields.header_lines, ...(missing.length > 0 ? { missing } : {}) } : {}),
+    columns: fields.columns.filter((column) => column.take).map(({ index, name, quantity, unit, scale, offset }) => ({ index, name, quantity, unit, scale, offset })),
+    ...(fields.time !== "" ? { time: { index: Number(fields.time), ...(fields.time_unit ? { unit: fields.time_unit } : {}), ...(fields.order ? { order: fields.order } : {}) } } : {}),
+    ...(fields.sample_rate !== undefined ? { sample_rate: fields.sample_rate } : {}),
+    gaps: fields.gaps,
+    time_zone: fields.time_zone,
+  } as ImportDocument;
+}
+
+/** The layout alone: what is looked at anew when the file was read wrongly. */
+export function layoutOf(fields: ImportFields): ImportDocument {
+  const { columns: _, ...layout } = importOf({ ...fields, time: "", sample_rate: undefined }, true);
+  return layout as ImportDocument;
+}

@@ -1,0 +1,114 @@
+import { zodResolver } from "@hookform/resolvers/zod";
+import { Button, Group, NativeSelect, NumberInput, Paper, Stack, Text, TextInput } from "@mantine/core";
+import { useMutation, useQueryClient } from "@tanstack/react-query";
+import { Controller, useForm } from "react-hook-form";
+import { useTranslation } from "react-i18next";
+import { useNavigate, useSearchParams } from "react-router";
+import { z } from "zod";
+import { api, must } from "@/shared/api/client";
+import { isProblem } from "@/shared/api/problem";
+import { scheduleAt } from "@/shared/api/schedules";
+import { PageHead } from "@/shared/ui/PageHead";
+import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { given } from "./address";
+import { MatchFields, useMatch } from "./MatchFields";
+
+const second = z.number("forms.number").min(0, "forms.notNegative").optional();
+const schema = z
+  .object({
+    limit: z.number("forms.number").positive("forms.positive").max(100),
+    offsets: z.enum(["none", "estimate"]),
+    diagnose: z.enum(["failed", "always", "never"]),
+    identification: z.string().trim(),
+    from: second,
+    to: second,
+  })
+  .refine(({ from, to }) => (from === undefined) === (to === undefined) && (from === undefined || from < to!), { path: ["to"], message: "matching.windowWrong" });
+type Fields = z.infer<typeof schema>;
+
+const SHOWN = ["/system", "/dataset", "/inputs", "/outputs", "/limit_percent", "/identification", "/window"];
+/** Points of each curve that a page can show. */
+const POINTS = 4000;
+
+/** Which model is held against which recording, and what counts as agreement. */
+export function ValidatePage() {
+  const { t } = useTranslation();
+  const found = useMatch();
+  return (
+    <div className="page">
+      <PageHead title={t("matching.validate")} doc={t("matching.validateDoc")} />
+      <Paper withBorder p="md" maw={860}>
+        <Form found={found} />
+      </Paper>
+    </div>
+  );
+}
+
+function Form({ found }: { found: ReturnType<typeof useMatch> }) {
+  const { t } = useTranslation();
+  const navigate = useNavigate();
+  const queries = useQueryClient();
+  const [query] = useSearchParams();
+  const { control, register, handleSubmit, formState } = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: { limit: Number(query.get("limit") ?? 10), offsets: query.get("offsets") === "estimate" ? "estimate" : "none", diagnose: "failed", identification: query.get("identification") ?? "" } });
+  const bodyOf = ({ limit, identification, from, to, ...rest }: Fields) => ({
+    system: found.match.system,
+    dataset: found.match.dataset,
+    inputs: given(found.match.inputs),
+    outputs: given(found.match.outputs),
+    limit_percent: limit,
+    ...rest,
+    ...(identification ? { identification } : {}),
+    ...(from !== undefined && to !== undefined ? { window: [from, to] } : {}),
+    points: POINTS,
+  });
+  const start = useMutation({
+    mutationFn: async (fields: Fields) => {
+      const made = await must(api.POST("/v1/validations", { params: { header: { prefer: "respond-async" } }, body: bodyOf(fields) as never }));
+      return (made as { id: string }).id;
+    },
+    onSuccess: (id) => {
+      void queries.invalidateQueries({ queryKey: ["jobs"] });
+      void navigate(`/jobs/${id}`);
+    },
+  });
+  const problem = isProblem(start.error) ? start.error : null;
+  const wrong = (pointer: string) => problem?.at(pointer);
+  const own = (field: keyof Fields, pointer: string) => {
+    const message = formState.errors[field]?.message;
+    return message ? t(message) : wrong(pointer);
+  };
+  const seconds = (name: "from" | "to", label: string, error: string | undefined) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={110} label={label} suffix=" s" hideControls value={field.value ?? ""} onChange={(value) => field.onChange(value === "" ? undefined : Number(value))} error={error} />} />;
+  return (
+    <form onSubmit={(event) => void handleSubmit((fields) => start.mutate(fields))(event)} noValidate>
+      <Stack gap="sm">
+        <MatchFields {...found} wrong={wrong} />
+        {found.opened && found.dataset && (
+          <>
+            <Group align="flex-start">
+              <Controller control={control} name="limit" render={({ field }) => <NumberInput size="xs" w={190} label={t("matching.limit")} description={t("matching.limitDoc")} suffix=" %" hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={own("limit", "/limit_percent")} />} />
+              <NativeSelect size="xs" w={190} label={t("matching.offsets")} description={t("matching.offsetsDoc")} {...register("offsets")} data={[{ value: "none", label: t("matching.no") }, { value: "estimate", label: t("matching.estimate") }]} />
+              <NativeSelect size="xs" w={190} label={t("matching.diagnose")} description={t("matching.diagnoseDoc")} {...register("diagnose")} data={(["failed", "always", "never"] as const).map((value) => ({ value, label: t(`matching.diagnoses.${value}`) }))} />
+            </Group>
+            <Group align="flex-start">
+              <TextInput w={300} label={t("matching.identification")} description={t("matching.identificationDoc")} {...register("identification")} error={own("identification", "/identification")} classNames={{ input: "numbers" }} />
+              {seconds("from", t("datasets.from"), own("from", "/window"))}
+              {seconds("to", t("datasets.to"), own("to", "/window"))}
+            </Group>
+            <Text fz="xs" c="dimmed">
+              {t("matching.windowDoc")}
+            </Text>
+            <ProblemAlert error={start.error} shown={SHOWN} />
+            <Group>
+              <Button type="submit" loading={start.isPending}>
+                {t("matching.judge")}
+              </Button>
+              <Button variant="default" onClick={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.validate"), { kind: "validation", body: bodyOf(fields) })))()}>
+                {t("schedules.new")}
+              </Button>
+            </Group>
+          </>
+        )}
+      </Stack>
+    </form>
+  );
+}

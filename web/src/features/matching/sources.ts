@@ -1,0 +1,35 @@
+import { queryOptions } from "@tanstack/react-query";
+import { api, must } from "@/shared/api/client";
+import type { components } from "@/shared/api/schema";
+
+export type Dataset = components["schemas"]["DatasetReply"];
+
+/** Systems and recordings to choose from, the newest first. */
+export const choicesQuery = queryOptions({
+  queryKey: ["choices"],
+  queryFn: async () => {
+    const [systems, datasets] = await Promise.all([must(api.GET("/v1/systems", { params: { query: { limit: 200 } } })), must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))]);
+    return { systems: systems.items, datasets: datasets.items.filter((row) => row.status === "ready") };
+  },
+});
+
+export const datasetQuery = (id: string) =>
+  queryOptions({
+    queryKey: ["dataset", id],
+    queryFn: (): Promise<Dataset> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
+  });
+
+export interface Channel {
+  name: string;
+  unit: string;
+}
+
+export function channelsOf(dataset: Dataset | undefined): Channel[] {
+  return (dataset?.channels ?? []).map((channel) => ({ name: String(channel.name), unit: String(channel.unit ?? "") }));
+}
+
+/** The channel that has the port's own name, if there is one: what a form begins with. */
+export function likely(port: string, channels: Channel[]): string {
+  const plain = (text: string) => text.toLowerCase().replace(/[^a-z0-9]/g, "");
+  return channels.find((channel) => plain(channel.name) === plain(port))?.name ?? "";
+}
