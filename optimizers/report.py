@@ -10,6 +10,7 @@ goal, the worst excess takes the place of the objective: the μ of the goals who
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -195,6 +196,10 @@ def _advice(evaluator: Evaluator, certificate: Certificate, conflict: Mapping[in
     """Return which goals cannot be met together at the least-violated point."""
     names = [_named(evaluator, g) for g in range(len(certificate.goals))]
     hard = [proof for proof in certificate.goals if evaluator.problem.goals[proof.goal].hard]
+    absent = [p for p in hard if math.isnan(number_of(p.measured))]
+    if absent:
+        reasons = (f"{names[p.goal]} has no value ({p.measured.verdict}: {p.measured.advice})" for p in absent)
+        return f"{'; '.join(reasons)}. No point with a value of every goal was found: choose another goal, or change its experiment."
     broken = [f"{names[p.goal]} by {p.violation:.3g}" for p in hard if p.violation > TOLERANCE]
     text = f"this is the point that breaks the goals least: {', '.join(broken)} (relative to the bound)"
     if len(conflict) > 1:

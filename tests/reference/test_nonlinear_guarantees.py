@@ -194,6 +194,54 @@ def test_chatter_that_only_slowly_becomes_faster_ends_with_a_verdict():
     assert rest == pytest.approx(0.1025, abs=1e-6)  # 20.5 steps: an edge
 
 
+def test_a_twisting_loop_ends_with_a_verdict():
+    """x'' = -sign(x - 1) - sign(x')/2: each half swing is 1/√3 of the last, their sum is finite: infinitely many switches before that."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "k": block("relay"), "d": block("relay"),
+             "g": block("gain", gain=0.5), "n": block("sum", signs="+-"), "v": block("integrator"), "x": block("integrator")},
+            ["r -> e.in1", "x -> e.in2", "e -> k", "v -> d", "d -> g", "k -> n.in1", "g -> n.in2", "n -> v", "v -> x"],
+            {"x": "x"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {})}, duration=20.0, samples=20_001)
+    assert found.verdict is Verdict.DOUBTFUL
+    # to x = 1 with x'' = 1 - 1/2 in 2 s; then down with 3/2 and back with 1/2, by 1/√3 faster each time
+    first, ratio = 2.0, 1 / np.sqrt(3.0)
+    swing = 1.0 / 1.5 + 1.0 / 1.5 * np.sqrt(3.0)  # with x' = 1: until it turns, and back to x = 1
+    end = first + swing / (1 - ratio)
+    known = found.time[np.isfinite(found.curves["x"])]
+    assert known[-1] == pytest.approx(end, rel=1e-3)
+    assert found.curves["x"][np.isfinite(found.curves["x"])][-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_relay_with_almost_no_hysteresis_ends_with_a_verdict():
+    """Half a million switches a second: x' = 100 (±1 - x) between 0.5 ± 1e-6 takes 4e-8 s."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "k": block("relay", hysteresis=1e-6),
+             "p": block("transfer_function", numerator=[1.0], denominator=[0.01, 1.0])},
+            ["r -> e.in1", "p -> e.in2", "e -> k", "k -> p"],
+            {"x": "p"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {"amplitude": 0.5})}, duration=2.0)
+    assert found.verdict is Verdict.DOUBTFUL
+    assert any("accumulate" in remark.detail for remark in found.warnings)
+
+
+def test_a_table_that_contradicts_itself_ends_with_a_verdict():
+    """u = r - y through a table that falls steeply: every piece gives an input that lies on the other one."""
+    made = compile_system(
+        document({"r": block("input"), "e": block("sum", signs="+-"),
+                  "k": block("lookup_table", points=[-1.0, 0.0, 1.0], values=[1.0, -3.0, 2.0])},
+                 ["r -> e.in1", "k -> e.in2", "e -> k"], {"y": "k"})
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {"amplitude": 0.3})}, duration=1.0)
+    assert found.verdict is Verdict.DOUBTFUL
+    assert any("chattering" in remark.detail for remark in found.warnings)
+
+
 def test_a_loop_through_a_relay_alone_is_refused():
     """Sliding at u = 0 would take an output of 0 to be given by the relay to itself."""
     with pytest.raises(EngineError, match="what k hold must be moved by their outputs"):

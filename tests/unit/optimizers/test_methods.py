@@ -280,6 +280,41 @@ def test_nowhere_stable_says_so() -> None:
     assert result.best["kp"] < 2.2
 
 
+@pytest.mark.parametrize("method", ["gradient", "grid"])
+def test_a_scenario_that_nothing_stabilises_is_named(method) -> None:
+    # y = k/(s + a): a = -1 is unstable whatever k is.
+    made = Problem(
+        diagram=compile_system(
+            System(
+                parameters={"k": Parameter(value=1.0, lower=0.1, upper=5.0), "a": Parameter(value=1.0)},
+                blocks={
+                    "u": Block(kind="input"),
+                    "g": Block(kind="transfer_function", values={"numerator": ["=k"], "denominator": [1.0, "=a"]}),
+                },
+                connections=(Connection(source="u", target="g"),),
+                outputs={"y": "g"},
+            )
+        ),
+        variables=(Variable(parameter="k"),),
+        experiments=(STEP,),
+        goals=(Goal(metric="peak", experiment="step", output="y", sense=Sense.MINIMIZE),),
+        scenarios=({"a": 1.0}, {"a": -1.0}),
+    )
+    result = minimize(method, made, {})
+    assert result.status is Status.INFEASIBLE
+    assert "unstable in scenario 1 and stable in the others" in result.advice
+    assert not result.certificate.valid
+
+
+def test_a_metric_that_its_experiment_does_not_define_says_what_it_needs() -> None:
+    sine = Experiment(name="sine", signals={"u": make("sine", {"amplitude": 1.0, "frequency": 3.0})})
+    goal = Goal(metric="rise_time", experiment="sine", output="y", sense=Sense.MINIMIZE)
+    result = minimize("gradient", problem(goal, experiment=sine), {"max_evaluations": 100})
+    assert result.status is Status.INFEASIBLE
+    assert "rise_time of y has no value (not_applicable: it needs a command that settles" in result.advice
+    assert not result.certificate.valid
+
+
 def test_gradient_and_grid_agree_on_the_drive() -> None:
     box = {"kp": (1.0, 3.0), "kd1": (1e-3, 1e-2)}
     grid = minimize("grid", drive_problem(**box), {"points": 15})
