@@ -36,7 +36,15 @@ _FAST: Final = {"nsz", "arcp", "contract", "reassoc"}
 
 
 def compiled(function: F) -> F:
-    """Return the function compiled at its first call."""
+    """Return the function compiled at its first call; it makes no arrays and counts no references to those it is given.
+
+    Counting costs two locked instructions for every view of an array, which added up to a twelfth of all time.
+    """
+    return cast("F", njit(fastmath=_FAST, nogil=True, cache=True, error_model="numpy", _nrt=False)(function))
+
+
+def allocating(function: F) -> F:
+    """Return the function compiled at its first call; it may make arrays."""
     return cast("F", njit(fastmath=_FAST, nogil=True, cache=True, error_model="numpy")(function))
 
 

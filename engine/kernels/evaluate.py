@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import LANES, compiled, multiply
+from engine.kernels.compiled import LANES, allocating, compiled, multiply
 from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
 from engine.kernels.powers import LEVELS, STIFF, raise_powers
 from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, begin, follow, passes
@@ -50,7 +50,7 @@ def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
         alive[lane] = 1.0 if good else 0.0
 
 
-@compiled
+@allocating
 def evaluate(
     tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
     curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real, extra: int,

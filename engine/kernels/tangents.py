@@ -14,7 +14,7 @@ import numpy.typing as npt
 from engine.kernels import events as r
 from engine.kernels import sampling as s
 from engine.kernels import spectrum as f
-from engine.kernels.compiled import LANES, compiled
+from engine.kernels.compiled import LANES, allocating, compiled
 from engine.kernels.evaluate import scatter
 from engine.kernels.powers import LEVELS, raise_powers
 from engine.kernels.readings import enter_slopes
@@ -85,7 +85,7 @@ def _levels(program: TimeProgram, readings: Real, h: float, most: int) -> int:
     return top
 
 
-@compiled
+@allocating
 def differentiate(
     tape: Tape, count: int, program: TimeProgram, curves: SpectrumProgram, of_time: Whole, of_curves: Whole, points: Real,
     directions: Real, readings: Real, spectra: Real, growth: Real, results: Real,
