@@ -46,6 +46,8 @@ SURE: Final = 4.0
 _NOISE: Final = 1e-12
 _RIPPLE: Final = 1e-8
 """What slips by less than this part of the largest value changes no metric that is read here."""
+_FAR: Final = 1e-2
+"""A turning point that is sure to stay so much below the furthest is no rival of it."""
 SLIGHT: Final = 1e-7
 """An overshoot below this part of the final value counts as none, where its instant does not matter."""
 
@@ -227,9 +229,9 @@ def scan(
                 if rising:
                     matters = matters | (reach > 0.1 * size)
                 if wants & HIGHEST:
-                    matters = matters | ((sign * d1 > 0.0) & (reach > load(state, TOP4)))
+                    matters = matters | ((sign * d1 > 0.0) & (reach > _rival(state, TOP)))
                 if wants & LOWEST:
-                    matters = matters | ((sign * d1 < 0.0) & (reach > load(state, LOW4)))
+                    matters = matters | ((sign * d1 < 0.0) & (reach > _rival(state, LOW)))
                 turning = turning & matters
                 if anywhere(turning):
                     # Cubic interpolation over the two steps to both sides of the sample before errs so much more than that
@@ -294,6 +296,13 @@ def scan(
         highest, lowest = select(goal >= 0.0, top, -low), select(goal >= 0.0, low, -top)
         unsure = _hides(state, highest, lowest, stir, size, unrisen, wants, least) or unsure
     return unsure
+
+
+@compiled
+def _rival(state: Real, first: int) -> Any:
+    """Return what a tip must be able to reach to be a rival of the furthest."""
+    height = load(state, first)
+    return height - _FAR * magnitude(height) - SURE * load(state, first + 3)
 
 
 @compiled

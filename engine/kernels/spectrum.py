@@ -52,8 +52,10 @@ _TURNS: Final = 9
 _AGREED: Final = 1e-6
 """Relative step after which the next point is final; the value at a peak depends on the square of what is left."""
 _ALL: Final = 127.0
-_CROSS_UNIT, _CROSS_AXIS, _CROSS_LEVEL, _PEAK_S, _PEAK_T, _PEAK_H, _NO_EVENT = range(7)
+_CROSS_UNIT, _CROSS_AXIS, _CROSS_LEVEL, _PEAK_S, _PEAK_T, _PEAK_H, _TURN_UNIT, _TURN_LEVEL, _NO_EVENT = range(9)
 _BRACKET: Final = 11
+_TOUCHES: Final = 1e-9
+"""A curve that turns so near to a level, by its square, may cross it twice or not at all."""
 
 
 class SpectrumProgram(NamedTuple):
@@ -198,12 +200,16 @@ def _look(
                     high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
         if 2 < k < last:
             if wants & (PHASE | DELAY):
-                phase_doubt = select(_hidden(m2, m1, m, 1.0), float(PHASE + DELAY), phase_doubt)
+                unseen = _hidden(m2, m1, m, 1.0)
+                if anywhere(unseen):
+                    full |= _note(kinds, at, counts, of, lanes_of(unseen), _TURN_UNIT, k - 1, c)
             if wants & GAIN:
                 twice = _hidden(y2, y1, y, 0.0) & (x1 < 0.0) & (m1 > _SMALLEST * _SMALLEST)
                 gain_doubt = select(twice, float(GAIN), gain_doubt)
             if wants & BANDWIDTH:
-                level_doubt = select(_hidden(m2, m1, m, reference) & (falls == 0.0), float(BANDWIDTH), level_doubt)
+                unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
+                if anywhere(unseen):
+                    full |= _note(kinds, at, counts, of, lanes_of(unseen), _TURN_LEVEL, k - 1, c)
         if crossings:
             passes = ((m > 1.0) & (m1 <= 1.0)) | ((m <= 1.0) & (m1 > 1.0))
             if k in (1, last):
@@ -301,12 +307,14 @@ def _hidden(left: Any, middle: Any, right: Any, goal: Any) -> Any:
     The parabola through the samples, half as much again and a tenth of its bend reaches the level; the samples are all on
     one side of it.
     """
+    side = middle - goal
+    turns = ((middle - left) * (middle - right) > 0.0) & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0)
+    if not anywhere(turns):
+        return turns
     bend = left - 2.0 * middle + right
     tip = middle - (right - left) * (right - left) / (8.0 * bend)
     beyond = tip + 0.5 * (tip - middle) - _BEND * bend
-    turns = (middle - left) * (middle - right) > 0.0
-    side = middle - goal
-    return turns & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0) & (side * (beyond - goal) <= 0.0)
+    return turns & (side * (beyond - goal) <= 0.0)
 
 
 @compiled
@@ -317,7 +325,7 @@ def root_of(square: Any, sign: Any) -> Any:
 
 @compiled
 def _inverse(kind: Any, x: Any, y: Any, level: Any) -> Any:
-    """Return what is 0 at a crossing, or smallest at a peak: there the inverse, a parabola also where a peak is sharp."""
+    """Return what is 0 at a crossing, or turns at a peak: the inverse of a peak is a parabola also where that is sharp."""
     square = x * x + y * y
     distance = square + 2.0 * x + 1.0
     mark = select(kind == float(_CROSS_UNIT), 1.0, level)
@@ -325,7 +333,8 @@ def _inverse(kind: Any, x: Any, y: Any, level: Any) -> Any:
     found = select(kind == float(_CROSS_AXIS), y, found)
     found = select(kind == float(_PEAK_S), distance, found)
     found = select(kind == float(_PEAK_T), distance / square, found)
-    return select(kind == float(_PEAK_H), 1.0 / square, found)
+    found = select(kind == float(_PEAK_H), 1.0 / square, found)
+    return select(kind >= float(_TURN_UNIT), square, found)
 
 
 @compiled
@@ -352,7 +361,7 @@ def _polish(
     f0 = _inverse(kind, load(bracket, 3), load(bracket, 6), level)
     f1 = _inverse(kind, load(bracket, 4), load(bracket, 7), level)
     f2 = _inverse(kind, load(bracket, 5), load(bracket, 8), level)
-    peak = (kind >= float(_PEAK_S)) & (kind <= float(_PEAK_H))
+    peak = (kind >= float(_PEAK_S)) & (kind <= float(_TURN_LEVEL))
     # between two samples the straight line, between three the parabola; there also the curvature
     line = w0 - f0 * (w1 - w0) / (f1 - f0)
     before, after = (f1 - f0) / (w1 - w0), (f2 - f1) / select(peak, w2 - w1, 1.0)
@@ -369,6 +378,9 @@ def _polish(
         select(kind == float(_PEAK_T), height * height * second, -(height * height * second)),
     )
     rising = select(kind == float(_PEAK_H), -1.0, select(peak, 1.0, select(f1 > f0, 1.0, -1.0)))
+    turn_of_square = peak & (kind > float(_PEAK_H))
+    steep = select(turn_of_square, second, steep)
+    rising = select(turn_of_square, select(second > 0.0, 1.0, -1.0), rising)
     omega = bracket[_BRACKET - 1 : _BRACKET]
     store(omega, here, 0)
     moving = select(kind == float(_NO_EVENT), 0.0, 1.0)
@@ -396,7 +408,7 @@ def _polish(
         f = select(kind == float(_CROSS_AXIS), y, f)
         f = select(kind == float(_PEAK_S), nearness, f)
         f = select(kind == float(_PEAK_T), nearness * square - distance * slope, f)
-        f = select(kind == float(_PEAK_H), slope, f)
+        f = select((kind == float(_PEAK_H)) | turn_of_square, slope, f)
         if turn > 0:
             apart = here - last
             secant = (f - f_last) / select(apart == 0.0, 1.0, apart)
@@ -415,10 +427,22 @@ def _polish(
         moving = select(arrives, 0.0, moving)
         store(omega, here, 0)
         turn += 1
+    # on which side of its level a curve was where it may have touched it
+    side = load(bracket, 4) * load(bracket, 4) + load(bracket, 7) * load(bracket, 7)
+    side = side - select(kind == float(_TURN_UNIT), 1.0, level)
     store(bracket, x, 0)
     store(bracket, y, 1)
+    store(bracket, side, 2)
     for lane in range(LANES):
-        _enter(readings[int(of[lane])], int(kinds[lane]), lane, omega[0, lane], bracket[0, lane], bracket[1, lane])
+        reading = readings[int(of[lane])]
+        if kinds[lane] == _TURN_UNIT or kinds[lane] == _TURN_LEVEL:
+            goal = 1.0 if kinds[lane] == _TURN_UNIT else bracket[9, lane]
+            away = bracket[0, lane] * bracket[0, lane] + bracket[1, lane] * bracket[1, lane] - goal
+            if not (away * bracket[2, lane] > 0.0 and abs(away) > _TOUCHES * goal):
+                for bit in (PHASE, DELAY) if kinds[lane] == _TURN_UNIT else (BANDWIDTH, BANDWIDTH):
+                    _suspect(readings, int(of[lane]), lane, float(bit))
+        else:
+            _enter(reading, int(kinds[lane]), lane, omega[0, lane], bracket[0, lane], bracket[1, lane])
 
 
 @compiled
