@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.diagram import LOOP
-from engine.kernels import spectrum as frequency_kernel
+from engine.kernels import spectrum_program as frequency_kernel
 from engine.kernels.assembly import Assembly
 from engine.kernels.compiled import LANES
 from engine.kernels.evaluate import evaluate
 from engine.kernels.events import READINGS as TIMED
 from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, read, reading_list
-from engine.kernels.spectrum import CHUNK, SpectrumProgram
+from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
 from engine.kernels.tangents import differentiate
 from engine.kernels.tape import Registers
 from engine.kernels.time_program import TimePart, TimeProgram
