@@ -61,6 +61,9 @@ _ABRUPT: Final = 0.3
 _BEND: Final = 0.1
 """A curve may turn so much further than the parabola through three samples, by their second difference."""
 _RIVAL: Final = 0.1
+_AHEAD: Final = 2.5
+"""A peak is hidden at an end of the axis if it lies at less than a little more than the first frequency, by the parabola."""
+_SLIGHT: Final = 1e-9
 
 
 @compiled
@@ -235,6 +238,20 @@ def _look(
                 store(before1, inverse, p)
         x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
     store2(readings, root(tallest), c, HIGHEST)
+    for end, beside, next_ in ((0, 1, 2), (last, last - 1, last - 2)):
+        ratio = program.frequencies[next_] / program.frequencies[beside]
+        ratio = ratio * ratio if end == 0 else 1.0 / (ratio * ratio)
+        for p in range(3):
+            if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
+                continue
+            rest, near = _squared(store_re, store_im, c, end, p), _squared(store_re, store_im, c, beside, p)
+            excess = _excess(rest, near, _squared(store_re, store_im, c, next_, p), ratio)
+            if p < 2:
+                peak_doubt = select(excess > 0.0, float(SENSITIVITY + COMPLEMENTARY), peak_doubt)
+            else:
+                high_doubt = select(excess > 0.0, float(PEAK), high_doubt)
+                passes = (rest < 1.0) & (rest * (1.0 + 2.0 * excess) > 1.0)
+                phase_doubt = select(passes & (excess > 0.0), float(PHASE + DELAY), phase_doubt)
     some = phase_doubt + gain_doubt + peak_doubt + level_doubt + high_doubt
     store2(readings, select(doubt > 0.0, doubt, some), c, DOUBT)
     for lane in range(LANES):
@@ -268,6 +285,28 @@ def _look(
                 full |= _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, int(runner_up[p, lane]), c)
             if full or k < 2 or k > last - 2:
                 suspect(readings, c, lane, bit)
+
+
+@compiled
+def _squared(store_re: Real, store_im: Real, c: int, k: int, p: int) -> Any:
+    """Return |1/(1 + L)|², |L/(1 + L)|² or |T|² at one frequency."""
+    x, y = load2(store_re, c, k), load2(store_im, c, k)
+    square, distance = x * x + y * y, (1.0 + x) * (1.0 + x) + y * y
+    if p == 2:
+        return square
+    return (square if p == 1 else spread(1.0)) / distance
+
+
+@compiled
+def _excess(rest: Any, near: Any, next_: Any, ratio: float) -> Any:
+    """Return by which part a curve may rise above an end of the axis before the first sample beside it; 0 where it does not.
+
+    With w = ω² in units of the sample's (at the other end 1/ω²) the square is rest (1 + a w + b w²), through two samples.
+    """
+    first, second = near / rest - 1.0, next_ / rest - 1.0
+    b = (second / ratio - first) / (ratio - 1.0)
+    a = first - b
+    return select((a > 0.0) & (b < 0.0) & (a < -_AHEAD * b), a * a / (-4.0 * b), 0.0) - _SLIGHT
 
 
 @compiled
