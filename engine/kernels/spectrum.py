@@ -64,6 +64,10 @@ _RIVAL: Final = 0.1
 _AHEAD: Final = 2.5
 """A peak is hidden at an end of the axis if it lies at less than a little more than the first frequency, by the parabola."""
 _SLIGHT: Final = 1e-9
+_STEEPEST: Final = 6
+"""Curves rise and fall with the sixth power of frequency at most; what is steeper is left to the exact path."""
+_ON_THE_WAY: Final = 0.1
+"""By so much the power may differ from a whole number: what lies beyond is at least four times as far away."""
 
 
 @compiled
@@ -241,6 +245,13 @@ def _look(
     for end, beside, next_ in ((0, 1, 2), (last, last - 1, last - 2)):
         ratio = program.frequencies[next_] / program.frequencies[beside]
         ratio = ratio * ratio if end == 0 else 1.0 / (ratio * ratio)
+        distance = program.frequencies[end] / program.frequencies[beside]
+        distance = distance * distance if end == 0 else 1.0 / (distance * distance)
+        arrived = _arrived(
+            _squared(store_re, store_im, c, end, 2), _squared(store_re, store_im, c, beside, 2),
+            _squared(store_re, store_im, c, next_, 2), ratio, distance,
+        )  # fmt: skip
+        doubt = select(arrived, doubt, ALL)
         for p in range(3):
             if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
                 continue
@@ -295,6 +306,23 @@ def _squared(store_re: Real, store_im: Real, c: int, k: int, p: int) -> Any:
     if p == 2:
         return square
     return (square if p == 1 else spread(1.0)) / distance
+
+
+@compiled
+def _arrived(rest: Any, near: Any, next_: Any, ratio: float, distance: float) -> Any:
+    """Whether the samples beside an end of the axis follow the power of frequency that leads to it.
+
+    A square w^n, w = ω² (at the other end 1/ω²), grows by ratio^n from the sample beside the end to the next, and by
+    distance^n to the end. A curve that does not has poles or zeros between them.
+    """
+    steepness = (next_ - near) / (next_ + near)
+    found = rest < 0.0
+    to_next, to_end = ratio ** float(-_STEEPEST), distance ** float(-_STEEPEST)
+    for _ in range(2 * _STEEPEST + 1):
+        matches = magnitude(steepness - (to_next - 1.0) / (to_next + 1.0)) < _ON_THE_WAY * (ratio - 1.0) / (ratio + 1.0)
+        found = found | (matches & (rest > 0.5 * to_end * near) & (rest < 2.0 * to_end * near))
+        to_next, to_end = to_next * ratio, to_end * distance
+    return found | (near == 0.0)
 
 
 @compiled
