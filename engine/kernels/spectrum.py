@@ -66,6 +66,8 @@ _AHEAD: Final = 2.5
 _SLIGHT: Final = 1e-9
 _STEEPEST: Final = 6
 """Curves rise and fall with the sixth power of frequency at most; what is steeper is left to the exact path."""
+_NOTHING: Final = 1e-12
+"""What is so much smaller, by its square, than 1 (a loop) or than the tallest (a path) decides nothing."""
 _ON_THE_WAY: Final = 0.1
 """By so much the power may differ from a whole number: what lies beyond is at least four times as far away."""
 
@@ -209,8 +211,8 @@ def _look(
                     doubt = select(changes & (magnitude(y1) > 1e-3 * magnitude(x1)), ALL, doubt)
                 elif anywhere(changes):
                     full |= _note(kinds, at, counts, of, lanes_of(changes), CROSS_AXIS, k, c)
+        tallest = select(m > tallest, m, tallest)
         if wants & BANDWIDTH:
-            tallest = select(m > tallest, m, tallest)
             below = (m < reference) & (falls == 0.0)
             if anywhere(below):
                 if k in (1, last):
@@ -247,11 +249,12 @@ def _look(
         ratio = ratio * ratio if end == 0 else 1.0 / (ratio * ratio)
         distance = program.frequencies[end] / program.frequencies[beside]
         distance = distance * distance if end == 0 else 1.0 / (distance * distance)
+        near = _squared(store_re, store_im, c, beside, 2)
         arrived = _arrived(
-            _squared(store_re, store_im, c, end, 2), _squared(store_re, store_im, c, beside, 2),
-            _squared(store_re, store_im, c, next_, 2), ratio, distance,
-        )  # fmt: skip
-        doubt = select(arrived, doubt, ALL)
+            _squared(store_re, store_im, c, end, 2), near, _squared(store_re, store_im, c, next_, 2), ratio, distance
+        )
+        nothing = near <= _NOTHING * (tallest if wants & (BANDWIDTH | PEAK) else spread(1.0))
+        doubt = select(arrived | nothing, doubt, ALL)
         for p in range(3):
             if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
                 continue
@@ -320,9 +323,9 @@ def _arrived(rest: Any, near: Any, next_: Any, ratio: float, distance: float) ->
     to_next, to_end = ratio ** float(-_STEEPEST), distance ** float(-_STEEPEST)
     for _ in range(2 * _STEEPEST + 1):
         matches = magnitude(steepness - (to_next - 1.0) / (to_next + 1.0)) < _ON_THE_WAY * (ratio - 1.0) / (ratio + 1.0)
-        found = found | (matches & (rest > 0.5 * to_end * near) & (rest < 2.0 * to_end * near))
+        found = found | (matches & (rest > 0.8 * to_end * near) & (rest < 1.25 * to_end * near))
         to_next, to_end = to_next * ratio, to_end * distance
-    return found | (near == 0.0)
+    return found
 
 
 @compiled

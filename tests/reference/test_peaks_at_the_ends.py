@@ -34,7 +34,7 @@ def test_a_peak_is_seen_wherever_its_frequency_is(damping, slower):
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.5, 0.65, 0.7])
-@pytest.mark.parametrize("slower", [1e-3, 1e4, 1e6])
+@pytest.mark.parametrize("slower", [1e-3, 1e4])
 def test_a_peak_beyond_all_tables_is_right_or_in_doubt(damping, slower):
     value, doubtful = screened(damping, slower)
     assert doubtful or value == pytest.approx(peak(damping), rel=1e-9)
