@@ -67,7 +67,7 @@ _SLIGHT: Final = 1e-9
 _STEEPEST: Final = 6
 """Curves rise and fall with the sixth power of frequency at most; what is steeper is left to the exact path."""
 _NOTHING: Final = 1e-12
-"""What is so much smaller, by its square, than 1 (a loop) or than the tallest (a path) decides nothing."""
+"""What has fallen so far below 1 (a loop) or the tallest (a path), by its square, decides nothing beyond."""
 _ON_THE_WAY: Final = 0.1
 """By so much the power may differ from a whole number: what lies beyond is at least four times as far away."""
 
@@ -253,8 +253,9 @@ def _look(
         arrived = _arrived(
             _squared(store_re, store_im, c, end, 2), near, _squared(store_re, store_im, c, next_, 2), ratio, distance
         )
-        nothing = near <= _NOTHING * (tallest if wants & (BANDWIDTH | PEAK) else spread(1.0))
-        doubt = select(arrived | nothing, doubt, ALL)
+        if end > 0:
+            arrived = arrived | (near <= _NOTHING * (tallest if wants & (BANDWIDTH | PEAK) else spread(1.0)))
+        doubt = select(arrived, doubt, ALL)
         for p in range(3):
             if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
                 continue
