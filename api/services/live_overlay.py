@@ -56,8 +56,9 @@ def at_instants(values: Real, sample_time: float, start: float, time: Real) -> R
     own = np.arange(values.size) * sample_time
     if sample_time < step:
         total = np.concatenate([[0.0], np.cumsum(values)])
-        first = np.clip(np.ceil((wanted - step / 2) / sample_time), 0, values.size).astype(int)
-        last = np.clip(np.ceil((wanted + step / 2) / sample_time), 0, values.size).astype(int)
+        # A millionth of a sample, so that rounding does not decide which stretch a sample on the edge belongs to.
+        edges = [np.ceil((wanted + side * step / 2) / sample_time - 1e-6) for side in (-1, 1)]
+        first, last = (np.clip(edge, 0, values.size).astype(int) for edge in edges)
         count = last - first
         with np.errstate(invalid="ignore"):
             found = np.where(count > 0, (total[last] - total[first]) / np.maximum(count, 1), np.nan)
@@ -79,7 +80,9 @@ def overlays(
     found = []
     for i, overlay in enumerate(asked):
         place = ("measured", i)
-        check_name(overlay.output, diagram.outputs, name="output", what="the system's outputs", place=(*place, "output"))
+        check_name(
+            overlay.output, diagram.outputs, name="output", what="the system's outputs", place=(*place, "output")
+        )
         recording = read_recording(
             service.database, caller.workspace, overlay.dataset, {(*place, "channel"): overlay.channel},
             place=(*place, "dataset"),

@@ -23,6 +23,8 @@ PAGES = ROOT / "api" / "static"
 #: The distribution's browser: nothing is downloaded.
 CHROMIUM = os.environ.get("SERVOTUNE_TEST_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 _ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+#: Seconds until the service must answer: beside other tests it waits for its processor.
+_PATIENCE = 240
 _AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 _WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 
@@ -52,7 +54,7 @@ class Running:
         }
         with (self.folder / "service.log").open("ab") as log:
             self.process = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=log, stderr=log)
-        deadline = time.monotonic() + 180
+        deadline = time.monotonic() + _PATIENCE
         with self.client() as client:
             while time.monotonic() < deadline:
                 try:
@@ -61,12 +63,12 @@ class Running:
                 except httpx.TransportError:
                     assert self.process.poll() is None, (self.folder / "service.log").read_text()
                 time.sleep(0.1)
-        raise AssertionError("the service was not ready within 180 s")
+        raise AssertionError(f"the service was not ready within {_PATIENCE} s")
 
     def stop(self) -> None:
         assert self.process is not None
         self.process.terminate()
-        self.process.wait(timeout=30)
+        self.process.wait(timeout=_PATIENCE)
 
 
 @contextmanager
@@ -74,8 +76,8 @@ def running(folder: Path) -> Iterator[Running]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     service = Running(folder=folder, port=port)
-    service.start()
     try:
+        service.start()
         yield service
     finally:
         service.stop()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import PAGES
+import servotune
+from tests.browser.driving import KEY, PAGES, faults
 
 #: Turns a slider by one step on every frame of the screen; collects, for each, when its picture was painted.
 DRAG = """async ({count}) => {
@@ -41,11 +43,20 @@ DRAG = """async ({count}) => {
 }"""
 
 
+def study(client, name: str) -> str:
+    templates = json.loads((PAGES.parents[1] / "web/src/features/systems/templates.json").read_text())
+    document = next(t for t in templates if t["id"] == name)["document"]
+    return str(client.post("/v1/systems", json=document).json()["id"])
+
+
 @pytest.fixture(scope="module")
 def motor(client) -> str:
-    templates = json.loads((PAGES.parents[1] / "web/src/features/systems/templates.json").read_text())
-    document = next(t for t in templates if t["id"] == "dc-motor")["document"]
-    return str(client.post("/v1/systems", json=document).json()["id"])
+    return study(client, "dc-motor")
+
+
+@pytest.fixture(scope="module")
+def hydraulic(client) -> str:
+    return study(client, "hydraulic-velocity")
 
 
 def opened(page: Page, system: str, query: str) -> None:
@@ -131,6 +142,100 @@ def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:
     assert float(lines[1000].split(",")[1]) == pytest.approx(24 * 0.2 / (0.5 * 1e-3 + 0.2**2), rel=1e-3)
 
 
+def test_a_goal_is_dragged_as_a_zone_and_searched_for(page: Page, hydraulic) -> None:
+    opened(page, hydraulic, "s=law.kp&in=reference&loop=error&amp=0.1&v=step:velocity,nyquist")
+    page.get_by_label("Add a goal").select_option("overshoot")
+    bound = page.get_by_role("textbox", name="Bound of overshoot")
+    expect(bound).to_have_value("10")
+    # The study overshoots by 55 %: the goal is missed, in the strip and at the goal.
+    expect(page.get_by_test_id("goal")).to_have_attribute("data-met", "false")
+    grip = page.locator("[data-zone=overshoot]")
+    box = grip.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 8, box["y"] + 8)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 8, box["y"] - 20, steps=3)
+    page.mouse.up()
+    expect(page).to_have_url(re.compile(r"g=overshoot%3C0\.[1-9]"))
+    expect(bound).not_to_have_value("10")
+    dragged = float(bound.input_value())
+    assert dragged > 10
+    grip.focus()
+    page.keyboard.press("ArrowUp")
+    expect(bound).not_to_have_value(f"{dragged:g}")
+    bound.fill("90")
+    bound.press("Enter")
+    expect(page.get_by_test_id("goal")).to_have_attribute("data-met", "true")
+    assert faults(page) == []
+    page.get_by_role("link", name="Optimise for these").click()
+    expect(page.get_by_role("textbox", name="At most, goal 1")).to_have_value("0.9")
+
+
+def test_snapshots_are_kept_compared_and_taken_back(page: Page, motor) -> None:
+    opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed")
+    page.get_by_role("button", name="Keep a snapshot").click()
+    expect(page.get_by_test_id("snapshot")).to_contain_text("snapshot 1")
+    entry = page.get_by_role("textbox", name="Value of motor.resistance")
+    entry.fill("0.8")
+    entry.press("Enter")
+    page.get_by_role("button", name="Compare in a table").click()
+    row = page.get_by_test_id("compared").get_by_role("row").filter(has_text="motor.resistance")
+    expect(row).to_contain_text("800 mΩ")
+    expect(row).to_contain_text("500 mΩ")
+    # At 0.5 ohm, from the exact path, as in the study.
+    expect(page.get_by_test_id("compared").get_by_role("row").filter(has_text="rise time")).to_contain_text("49.87 ms")
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("button", name="Take back snapshot 1").click()
+    expect(entry).to_have_value("0.5")
+
+
+def test_a_knob_is_turned_and_its_travel_made_linear(page: Page, motor) -> None:
+    opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed&k=motor.resistance")
+    knob = page.get_by_role("slider", name="motor.resistance")
+    box = knob.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 24, box["y"] + 24)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 24, box["y"] - 20, steps=2)
+    page.mouse.up()
+    # 44 of 220 pixels are a fifth of the way from 0.1 to 2.5 ohm, a factor of 25^0.2.
+    expect(page).to_have_url(re.compile(r"p\.motor\.resistance=0\.9518"))
+    page.get_by_role("button", name="More for motor.resistance").click()
+    page.get_by_role("menuitem", name="Linear travel").click()
+    expect(page).to_have_url(re.compile(r"lin=motor\.resistance"))
+    knob.focus()
+    page.keyboard.press("End")
+    page.keyboard.press("Shift+ArrowLeft")
+    # A tenth of 2.4 ohm below the end.
+    expect(page.get_by_role("textbox", name="Value of motor.resistance")).to_have_value("2.26")
+
+
+def test_a_recording_lies_over_its_curve_with_its_noise(page: Page, motor, service, record_property) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 3.0, 2000)
+    time = np.arange(2000) * 1e-3
+    speed = 118.5 * (1 - np.exp(-np.maximum(time - 0.1, 0.0) / 0.023)) + noise
+    document = {"name": "a step", "format": "raw", "sample_rate": 1000, "channels": [{"name": "tacho", "unit": "rpm"}]}
+    with servotune.connect(service.url, key=KEY) as client:
+        client.datasets.upload(document, (speed * 30 / np.pi).astype("<f8").tobytes())
+    opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed&T=0.2&v=step:speed,spectrum:speed")
+    page.get_by_role("button", name="Overlay a recording").click()
+    page.get_by_label("Recording", exact=True).select_option("a step")
+    page.get_by_label("Channel", exact=True).select_option("tacho")
+    page.get_by_label("Begins in the recording at").fill("100 m")
+    page.get_by_label("Begins in the recording at").press("Enter")
+    page.get_by_role("button", name="Overlay a recording").last.click()
+    expect(page.get_by_test_id("recording")).to_contain_text("tacho → speed")
+    # The scatter of the samples, 3 rad/s, is found again in the noise of the recording.
+    expect(page.get_by_text(re.compile(r"tacho, measured \(σ (2\.[6-9]|3|3\.[0-4]) rad/s\)")).first).to_be_visible()
+    page.get_by_role("button", name="Export speed").click()
+    with page.expect_download() as table:
+        page.get_by_role("menuitem", name="Table").click()
+    lines = table.value.path().read_text().splitlines()
+    measured = np.array([float(line.split(",")[-1]) for line in lines[501:1001]])
+    assert np.mean(measured) == pytest.approx(118.5, abs=1.5)
+    assert faults(page) == []
+
+
 def test_dragging_paints_in_time(page: Page, motor, record_property) -> None:
     opened(page, motor, COMPARED + ",1.1&v=step:speed,bode,phase")
     page.evaluate(DRAG, {"count": 10})  # the first ones load and compile
@@ -142,8 +247,8 @@ def test_dragging_paints_in_time(page: Page, motor, record_property) -> None:
     assert p50 < 250
 
 
-def test_the_panel_goes_on_after_a_restart(page: Page, motor, service) -> None:
-    opened(page, motor, COMPARED)
+def test_the_panel_goes_on_after_a_restart(page: Page, motor, service, client) -> None:
+    opened(page, motor, COMPARED + "&p.motor.inertia=0.004&g=rise_time%3C0.08&sn=kept~1~motor.resistance%3D0.7")
     service.stop()
     expect(page.get_by_text("The service does not answer")).to_be_visible()
     slider = page.get_by_role("slider", name="motor.resistance")
@@ -155,3 +260,16 @@ def test_the_panel_goes_on_after_a_restart(page: Page, motor, service) -> None:
     page.keyboard.press("ArrowLeft")
     page.wait_for_function("n => document.querySelector('[data-testid=plots]').dataset.frame !== n", arg=before)
     expect(page).to_have_url(re.compile(r"p\.motor\.resistance=2\.4"))
+    # Nothing that was set is lost: what is measured now is of the values from before and during the restart.
+    kept = float(page.get_by_role("textbox", name="Value of motor.resistance").input_value())
+    body = {
+        "system": motor,
+        "input": {"port": "voltage", "signal": {"kind": "step", "amplitude": 24}},
+        "metrics": ["rise_time"],
+        "variants": [{"motor.resistance": kept, "motor.inertia": 0.004}],
+    }
+    exact = client.post("/v1/simulations", json=body).json()["variants"][0]["metrics"]["speed"]["rise_time"]["value"]
+    expect(page.locator("[data-metric=rise_time]")).to_contain_text(f"{1e3 * exact:.4g} ms")
+    expect(page.get_by_test_id("chip")).to_have_count(3)
+    expect(page.get_by_test_id("snapshot")).to_have_count(1)
+    expect(page.get_by_test_id("goal")).to_have_count(1)

@@ -12,6 +12,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from tests.integration.api.documents import upload
+
 LAG = {
     "name": "lag",
     "parameters": {"k": {"value": 2, "lower": 1, "upper": 4}, "tau": {"value": 0.2, "unit": "s", "lower": 0.01}},
@@ -160,3 +162,28 @@ def test_nobody_comes_in_without_a_ticket(sqlite_service, query, code) -> None:
 def test_who_may_only_read_may_not_compute(sqlite_service) -> None:
     with pytest.raises((ConnectionClosed, Exception), match=r"403|scope"), opened(sqlite_service, "read") as socket:
         socket.recv(timeout=20)
+
+
+def test_a_recording_comes_at_the_instants_of_the_picture_in_si_with_its_noise(sqlite_service) -> None:
+    rate = 1000
+    time = np.arange(6 * rate) / rate
+    values = 100 + np.minimum(time, 1.0) * 2000 + np.random.default_rng(5).normal(0.0, 5.0, time.size)
+    described = {"name": "a ramp", "format": "raw", "sample_rate": rate, "channels": [{"name": "a", "unit": "mm"}]}
+    with sqlite_service.client() as client:
+        dataset = upload(client, described, values.astype("<f8").tobytes(), segment=values.nbytes).json()["id"]
+    with opened(sqlite_service) as socket:
+        overlay = {"output": "y", "dataset": dataset, "channel": "a", "start": 0.5}
+        say(socket, **OPEN | {"measured": [overlay, {**overlay, "relative": True}]})
+        first, second = heard(socket)["measured"]
+        # 0.1 m and a rise of 2 m in the first second, seen from 0.5 s on: 1.1 m at first, 2.1 m at last; 5 mm of noise.
+        assert first["values"][0] == pytest.approx(1.1, abs=0.02)
+        assert first["values"][-1] == pytest.approx(2.1, abs=0.02)
+        assert first["sigma"] == pytest.approx(0.005, rel=0.1)
+        assert first["high"][7] - first["low"][7] == pytest.approx(4 * first["sigma"], rel=1e-9)
+        assert second["values"][0] == 0.0
+        assert second["values"][-1] == pytest.approx(1.0, abs=0.02)
+        say(socket, **OPEN | {"measured": [{**overlay, "channel": "b"}]})
+        problem = heard(socket)["problem"]
+        assert problem["errors"][0]["pointer"] == "/measured/0/channel"
+        say(socket, **OPEN | {"measured": [{**overlay, "output": "z"}]})
+        assert heard(socket)["problem"]["errors"][0]["pointer"] == "/measured/0/output"

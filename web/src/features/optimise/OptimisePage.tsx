@@ -1,6 +1,8 @@
+import { zodResolver } from "@hookform/resolvers/zod";
 import { ActionIcon, Button, CopyButton, Group, NativeSelect, Stack, Table, Text, Textarea, Title } from "@mantine/core";
 import { useMutation, useQuery } from "@tanstack/react-query";
-import { useEffect, useState } from "react";
+import { useState } from "react";
+import { get, useForm, type FieldPath } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { useNavigate, useParams, useSearchParams } from "react-router";
 import { methodsQuery, metricsQuery } from "@/shared/api/catalogue";
@@ -8,6 +10,8 @@ import { api, must } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { systemQuery } from "@/shared/api/systems";
+import type { MethodEntry, MetricEntry } from "@/shared/api/types";
+import type { Opened } from "@/shared/live/protocol";
 import { describedQuery } from "@/shared/systems/described";
 import { loopsOf } from "@/shared/systems/loops";
 import { firstSliders } from "@/shared/systems/movable";
@@ -15,96 +19,127 @@ import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { prettyUnit, words } from "@/shared/units/format";
 import type { GoalRow, ProblemForm, VariableRow } from "@/shared/systems/search";
-import { bodyOf, curlOf, pythonOf, readScenarios } from "./problem";
+import { bodyOf, curlOf, pythonOf } from "./problem";
+import { fieldOf, search, shape } from "./schema";
 
 /** What may be chosen, what is wanted, and how it is searched for; the form is made from the catalogue. */
 export function OptimisePage() {
-  const { t } = useTranslation();
   const { id = "" } = useParams();
-  const navigate = useNavigate();
   const system = useQuery(systemQuery(id)).data!;
   const described = useQuery(describedQuery(id, system.revision));
   const metrics = useQuery(metricsQuery).data;
   const methods = useQuery(methodsQuery).data;
-  const [query, setQuery] = useSearchParams();
-  const [form, setForm] = useState<ProblemForm | null>(null);
-  const opened = described.data;
+  const [query] = useSearchParams();
+  if (described.isError) return <ProblemAlert error={described.error} m="md" onRetry={() => void described.refetch()} />;
+  if (!described.data || !metrics || !methods) return null;
   const loops = loopsOf(system.document);
+  return <Form key={system.revision} id={id} opened={described.data} loops={loops} metrics={metrics} methods={methods} given={keptIn(query.get("f")) ?? firstOf(described.data, loops)} />;
+}
 
-  // The address holds the form; a first visit is given one that makes sense for most loops.
-  useEffect(() => {
-    if (!opened || form) return;
-    const kept = query.get("f");
-    if (kept) {
-      try {
-        setForm(JSON.parse(kept) as ProblemForm);
-        return;
-      } catch {
-        setQuery({}, { replace: true });
-      }
-    }
-    const output = opened.outputs[0]?.name ?? "";
-    const known = new Map(opened.parameters.map((p) => [p.path, p]));
-    setForm({
-      input: opened.inputs[0] ?? "",
-      amplitude: 1,
-      loop: loops[0] ?? "",
-      variables: firstSliders(opened.parameters, 3).map((parameter): VariableRow => {
-        const { lower, upper, value } = known.get(parameter)!;
-        const wide = (bound: number | null) => bound === null || bound === 0 || Math.abs(bound) > 100 * Math.abs(value);
-        return { parameter, lower: wide(lower) ? Number((value > 0 ? value / 10 : value * 10).toPrecision(3)) : lower!, upper: wide(upper) ? Number((value > 0 ? value * 10 : value / 10).toPrecision(3)) : upper! };
-      }),
-      goals: [
-        { metric: "response_time", output, sense: "minimize" },
-        { metric: "overshoot", output, sense: "", upper: 0.05 },
-        ...(loops.length > 0 ? [{ metric: "sensitivity_peak", output, sense: "" as const, upper: 2 }] : []),
-      ],
-      scenarios: "",
-      method: "auto",
-      options: {},
-    });
-  }, [opened, form, query, setQuery, loops]);
+/** The form that the address holds, if it does. */
+function keptIn(text: string | null): ProblemForm | null {
+  if (!text) return null;
+  try {
+    return shape.safeParse(JSON.parse(text)).data ?? null;
+  } catch {
+    return null;
+  }
+}
+
+/** A first visit is given a form that makes sense for most loops. */
+function firstOf(opened: Opened, loops: string[]): ProblemForm {
+  const output = opened.outputs[0]?.name ?? "";
+  const known = new Map(opened.parameters.map((p) => [p.path, p]));
+  return {
+    input: opened.inputs[0] ?? "",
+    amplitude: 1,
+    loop: loops[0] ?? "",
+    variables: firstSliders(opened.parameters, 3).map((parameter): VariableRow => {
+      const { lower, upper, value } = known.get(parameter)!;
+      const wide = (bound: number | null) => bound === null || bound === 0 || Math.abs(bound) > 100 * Math.abs(value);
+      return { parameter, lower: wide(lower) ? Number((value > 0 ? value / 10 : value * 10).toPrecision(3)) : lower!, upper: wide(upper) ? Number((value > 0 ? value * 10 : value / 10).toPrecision(3)) : upper! };
+    }),
+    goals: [
+      { metric: "response_time", output, sense: "minimize" },
+      { metric: "overshoot", output, sense: "", upper: 0.05 },
+      ...(loops.length > 0 ? [{ metric: "sensitivity_peak", output, sense: "" as const, upper: 2 }] : []),
+    ],
+    scenarios: "",
+    method: "auto",
+    options: {},
+  };
+}
+
+interface Props {
+  id: string;
+  opened: Opened;
+  loops: string[];
+  metrics: Map<string, MetricEntry>;
+  methods: MethodEntry[];
+  given: ProblemForm;
+}
+
+function Form({ id, opened, loops, metrics, methods, given }: Props) {
+  const { t } = useTranslation();
+  const navigate = useNavigate();
+  const [, setQuery] = useSearchParams();
+  const { watch, setValue, setError, clearErrors, handleSubmit, formState } = useForm<ProblemForm>({ resolver: zodResolver(search), defaultValues: given });
+  const [placed, setPlaced] = useState<string[]>([]);
+  const form = watch();
+  const domains = { get: (name: string) => metrics.get(name)?.domain };
+  // The address holds the form.
   const change = (part: Partial<ProblemForm>) => {
-    if (!form) return;
-    const next = { ...form, ...part };
-    setForm(next);
-    setQuery({ f: JSON.stringify(next) }, { replace: true });
+    for (const [key, value] of Object.entries(part)) {
+      clearErrors(key as keyof ProblemForm);
+      setValue(key as keyof ProblemForm, value as never);
+    }
+    setQuery({ f: JSON.stringify({ ...form, ...part }) }, { replace: true });
   };
   const submit = useMutation({
-    mutationFn: async () => {
-      if (readScenarios(form!.scenarios) === undefined) throw new Problem({ status: 422, title: "", detail: t("optimise.badScenario"), errors: [{ pointer: "/scenarios", detail: t("optimise.badScenario") }] });
-      return must(api.POST("/v1/optimizations", { body: bodyOf(form!, id, domains) as components["schemas"]["OptimizationRequest"] }));
-    },
+    mutationFn: (asked: ProblemForm) => must(api.POST("/v1/optimizations", { body: bodyOf(asked, id, domains) as components["schemas"]["OptimizationRequest"] })),
     onSuccess: (job) => void navigate(`/jobs/${job.id}`),
+    // What the service finds wrong is told at the field it belongs to; the rest above the form.
+    onError: (error) => {
+      const faults = (error instanceof Problem && error.document.errors) || [];
+      const own = faults.flatMap((fault) => {
+        const field = fieldOf(fault.pointer);
+        return field === null ? [] : [{ ...fault, field }];
+      });
+      for (const { field, detail } of own) setError(field as FieldPath<ProblemForm>, { type: "service", message: detail });
+      setPlaced(own.map((fault) => fault.pointer));
+    },
   });
-  if (described.isError) return <ProblemAlert error={described.error} m="md" onRetry={() => void described.refetch()} />;
-  if (!form || !opened || !metrics || !methods) return null;
-  const domains = { get: (name: string) => metrics.get(name)?.domain };
-  const problem = submit.error instanceof Problem ? submit.error : null;
-  const shownPlaces = [...form.variables.map((_, i) => `/variables/${i}`), ...form.goals.map((_, i) => `/goals/${i}`), "/scenarios"];
+  const faultAt = (field: string): string | undefined => {
+    const message = (get(formState.errors, field) as { message?: string } | undefined)?.message;
+    return message === undefined ? undefined : t(message, message);
+  };
+  /** The sentences that belong to one row, said beneath it. */
+  const faults = (row: string, fields: string[]) => {
+    const said = fields.flatMap((field) => faultAt(`${row}.${field}`) ?? []);
+    return said.length === 0 ? null : (
+      <Text fz="xs" c="var(--mantine-color-error)" role="alert">
+        {said.join("; ")}
+      </Text>
+    );
+  };
   const free = opened.parameters.filter((p) => !p.bound);
   const units = new Map(opened.parameters.map((p) => [p.path, p.unit]));
   const method = methods.find((m) => m.kind === form.method);
   const body = bodyOf(form, id, domains);
   const variable = (i: number, part: Partial<VariableRow>) => change({ variables: form.variables.map((row, k) => (k === i ? { ...row, ...part } : row)) });
   const goal = (i: number, part: Partial<GoalRow>) => change({ goals: form.goals.map((row, k) => (k === i ? { ...row, ...part } : row)) });
-  const fault = (pointer: string) =>
-    problem?.at(pointer) && (
-      <Text fz="xs" c="var(--mantine-color-error)" role="alert">
-        {problem.at(pointer)}
-      </Text>
-    );
 
   return (
     <div className="page">
       <form
+        noValidate
         onSubmit={(event) => {
-          event.preventDefault();
-          submit.mutate();
+          clearErrors();
+          void handleSubmit((asked) => submit.mutate(asked))(event);
         }}
       >
         <Stack gap="lg">
-          <ProblemAlert error={submit.error} shown={shownPlaces} />
+          <ProblemAlert error={submit.error} shown={placed} />
           <section>
             <Title order={2}>{t("optimise.variables")}</Title>
             <Text fz="sm" c="dimmed" mb="xs">
@@ -116,13 +151,13 @@ export function OptimisePage() {
                   <Table.Tr key={i}>
                     <Table.Td>
                       <NativeSelect size="xs" aria-label={t("optimise.variable", { number: i + 1 })} value={row.parameter} data={free.map((p) => p.path)} onChange={(event) => variable(i, { parameter: event.currentTarget.value })} />
-                      {fault(`/variables/${i}`)}
+                      {faults(`variables.${i}`, ["parameter", "lower", "upper"])}
                     </Table.Td>
                     <Table.Td>
-                      <NumberEntry aria-label={t("optimise.from", { name: row.parameter })} value={row.lower} unit={units.get(row.parameter)} optional placeholder={t("optimise.asDocument")} onCommit={(value) => variable(i, { lower: value })} />
+                      <NumberEntry aria-label={t("optimise.from", { name: row.parameter })} value={row.lower} unit={units.get(row.parameter)} error={faultAt(`variables.${i}.lower`) !== undefined} optional placeholder={t("optimise.asDocument")} onCommit={(value) => variable(i, { lower: value })} />
                     </Table.Td>
                     <Table.Td>
-                      <NumberEntry aria-label={t("optimise.to", { name: row.parameter })} value={row.upper} unit={units.get(row.parameter)} optional placeholder={t("optimise.asDocument")} onCommit={(value) => variable(i, { upper: value })} />
+                      <NumberEntry aria-label={t("optimise.to", { name: row.parameter })} value={row.upper} unit={units.get(row.parameter)} error={faultAt(`variables.${i}.upper`) !== undefined} optional placeholder={t("optimise.asDocument")} onCommit={(value) => variable(i, { upper: value })} />
                     </Table.Td>
                     <Table.Td w={40}>
                       <ActionIcon variant="subtle" color="gray" aria-label={t("optimise.drop", { name: row.parameter })} onClick={() => change({ variables: form.variables.filter((_, k) => k !== i) })}>
@@ -175,7 +210,7 @@ export function OptimisePage() {
                       <Table.Tr key={i}>
                         <Table.Td>
                           <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={entry?.definition} value={row.metric} data={[...metrics.values()].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} onChange={(event) => goal(i, { metric: event.currentTarget.value })} />
-                          {fault(`/goals/${i}`)}
+                          {faults(`goals.${i}`, ["metric", "output", "sense", "lower", "upper"])}
                         </Table.Td>
                         <Table.Td>{own ? <NativeSelect size="xs" aria-label={t("optimise.ofGoal", { number: i + 1 })} value={row.output} data={opened.outputs.map((o) => o.name)} onChange={(event) => goal(i, { output: event.currentTarget.value })} /> : entry?.domain === "loop" ? form.loop : ""}</Table.Td>
                         <Table.Td>
@@ -192,10 +227,10 @@ export function OptimisePage() {
                           />
                         </Table.Td>
                         <Table.Td>
-                          <NumberEntry aria-label={t("optimise.atLeast", { number: i + 1 })} value={row.lower} unit={unit} optional onCommit={(value) => goal(i, { lower: value })} w={110} />
+                          <NumberEntry aria-label={t("optimise.atLeast", { number: i + 1 })} value={row.lower} unit={unit} error={faultAt(`goals.${i}.lower`) !== undefined} optional onCommit={(value) => goal(i, { lower: value })} w={110} />
                         </Table.Td>
                         <Table.Td>
-                          <NumberEntry aria-label={t("optimise.atMost", { number: i + 1 })} value={row.upper} unit={unit} optional onCommit={(value) => goal(i, { upper: value })} w={110} />
+                          <NumberEntry aria-label={t("optimise.atMost", { number: i + 1 })} value={row.upper} unit={unit} error={faultAt(`goals.${i}.upper`) !== undefined} optional onCommit={(value) => goal(i, { upper: value })} w={110} />
                         </Table.Td>
                         <Table.Td w={40}>
                           <ActionIcon variant="subtle" color="gray" aria-label={t("optimise.drop", { name: words(row.metric) })} onClick={() => change({ goals: form.goals.filter((_, k) => k !== i) })}>
@@ -217,9 +252,9 @@ export function OptimisePage() {
               {t("optimise.search")}
             </Title>
             <Group align="flex-start" gap="md">
-              <Textarea label={t("optimise.scenarios")} description={t("optimise.scenariosDoc")} placeholder="motor.mass = 2000; motor.leakage = 45 cm**5/(daN*s)" autosize minRows={2} w={420} value={form.scenarios} onChange={(event) => change({ scenarios: event.currentTarget.value })} error={problem?.at("/scenarios")} />
+              <Textarea label={t("optimise.scenarios")} description={t("optimise.scenariosDoc")} placeholder="motor.mass = 2000; motor.leakage = 45 cm**5/(daN*s)" autosize minRows={2} w={420} value={form.scenarios} onChange={(event) => change({ scenarios: event.currentTarget.value })} error={faultAt("scenarios")} />
               <Stack gap={6} maw={460}>
-                <NativeSelect size="xs" label={t("optimise.method")} value={form.method} data={methods.map((m) => ({ value: m.kind, label: m.title }))} onChange={(event) => change({ method: event.currentTarget.value, options: {} })} />
+                <NativeSelect size="xs" label={t("optimise.method")} value={form.method} data={methods.map((m) => ({ value: m.kind, label: m.title }))} error={faultAt("method")} onChange={(event) => change({ method: event.currentTarget.value, options: {} })} />
                 <Text fz="xs" c="dimmed">
                   {method?.doc}
                 </Text>
@@ -232,6 +267,7 @@ export function OptimisePage() {
                         label={words(p.name)}
                         title={p.doc}
                         value={form.options[p.name]}
+                        error={faultAt(`options.${p.name}`)}
                         placeholder={String(p.default ?? "")}
                         optional
                         w={110}

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { bodyOf, curlOf, pythonOf, readScenarios } from "./problem";
+import { fieldOf, search, shape } from "./schema";
 import type { ProblemForm } from "@/shared/systems/search";
 
 const domains = new Map([["overshoot", "time"], ["bandwidth", "path"], ["phase_margin", "loop"], ["damping_ratio", "system"]]);
@@ -43,4 +44,27 @@ it("is copied as Python and for a shell", () => {
   const body = bodyOf({ ...form, scenarios: "" }, "sys_1", domains);
   expect(pythonOf(body, "http://host")).toContain('job = client.optimize(\n    "sys_1",\n    variables=[\n        {\n            "parameter": "kp",');
   expect(curlOf({ name: "it's" }, "http://host")).toContain(`'{"name":"it'\\''s"}'`);
+});
+
+describe("the form", () => {
+  const faults = (changed: Partial<ProblemForm>) => (search.safeParse({ ...form, scenarios: "", ...changed }).error?.issues ?? []).map((issue) => `${issue.path.join(".")}: ${issue.message}`);
+  it("that makes sense has no faults", () => expect(faults({})).toEqual([]));
+  it("tells what is wrong where it is", () => {
+    expect(faults({ variables: [{ parameter: "kp", lower: 2, upper: 1 }, { parameter: "kp" }] })).toEqual(["variables.0.upper: optimise.order", "variables.1.parameter: optimise.twice"]);
+    expect(faults({ goals: [{ metric: "overshoot", output: "y", sense: "" }] })).toEqual(["goals.0.sense: optimise.nothing"]);
+    expect(faults({ scenarios: "nothing" })).toEqual(["scenarios: optimise.badScenario"]);
+  });
+  it("of an address is read, or not at all", () => {
+    expect(shape.safeParse(JSON.parse(JSON.stringify(form))).data).toEqual(form);
+    expect(shape.safeParse({ variables: 3 }).success).toBe(false);
+  });
+  it.each([
+    ["/variables/1/upper", "variables.1.upper"],
+    ["/variables/0", "variables.0.parameter"],
+    ["/goals/2/upper/unit", "goals.2.upper"],
+    ["/goals/0/open_at", "goals.0.metric"],
+    ["/scenarios/1/motor.mass", "scenarios"],
+    ["/method/points", "options.points"],
+    ["/experiments/0/input", null],
+  ])("%s belongs to the field %s", (pointer, field) => expect(fieldOf(pointer)).toBe(field));
 });

@@ -55,7 +55,7 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
     const line = (point: FrontPoint) => axes.map((axis) => axis.of(point));
     const short = (name: string) => name.replace(/ \[/, "\n[");
     return {
-      parallel: { left: 44, right: 60, top: 44, bottom: 16, parallelAxisDefault: { scale: true, nameGap: 10, nameTextStyle: { color: ink, fontSize: 11 }, axisLabel: { color: ink, formatter: (value: number) => formatNumber(value, 3) }, axisLine: { lineStyle: { color: faint } } } },
+      parallel: { left: 44, right: 60, top: 52, bottom: 16, parallelAxisDefault: { scale: true, nameGap: 16, splitNumber: 4, nameTextStyle: { color: ink, fontSize: 11 }, axisLabel: { color: ink, formatter: (value: number) => formatNumber(value, 3) }, axisLine: { lineStyle: { color: faint } } } },
       parallelAxis: axes.map((axis, dim) => ({ dim, name: short(axis.name) })),
       series: [
         { type: "parallel", name: "front", lineStyle: { color: accent, width: 1.2, opacity: 0.55 }, data: front.map(line) },

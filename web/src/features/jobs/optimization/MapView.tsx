@@ -28,6 +28,10 @@ export function MapView({ map, values, path, units }: Props) {
   const option = useMemo(() => {
     const cells = sliceOf(map, x, y, at);
     const known = cells.flatMap((cell) => (cell.objective === null ? [] : [cell.objective]));
+    const [low, high] = [Math.min(...known), Math.max(...known)];
+    // Penalties of unstable corners would leave one colour for all the rest.
+    const log = low > 0 && high / low > 20;
+    const level = (objective: number) => (log ? Math.log10(objective) : objective);
     const { ink, mark, paper } = inks(dark);
     const category = (name: string) => axisOf(`${name}${units.get(name) && units.get(name) !== "1" ? ` [${units.get(name)}]` : ""}`, dark, { type: "category", data: map.axes[name]!.map((v) => formatNumber(v, 3)), scale: undefined, splitLine: { show: false } });
     const place = (point: Record<string, number>) => [nearest(map.axes[x]!, point[x] ?? NaN), nearest(map.axes[y]!, point[y] ?? NaN)];
@@ -37,9 +41,9 @@ export function MapView({ map, values, path, units }: Props) {
       tooltip: { renderMode: "richText", backgroundColor: paper, textStyle: { color: ink }, formatter: (hit: { seriesType: string; dataIndex: number }) => (hit.seriesType === "heatmap" ? text(cells[hit.dataIndex]!) : "") },
       xAxis: category(x),
       yAxis: { ...category(y), nameGap: 54 },
-      visualMap: { min: Math.min(...known), max: Math.max(...known), calculable: false, right: 4, top: "middle", textStyle: { color: ink }, inRange: { color: SEQUENTIAL }, seriesIndex: 0, formatter: (value: number) => formatNumber(value, 3) },
+      visualMap: { min: level(low), max: level(high), calculable: false, right: 4, top: "middle", text: [formatNumber(high, 3), formatNumber(low, 3)], textStyle: { color: ink }, inRange: { color: SEQUENTIAL }, seriesIndex: 0 },
       series: [
-        { type: "heatmap", name: "map", data: cells.map((cell) => ({ value: [cell.x, cell.y, cell.objective ?? "-"], itemStyle: { opacity: cell.met ? 1 : 0.28 } })) },
+        { type: "heatmap", name: "map", data: cells.map((cell) => ({ value: [cell.x, cell.y, cell.objective === null ? "-" : level(cell.objective)], itemStyle: { opacity: cell.met ? 1 : 0.28 } })) },
         { type: "line", name: "path", data: path.map(place), symbol: "circle", symbolSize: 5, lineStyle: { color: mark, width: 1.5, type: "dashed" }, itemStyle: { color: mark }, silent: true },
         { type: "scatter", name: "best", data: [place(values)], symbol: "diamond", symbolSize: 17, itemStyle: { color: mark, borderColor: dark ? "#000" : "#fff", borderWidth: 2 }, silent: true },
       ],
