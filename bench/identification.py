@@ -1,5 +1,6 @@
 """How long it takes to identify: a linear loop exactly, a stiff nonlinear damper from several recordings at once.
 
+Run as `python -m bench.identification`, or with all others by `make bench`.
 The recordings are those of examples/data; where SERVOTUNE_RECORDINGS names the folder with all fifteen sines of the damper, they are taken.
 """
 
@@ -36,10 +37,11 @@ def jobs(*, most: int) -> list[Job]:
 
 
 def _row(problem: Identification) -> Row:
-    begin = time.perf_counter()
+    begin, used = time.perf_counter(), time.process_time()
     found = identify(problem, rng=np.random.default_rng(0))
-    spent = 1e3 * (time.perf_counter() - begin)
-    return Row(who="this engine", milliseconds=spent, remark=f"{found.evaluations} simulations, {_fit(found)}")
+    spent, busy = 1e3 * (time.perf_counter() - begin), 1e3 * (time.process_time() - used)
+    remark = f"{found.evaluations} simulations, {_fit(found)}; {busy:.0f} ms of CPU"
+    return Row(who="this engine", milliseconds=spent, remark=remark)
 
 
 def _fit(found: Identified) -> str:
@@ -143,3 +145,16 @@ def _sine(path: Path) -> RecordedExperiment:
         sample_time=round(float(data[1, 0] - data[0, 0]), 6),
     )  # fmt: skip
     return RecordedExperiment(recording=recording, name=path.stem.lower(), values={"current": current}, split=1.0)
+
+
+def main() -> None:
+    """Print the times."""
+    from rich.console import Console  # noqa: PLC0415 - only where a table is printed
+
+    from bench.table import render  # noqa: PLC0415 - as above
+
+    Console(width=150).print(render(jobs(most=60), title="identification"))
+
+
+if __name__ == "__main__":
+    main()

@@ -25,6 +25,7 @@ DURATION = 1.0
 SAMPLES = 1000
 FREQUENCIES = np.logspace(-1, 4, 200)
 CUT = "sensor"
+_PIECE = 65_536
 EXACT = {
     "rise_time": 0.13307075530735678635,
     "settling_time": 0.27478663695953765281,
@@ -70,8 +71,11 @@ def wide(count: int, seed: int) -> dict[str, Real]:
 def _around(spread: float, count: int, seed: int) -> dict[str, Real]:
     declared = diagram().parameters
     nominal = np.array([declared[name].value for name in PARAMETERS])
-    candidates = np.random.default_rng(seed).uniform(-spread, spread, (count, len(PARAMETERS)))
-    # in place: a million candidates are not to stand in memory several times
-    np.exp(candidates, out=candidates)
-    candidates *= nominal
-    return dict(zip(PARAMETERS, candidates.T.copy(), strict=True))
+    random = np.random.default_rng(seed)
+    candidates = np.empty((len(PARAMETERS), count))
+    # piece by piece: a million candidates are not to stand in memory several times
+    for first in range(0, count, _PIECE):
+        piece = candidates[:, first : first + _PIECE]
+        np.exp(random.uniform(-spread, spread, piece.shape[::-1]).T, out=piece)
+        piece *= nominal[:, None]
+    return dict(zip(PARAMETERS, candidates, strict=True))

@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.diagram import LOOP
-from engine.kernels import spectrum as frequency_kernel
+from engine.kernels import spectrum_program as frequency_kernel
 from engine.kernels.assembly import Assembly
 from engine.kernels.compiled import LANES
 from engine.kernels.evaluate import evaluate
 from engine.kernels.events import READINGS as TIMED
 from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, read, reading_list
-from engine.kernels.spectrum import CHUNK, SpectrumProgram
+from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
 from engine.kernels.tangents import differentiate
 from engine.kernels.tape import Registers
 from engine.kernels.time_program import TimePart, TimeProgram
@@ -165,6 +165,7 @@ class Batch:
         self._of_time, self._of_curves = reading_list(self._timed), reading_list(self._framed)
         self._references = np.array(references or [0.0])
         self.measured = tuple(k in self._timed or k in self._framed for k in range(len(self.requests)))
+        self._unmeasured = np.flatnonzero(~np.array(self.measured, dtype=bool))
 
     def _frame(self, diagram: Diagram, traced: Any, assembly: Assembly) -> Any:
         """Return the functions of frequency that are asked for, what of each, and the paths whose stability matters."""
@@ -265,17 +266,20 @@ class Batch:
         """Evaluate one block, and again with more samples or frequencies where the first look cannot vouch for it."""
         rows = np.arange(span.start, span.stop)
         readings = self._look(points, results, rows, self._time, self._spectrum(1))
-        doubtful, known = results.doubtful[span], ~np.isnan(results.growth[span])
-        again = np.flatnonzero(doubtful[:, self._of_time[:, 0]].any(axis=1) & known)
-        if again.size:
-            look = self._look(points, results, rows[again], self._time, self._no_spectrum, _EXTRA)
-            readings.responses[again] = look.responses
-        for density in _DENSITIES[1:]:
-            again = np.flatnonzero(doubtful[:, self._of_curves[:, 0]].any(axis=1) & known)
+        doubtful = results.doubtful[span]
+        if doubtful.any():
+            known = ~np.isnan(results.growth[span])
+            again = np.flatnonzero(doubtful[:, self._of_time[:, 0]].any(axis=1) & known)
             if again.size:
-                look = self._look(points, results, rows[again], self._no_time, self._spectrum(density))
-                readings.curves[again] = look.curves
-        doubtful[:, [not measured for measured in self.measured]] = True
+                look = self._look(points, results, rows[again], self._time, self._no_spectrum, _EXTRA)
+                readings.responses[again] = look.responses
+            for density in _DENSITIES[1:]:
+                again = np.flatnonzero(doubtful[:, self._of_curves[:, 0]].any(axis=1) & known)
+                if again.size:
+                    look = self._look(points, results, rows[again], self._no_time, self._spectrum(density))
+                    readings.curves[again] = look.curves
+        if self._unmeasured.size:
+            doubtful[:, self._unmeasured] = True
         return readings
 
     def _look(

@@ -7,12 +7,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import LANES, compiled, multiply
+from engine.kernels.compiled import LANES, allocating, compiled, multiply
 from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
+from engine.kernels.polishing import BRACKET, EVENTS, SLOT
 from engine.kernels.powers import LEVELS, STIFF, raise_powers
 from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, begin, follow, passes
-from engine.kernels.spectrum import CHUNK, EVENTS, MARKS, SpectrumProgram, spectrum
-from engine.kernels.spectrum import READINGS as SPECTRAL_READINGS
+from engine.kernels.spectrum import MARKS, spectrum
+from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
+from engine.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
 from engine.kernels.tape import Tape, run
 from engine.kernels.time_program import TimeProgram
 from engine.kernels.vector import clear, copy, load, load2, room, spread, store, store2, zeros
@@ -50,7 +52,7 @@ def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
         alive[lane] = 1.0 if good else 0.0
 
 
-@compiled
+@allocating
 def evaluate(
     tape: Tape, count: int, bounds: Whole, limits: Real, pivots: Whole, smallest: Real, program: TimeProgram,
     curves: SpectrumProgram, points: Real, readings: Real, spectra: Real, growth: Real, valid: Real, extra: int,
@@ -101,7 +103,9 @@ def evaluate(
     curve_im = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
     places = max(curves.scan.places, 1)
     network, seen, seen_count = room((2, places, CHUNK, LANES)), room((3, EVENTS, LANES)), np.empty(LANES, np.int32)
-    aside, point = room((MARKS + curves.wants.shape[0], LANES)), room((4, max(curves.points.places, 1), LANES))
+    omega, marks, levels_of = room((CHUNK, LANES)), room((MARKS, LANES)), room((curves.wants.shape[0], LANES))
+    points_of = room((4, max(curves.points.places, 1), EVENTS, LANES))
+    slots, bracket = room((EVENTS, SLOT, LANES)), room((BRACKET, LANES))
     for first in range(0, total, LANES):
         for lane in range(LANES):
             candidate = min(first + lane, total - 1)
@@ -134,7 +138,8 @@ def evaluate(
         if not stable:
             continue
         if curves.wants.shape[0] > 0:
-            spectrum(curves, registers, spectral, curve_re, curve_im, network, seen, seen_count, aside, point)
+            spectrum(curves, registers, spectral, curve_re, curve_im, network, seen, seen_count, omega, marks, levels_of,
+                     points_of, slots, bracket)  # fmt: skip
             for lane in range(LANES):
                 candidate = first + lane
                 if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:

@@ -109,27 +109,35 @@ def walk(
     while anywhere(widest > float(top + 1)):
         top += 1
     for k in range(top, -1, -1):
-        width = 2.0**k
-        multiply(trial, powers[k], e, nn, events, nn, nn, events, events)
-        for q in range(events):
-            left, level = load2(numbers, OFFSET, q), load2(numbers, LEVEL, q)
-            searching = level > float(k)
-            far = (level <= float(k)) & (left >= width)
-            go = far
-            if anywhere(searching):
-                row = 2 * roles[OUTPUT, q] + roles[BY_SLOPE, q]
-                reached = spread(0.0)
-                for i in range(nn):
-                    reached = reached + load2(rows, row, i) * load2(trial, i, q)
-                ahead = load2(numbers, SIGN, q) * (reached - load2(numbers, TARGET, q)) < 0.0
-                go = far | (searching & ahead)
-            if anywhere(go):
-                units = load2(numbers, UNITS, q)
-                store2(numbers, select(far, left - width, left), OFFSET, q)
-                store2(numbers, select(go, units + width, units), UNITS, q)
-                store2(numbers, select(go, 0.0, load2(numbers, TAU, q)), TAU, q)
-                for i in range(nn):
-                    store2(e, select(go, load2(trial, i, q), load2(e, i, q)), i, q)
+        width = float(1 << k)
+        for first in range(0, events, 4):
+            # early events have nothing to do with the long steps
+            due = False
+            for q in range(first, first + 4):
+                level = load2(numbers, LEVEL, q)
+                due = due or anywhere((level > float(k)) | (load2(numbers, OFFSET, q) >= width))
+            if not due:
+                continue
+            multiply(trial[0, first:], powers[k], e[0, first:], nn, 4, nn, nn, events, events)
+            for q in range(first, first + 4):
+                left, level = load2(numbers, OFFSET, q), load2(numbers, LEVEL, q)
+                searching = level > float(k)
+                far = (level <= float(k)) & (left >= width)
+                go = far
+                if anywhere(searching):
+                    row = 2 * roles[OUTPUT, q] + roles[BY_SLOPE, q]
+                    reached = spread(0.0)
+                    for i in range(nn):
+                        reached = reached + load2(rows, row, i) * load2(trial, i, q)
+                    ahead = load2(numbers, SIGN, q) * (reached - load2(numbers, TARGET, q)) < 0.0
+                    go = far | (searching & ahead)
+                if anywhere(go):
+                    units = load2(numbers, UNITS, q)
+                    store2(numbers, select(far, left - width, left), OFFSET, q)
+                    store2(numbers, select(go, units + width, units), UNITS, q)
+                    store2(numbers, select(go, 0.0, load2(numbers, TAU, q)), TAU, q)
+                    for i in range(nn):
+                        store2(e, select(go, load2(trial, i, q), load2(e, i, q)), i, q)
     for q in range(events):
         taylor = taylors[roles[OUTPUT, q]]
         for k in range(TAYLOR):

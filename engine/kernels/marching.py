@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import LANES, compiled
+from engine.kernels.compiled import LANES, allocating, compiled
 from engine.kernels.functions import cos, exp, log, maximum, minimum, multiply_add, sin, tanh
 from engine.kernels.vector import load2, root, select, spread, store2
 
@@ -89,7 +89,7 @@ def interpret(tape: Whole, registers: Real) -> None:
                 store2(registers, select(load2(registers, a, j) == 0.0, 1.0, 0.0), to, j)
 
 
-@compiled
+@allocating
 def march(
     whole: Whole,
     rates_only: Whole,

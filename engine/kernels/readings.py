@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from engine.kernels import events as r
 from engine.kernels import sampling as s
-from engine.kernels import spectrum as f
+from engine.kernels import spectrum_program as f
 from engine.kernels.compiled import compiled
 from engine.kernels.vector import load, store
 

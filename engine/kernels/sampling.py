@@ -46,6 +46,8 @@ SURE: Final = 4.0
 _NOISE: Final = 1e-12
 _RIPPLE: Final = 1e-8
 """What slips by less than this part of the largest value changes no metric that is read here."""
+_FAR: Final = 1e-2
+"""A turning point that is sure to stay so much below the furthest is no rival of it."""
 SLIGHT: Final = 1e-7
 """An overshoot below this part of the final value counts as none, where its instant does not matter."""
 
@@ -180,7 +182,7 @@ def scan(
     They are ``2**level`` steps apart, the first so much after sample number ``start``; those before were ``2**before`` steps
     apart. Return whether finer samples would tell more; unless ``least``, which are the finest, the rest is left out then.
     """
-    unit = 2.0**level
+    unit = float(1 << level)
     goal, h = load(final, 0), load(step, 0)
     size = magnitude(goal)
     sign = select(goal >= 0.0, 1.0, -1.0)
@@ -189,13 +191,16 @@ def scan(
     y1, d1, big = load(state, Y), load(state, D), load(state, BIG)
     y2, d2 = load(state, Y2), load(state, D2)
     steep1 = magnitude(d1)
-    rising = bool(wants & RISE) and anywhere(load(state, L90) == NONE)
+    first10, first90 = load(state, L10), load(state, L90)
+    low10, low90 = -0.9 * size, -0.1 * size
+    rising = bool(wants & RISE) and anywhere(first90 == NONE)
     if level != before:
         # what was outside its band last begins an interval of the new length
         for f in (N2, N5):
             first = (load(state, f) == start * unit) & (load(state, f + 1) >= 0.0)
             store(state, select(first, float(level), load(state, f + 1)), f + 1)
-    unrisen = select(load(state, L90) == NONE, 1.0, 0.0)
+    unrisen = select(first90 == NONE, 1.0, 0.0)
+    up, down = _limits(state, size, wants, rising)
     top, low, stir = y1, y1, spread(0.0)
     band2, band5, nowhere = 0.02 * size, 0.05 * size, spread(NONE)
     n_2, y_2, n_5, y_5 = nowhere, y1, nowhere, y1
@@ -213,28 +218,17 @@ def scan(
             top, low = select(y > top, y, top), select(y < low, y, low)
             crosses = d1 * d < 0.0
             if anywhere(crosses):
-                big = _biggest(big, top, low, goal)
-                # a response at rest turns at every sample, by rounding
-                turning = crosses & (ahead * magnitude(d1 - d) > _NOISE * big)
                 # How far a tip can be from the final value at most; most ripples cannot matter any more.
                 further = select(magnitude(y) > magnitude(y1), magnitude(y), magnitude(y1))
-                reach = further + half * steepest
-                matters = reach < -1e300
-                if wants & SETTLE_2:
-                    matters = reach > 0.015 * size
-                elif wants & SETTLE_5:
-                    matters = reach > 0.04 * size
-                if rising:
-                    matters = matters | (reach > 0.1 * size)
-                if wants & HIGHEST:
-                    matters = matters | ((sign * d1 > 0.0) & (reach > load(state, TOP4)))
-                if wants & LOWEST:
-                    matters = matters | ((sign * d1 < 0.0) & (reach > load(state, LOW4)))
-                turning = turning & matters
+                turning = crosses & (further + half * steepest > select(sign * d1 > 0.0, up, down))
+                if anywhere(turning):
+                    big = _biggest(big, top, low, goal)
+                    # a response at rest turns at every sample, by rounding
+                    turning = turning & (ahead * magnitude(d1 - d) > _NOISE * big)
                 if anywhere(turning):
                     # Cubic interpolation over the two steps to both sides of the sample before errs so much more than that
                     # over one; in the first step of all, how slopes add up must do.
-                    w2 = 2.0**before if index == 0 else unit
+                    w2 = float(1 << before) if index == 0 else unit
                     theta, ratio = w2 / (w2 + unit), unit / w2
                     rest = 1.0 - theta
                     wide = (w2 + unit) * h
@@ -262,6 +256,7 @@ def scan(
                             unsure = True
                     if unsure and not least:
                         return True
+                    up, down = _limits(state, size, wants, rising)
             y2, d2, y1, d1, steep1 = y1, d1, y, d, steep
             n = (start + index + 1.0) * unit
             if wants & SETTLE_2:
@@ -271,17 +266,17 @@ def scan(
                 outside = magnitude(y) > band5
                 n_5, y_5 = select(outside, n, n_5), select(outside, y, y_5)
             if rising:
-                reached = sign * (y + goal)
-                first, last = load(state, L10), load(state, L90)
-                passes10 = (first == NONE) & (reached >= 0.1 * size)
-                passes90 = (last == NONE) & (reached >= 0.9 * size)
-                n_before = (start + index) * unit
-                store(state, select(passes10, n_before, load(state, N10)), N10)
-                store(state, select(passes10, float(level), first), L10)
-                store(state, select(passes90, n_before, load(state, N90)), N90)
-                last = select(passes90, float(level), last)
-                store(state, last, L90)
-                rising = anywhere(last == NONE)
+                climbed = sign * y
+                passes10 = (climbed >= low10) & (first10 == NONE)
+                passes90 = (climbed >= low90) & (first90 == NONE)
+                if anywhere(passes10 | passes90):
+                    n_before = (start + index) * unit
+                    first10, first90 = select(passes10, float(level), first10), select(passes90, float(level), first90)
+                    store(state, select(passes10, n_before, load(state, N10)), N10)
+                    store(state, first10, L10)
+                    store(state, select(passes90, n_before, load(state, N90)), N90)
+                    store(state, first90, L90)
+                    rising = anywhere(first90 == NONE)
     _outside(state, N2, n_2, y_2, float(level))
     _outside(state, N5, n_5, y_5, float(level))
     big = _biggest(big, top, low, goal)
@@ -294,6 +289,33 @@ def scan(
         highest, lowest = select(goal >= 0.0, top, -low), select(goal >= 0.0, low, -top)
         unsure = _hides(state, highest, lowest, stir, size, unrisen, wants, least) or unsure
     return unsure
+
+
+@compiled
+def _limits(state: Real, size: Any, wants: int, rising: bool) -> Any:
+    """Return how far a turning point must be able to reach to change a reading: one up, one down."""
+    limit = spread(1e300)
+    if wants & SETTLE_2:
+        limit = 0.015 * size
+    elif wants & SETTLE_5:
+        limit = 0.04 * size
+    if rising:
+        limit = select(limit < 0.1 * size, limit, 0.1 * size)
+    up, down = limit, limit
+    if wants & HIGHEST:
+        rival = _rival(state, TOP)
+        up = select(rival < limit, rival, limit)
+    if wants & LOWEST:
+        rival = _rival(state, LOW)
+        down = select(rival < limit, rival, limit)
+    return up, down
+
+
+@compiled
+def _rival(state: Real, first: int) -> Any:
+    """Return how far a tip must be able to reach to be a rival of the furthest."""
+    height = load(state, first)
+    return height - _FAR * magnitude(height) - SURE * load(state, first + 3)
 
 
 @compiled

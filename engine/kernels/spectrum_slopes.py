@@ -11,10 +11,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels import spectrum as f
+from engine.kernels import spectrum_program as f
 from engine.kernels.compiled import compiled
-from engine.kernels.curves import run_point
-from engine.kernels.spectrum import SpectrumProgram
+from engine.kernels.curves import run_points
+from engine.kernels.spectrum_program import SpectrumProgram
 from engine.kernels.transfer import FrequencyProgram
 from engine.kernels.vector import load, spread, store
 
@@ -30,7 +30,7 @@ _BESIDE: Final = 1e-5
 def _run_slopes(
     program: FrequencyProgram, registers: Real, tangents: Real, omega: float, re: Real, im: Real, dre: Real, dim: Real
 ) -> None:  # fmt: skip
-    """Evaluate all functions at one frequency, all lanes alike, and their derivatives; arrays (places, LANES)."""
+    """Evaluate all functions at one frequency, all lanes alike, and their derivatives; arrays (places, 1, LANES)."""
     square = -(omega * omega)
     for k in range(program.operations.shape[0]):
         code, to = program.operations[k, 0], program.operations[k, 1]
@@ -94,8 +94,8 @@ def _climb(
 ) -> Any:  # fmt: skip
     """Return what is 0 at a peak: the slope of |1 + L|², of |1 + L|²/|L|² times |L|⁴, or of |T|²."""
     store(omega, here, 0)
-    run_point(program, registers, omega, re, im, dre, dim)
-    x, y, dx, dy = re[place, 0], im[place, 0], dre[place, 0], dim[place, 0]
+    run_points(program, registers, omega, 1, re, im, dre, dim)
+    x, y, dx, dy = re[place, 0, 0], im[place, 0, 0], dre[place, 0, 0], dim[place, 0, 0]
     square, slope = x * x + y * y, 2.0 * (x * dx + y * dy)
     if to == f.HIGHEST:
         return slope
@@ -108,14 +108,14 @@ def curve_slopes(
     program: SpectrumProgram, curve: int, registers: Real, tangents: Real, reading: Real, found: Real, point: Real,
     omega: Real,
 ) -> None:  # fmt: skip
-    """Write the derivatives (READINGS, LANES) of what is read off one curve; ``point`` is (4, places, LANES)."""
+    """Write the derivatives (READINGS, LANES) of what is read off one curve; ``point`` is (4, places, 1, LANES)."""
     wants, place = program.wants[curve], program.points.targets[curve]
     re, im, dre, dim = point[0], point[1], point[2], point[3]
     first, last = program.frequencies[0], program.frequencies[program.frequencies.shape[0] - 1]
     level, d_level = 0.0, spread(0.0)
     if wants & f.BANDWIDTH:
         _run_slopes(program.points, registers, tangents, first, re, im, dre, dim)
-        x, y = re[place, 0], im[place, 0]
+        x, y = re[place, 0, 0], im[place, 0, 0]
         level = f.FALL * (x * x + y * y)
         d_level = (2.0 * f.FALL) * (load(dre, place) * x + load(dim, place) * y)
     for bit, to, at in (
@@ -134,8 +134,8 @@ def curve_slopes(
         if crossing and inside:
             for _ in range(2):
                 store(omega, here, 0)
-                run_point(program.points, registers, omega, re, im, dre, dim)
-                x, y, steep_x, steep_y = re[place, 0], im[place, 0], dre[place, 0], dim[place, 0]
+                run_points(program.points, registers, omega, 1, re, im, dre, dim)
+                x, y, steep_x, steep_y = re[place, 0, 0], im[place, 0, 0], dre[place, 0, 0], dim[place, 0, 0]
                 steep = steep_y if to == f.GAIN_MARGIN else 2.0 * (x * steep_x + y * steep_y)
                 move = -_miss(to, level, x, y) / steep
                 here += min(max(move, -_REACH * here), _REACH * here)
@@ -146,7 +146,7 @@ def curve_slopes(
                 move = -uphill * (_BESIDE * here) / (beside - uphill)
                 here += min(max(move, -_REACH * here), _REACH * here)
         _run_slopes(program.points, registers, tangents, here, re, im, dre, dim)
-        x, y, dx, dy = re[place, 0], im[place, 0], load(dre, place), load(dim, place)
+        x, y, dx, dy = re[place, 0, 0], im[place, 0, 0], load(dre, place), load(dim, place)
         square = x * x + y * y
         moved = spread(0.0)
         if crossing and inside:

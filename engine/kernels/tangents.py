@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 from engine.kernels import events as r
 from engine.kernels import sampling as s
-from engine.kernels import spectrum as f
-from engine.kernels.compiled import LANES, compiled
+from engine.kernels import spectrum_program as f
+from engine.kernels.compiled import LANES, allocating, compiled
 from engine.kernels.evaluate import scatter
 from engine.kernels.powers import LEVELS, raise_powers
 from engine.kernels.readings import enter_slopes
 from engine.kernels.response_slopes import TERMS, power_slopes, response_slopes
-from engine.kernels.spectrum import SpectrumProgram
+from engine.kernels.spectrum_program import SpectrumProgram
 from engine.kernels.spectrum_slopes import curve_slopes
 from engine.kernels.tape import Tape
 from engine.kernels.time_program import TimeProgram
@@ -85,7 +85,7 @@ def _levels(program: TimeProgram, readings: Real, h: float, most: int) -> int:
     return top
 
 
-@compiled
+@allocating
 def differentiate(
     tape: Tape, count: int, program: TimeProgram, curves: SpectrumProgram, of_time: Whole, of_curves: Whole, points: Real,
     directions: Real, readings: Real, spectra: Real, growth: Real, results: Real,
@@ -122,7 +122,7 @@ def differentiate(
     traces = program.traces.shape[0]
     found = room((traces, r.READINGS, LANES))
     framed = room((curves.wants.shape[0], f.READINGS, LANES))
-    point, omega = room((4, max(curves.points.places, 1), LANES)), room((1, LANES))
+    point, omega = room((4, max(curves.points.places, 1), 1, LANES)), room((1, LANES))
     for candidate in range(points.shape[0]):
         if not growth[candidate] < 0.0:
             continue

@@ -19,7 +19,7 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import register_model
 
-from engine.kernels.compiled import LANES, align_stack, compiled, instruction
+from engine.kernels.compiled import LANES, align_stack, allocating, compiled, instruction
 
 _DOUBLE: Final = ir.DoubleType()
 _VECTOR: Final = ir.VectorType(_DOUBLE, LANES)
@@ -268,7 +268,7 @@ def clear(to: Any, count: int) -> None:
         store(to, 0.0, k)
 
 
-@compiled
+@allocating
 def room(shape: Any) -> Any:
     """Return an array of any content whose vectors each lie in one line of the cache; the last size is the lanes."""
     count = 1
@@ -279,7 +279,7 @@ def room(shape: Any) -> Any:
     return raw[skip : skip + count].reshape(shape)
 
 
-@compiled
+@allocating
 def zeros(shape: Any) -> Any:
     """Return such an array full of zeros."""
     made = room(shape)

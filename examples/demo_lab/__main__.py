@@ -16,7 +16,7 @@ from examples.demo_lab.figure import draw
 from examples.demo_lab.processes import Lab, LabError, lab
 
 CHANNELS: dict[str, Any] = {"inputs": {"reference": "reference"}, "outputs": {"position": "position"}}
-GOALS = [
+GOALS: list[dict[str, Any]] = [
     {"metric": "response_time", "experiment": "step", "output": "position", "sense": "minimize"},
     {"metric": "overshoot", "experiment": "step", "output": "position", "upper": 0.02},
     {"metric": "sensitivity_peak", "open_at": "error", "upper": 1.6},
@@ -44,12 +44,27 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Late:
+    """What comes between command and motion, s: a recording tells the sum better than its parts."""
+
+    lag: float
+    delay: float
+    correlation: float
+
+    @property
+    def total(self) -> float:
+        """Lag and delay together."""
+        return self.lag + self.delay
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """What the day brought."""
 
     textbook: Mapping[str, Any]
     identified: Mapping[str, Any]
     parameters: Mapping[str, float]
+    late: Late
     gain: float
     before: Measured
     after: Measured
@@ -93,7 +108,7 @@ def run(running: Lab) -> Findings:
     model = axis(TEXTBOOK, gain=START_GAIN)
     acquisition = _measured(client, model)
     attempt = acquisition["attempts"][-1]
-    facts = attempt["facts"]
+    facts = attempt["facts"] or {}
     print(
         f"measured     {facts['samples']} samples of 2 channels at {facts['actual_rate']:.2f}/s "
         f"({facts['requested_rate']:.0f} were asked for)"
@@ -115,6 +130,11 @@ def run(running: Lab) -> Findings:
         "identified   "
         + ", ".join(f"{name} {value:.4g} (textbook {TEXTBOOK[name]:.4g})" for name, value in parameters.items())
     )
+    late = _late(client, str(identification["job"]))
+    print(
+        f"             lag and delay {1e3 * late.total:.2f} ms together; one by one {1e3 * late.lag:.2f} and "
+        f"{1e3 * late.delay:.2f} ms (correlation {late.correlation:.2f}: this recording tells their sum)"
+    )
 
     before = _step(client)
     better = axis({**TEXTBOOK, **parameters}, gain=START_GAIN)
@@ -131,8 +151,8 @@ def run(running: Lab) -> Findings:
         f"{predicted['response_time']:.3f}), overshoot {before.overshoot:.1%} -> {after.overshoot:.1%}"
     )
     return Findings(
-        textbook=textbook, identified=identified, parameters=parameters, gain=gain, before=before, after=after,
-        predicted=predicted,
+        textbook=textbook, identified=identified, parameters=parameters, late=late, gain=gain, before=before,
+        after=after, predicted=predicted,
     )  # fmt: skip
 
 
@@ -160,6 +180,14 @@ def _measured(client: servotune.Client, model: Mapping[str, Any]) -> servotune.a
     print(f"scheduled    every night at 3; now: job {run_['job']}")
     found = next(entry for entry in client.acquisitions.list() if entry["name"] == CHIRP["name"])
     return client.acquisitions.wait(found["id"], timeout=180)
+
+
+def _late(client: servotune.Client, job: str) -> Late:
+    found = client.jobs.get(job).wait(progress=False)
+    lag, delay = (found["parameters"][name]["value"] for name in ("valve_lag", "delay"))
+    names = list(found["parameters"])
+    correlation = found["correlations"][names.index("valve_lag")][names.index("delay")]
+    return Late(lag=lag, delay=delay, correlation=correlation)
 
 
 def _step(client: servotune.Client) -> Measured:

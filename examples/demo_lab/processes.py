@@ -17,7 +17,7 @@ from typing import Any
 import servotune
 from examples.demo_lab.axis import AGENT, RIG
 
-_READY_WITHIN = 60.0
+_READY_WITHIN = 180.0
 _STOPS_WITHIN = 15.0
 
 

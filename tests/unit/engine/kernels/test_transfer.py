@@ -8,7 +8,7 @@ import pytest
 from engine.diagram import LOOP, Diagram
 from engine.kernels.compiled import LANES
 from engine.kernels.curves import run_program
-from engine.kernels.spectrum import CHUNK
+from engine.kernels.spectrum_program import CHUNK
 from engine.kernels.tape import Registers, run
 from engine.kernels.transfer import Curve, Curves, Network, program, reals, tabulated
 from tests.reference.systems import block, pneumatic_loop, system, unity_loop
