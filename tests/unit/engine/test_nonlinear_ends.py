@@ -48,7 +48,7 @@ def test_what_is_on_its_way_is_too_short_and_no_integrator():
 
 
 def test_a_sampled_drive_at_its_limit_is_no_integrator():
-    made = limited_drive(kind="sampled_pid", kp=10.0, sample_time=0.01)
+    made = limited_drive(kind="sampled_pid", kp=4.0, sample_time=0.1)
     assert ends(made, 5.0, amplitude=20.0) == {"x": Verdict.TOO_SHORT, "u": Verdict.TOO_SHORT}
     assert ends(made, 25.0, amplitude=20.0) == {"x": Verdict.OK, "u": Verdict.OK}
 
