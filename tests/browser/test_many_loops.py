@@ -56,9 +56,15 @@ def test_nested_loops_are_drawn_simulated_and_optimised(page: Page, client) -> N
     # Simulated: the drawn system answers like the example.
     page.get_by_role("link", name="Front panel").click()
     page.locator("[data-testid=plots][data-frame]").wait_for()
-    body = {"input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.01}}, "outputs": ["position"]}
+    body = {
+        "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.01}},
+        "outputs": ["position"],
+        "metrics": ["rise_time", "overshoot"],
+        "samples": 100,
+    }
     drawn, example = (
-        client.post("/v1/simulations", json={"system": one, **body}).json()["variants"][0] for one in (system, EXAMPLE)
+        client.post("/v1/simulations", json={"system": one, **body}, timeout=240).json()["variants"][0]
+        for one in (system, EXAMPLE)
     )
     for metric in ("rise_time", "overshoot"):
         values = [reply["metrics"]["position"][metric]["value"] for reply in (drawn, example)]

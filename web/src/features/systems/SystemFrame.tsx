@@ -37,7 +37,8 @@ export function SystemFrame() {
           ))}
         </nav>
       </div>
-      {system.isError ? <ProblemAlert error={system.error} m="md" onRetry={() => void system.refetch()} /> : system.data ? <Outlet /> : null}
+      {/* What is being worked on stays when the service is away for a while. */}
+      {system.data ? <Outlet /> : system.isError && <ProblemAlert error={system.error} m="md" onRetry={() => void system.refetch()} />}
     </div>
   );
 }
