@@ -1,0 +1,55 @@
+"""Frequency responses with bounds, coherence and modes, and the way out as a universal file."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import scipy.signal
+from playwright.sync_api import Page, expect
+
+from tests.browser.driving import faults
+from tests.browser.test_matching import send
+
+RATE, NATURAL, DAMPING = 200.0, 60.0, 0.05
+
+
+@pytest.fixture(scope="module")
+def recording(client) -> str:
+    """One mode, m = 1 kg, driven by noise: x/F = 1/(s^2 + 2 zeta w s + w^2), simulated by scipy."""
+    noise = np.random.default_rng(7)
+    force = noise.standard_normal(40_000)
+    time = np.arange(force.size) / RATE
+    system = scipy.signal.TransferFunction([1.0], [1.0, 2 * DAMPING * NATURAL, NATURAL**2])
+    _, x, _ = scipy.signal.lsim(system, force, time)
+    x = x + 1e-3 * np.std(x) * noise.standard_normal(x.size)
+    return send(client, "hammer", {"force": ("N", force), "x": ("m", x)}, RATE)
+
+
+def test_a_resonance_is_found_with_its_bounds(page: Page, recording) -> None:
+    page.goto(f"/datasets/{recording}")
+    page.get_by_role("link", name="Frequency response").click()
+    page.get_by_role("button", name="Estimate").wait_for()
+    assert faults(page) == []
+    page.get_by_role("textbox", name="Confidence").fill("2")
+    page.get_by_role("button", name="Estimate").click()
+    expect(page.get_by_text("must lie between 0.5 and 1")).to_be_visible()
+    page.get_by_role("textbox", name="Confidence").fill("0.95")
+    page.get_by_role("textbox", name="Segment").fill("16")
+    page.get_by_role("checkbox", name="Find natural frequencies").check()
+    page.get_by_role("button", name="Estimate").click()
+    expect(page).to_have_url(re.compile("segment=16.*modes=1"))
+    row = page.get_by_test_id("modes").get_by_role("row").nth(1)
+    expect(row).to_be_visible(timeout=60_000)
+    found, _, interval = (row.get_by_role("cell").nth(i).inner_text() for i in range(3))
+    assert float(found) == pytest.approx(NATURAL, rel=0.01)
+    lower, upper = (float(text) for text in interval.split(" … "))
+    assert lower < float(found) < upper
+    expect(page.get_by_test_id("frf").locator("[role=img] svg")).to_have_count(3)
+    assert faults(page) == []
+    page.get_by_role("button", name="Keep for export").click()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Universal file").click()
+    # A delimiter, then the number of the kind of dataset.
+    assert download.value.path().read_text().split()[:2] == ["-1", "58"]
