@@ -132,7 +132,7 @@ def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
     job = desk.wait(limited)
     assert (job.status, job.error["type"]) == ("failed", "urn:servotune:problem:overdue")
     assert "within its time_limit of 2 s" in job.error["detail"]
-    wait_until_gone(process, timeout=5.0)
+    wait_until_gone(process, timeout=1.0)
     blocker = desk.ask("spin")
     desk.wait(blocker, "running")
     late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))
