@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from contextlib import ExitStack
 from datetime import timedelta
 
 import numpy as np
@@ -98,13 +99,14 @@ def test_a_lost_lease_stops_the_rig_and_late_samples_are_kept(lab, service) -> N
 def test_a_second_agent_leaves_a_rig_alone_that_has_one(lab, service) -> None:
     lab.bench.speed = 1.0
     second = lab.settings(**{"spool.folder": str(lab.folder / "second")})
-    with lab.agent() as first:
+    with ExitStack() as first:
+        first.enter_context(lab.agent())
         asked = lab.ask(duration=3)
         _running(lab, asked, progress=0.01)
         with lab.agent(second):
             assert lab.wait(asked)["status"] == "done"  # neither stopped nor brought to rest by the newcomer
             lab.whole(asked)
-            first.stop()
+            first.close()  # it has ended before the next one is asked for, and so cannot take it
             waiting = lab.ask(duration=0.2)
             database = open_database(service.database_url)
             with database.session() as session:
