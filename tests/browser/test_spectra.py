@@ -1,8 +1,9 @@
-"""Frequency responses with bounds, coherence and modes, and the way out as a universal file."""
+"""Frequency responses with bounds, coherence and modes; where they come from; the way home as one file."""
 
 from __future__ import annotations
 
 import re
+import zipfile
 
 import numpy as np
 import pytest
@@ -53,3 +54,17 @@ def test_a_resonance_is_found_with_its_bounds(page: Page, recording) -> None:
         page.get_by_role("link", name="Universal file").click()
     # A delimiter, then the number of the kind of dataset.
     assert download.value.path().read_text().split()[:2] == ["-1", "58"]
+
+
+def test_a_result_leads_back_to_its_samples_and_leaves_as_one_file(page: Page, client, recording) -> None:
+    body = {"dataset": recording, "input": "force", "output": "x", "keep": True}
+    kept = client.post("/v1/frfs", json=body).json()["id"]
+    page.goto(f"/lineage/{kept}?direction=up")
+    expect(page.get_by_test_id("graph").locator(".react-flow__node")).to_have_count(2)
+    expect(page.get_by_test_id("graph").locator(".react-flow__edge")).to_have_count(1)
+    assert faults(page) == []
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export as one file").click()
+    assert zipfile.is_zipfile(download.value.path())
+    page.get_by_test_id("graph").get_by_role("link", name="hammer").click()
+    page.wait_for_url(f"**/datasets/{recording}")
