@@ -75,10 +75,22 @@ DRIVER_ERRORS = {
     -200560: ("timeout", "the output did not come to its end in time: check its clock and trigger"),
     -200561: ("drive_limit", "the drive leaves the range of the output: check `amplitude` in the agent's settings"),
     -200621: _WRITTEN_LATE,
-    -200709: ("no_teds", "no sensor answers with a data sheet: check the cable, or set `teds = false`"),
-    -200741: ("no_teds", "the device cannot read the data sheet of a sensor: set `teds = false`"),
-    -200742: ("no_teds", "the data sheet in the sensor is damaged: set `teds = false`, and see to the sensor"),
-    -200826: ("no_teds", "the data sheet in the sensor cannot be read: check the cable, or set `teds = false`"),
+    -200709: (
+        "no_teds",
+        "no sensor answers with a data sheet: check the cable; the agent takes sensitivities from its settings",
+    ),
+    -200741: (
+        "no_teds",
+        "the device cannot read the data sheet of a sensor; the agent takes sensitivities from its settings",
+    ),
+    -200742: (
+        "no_teds",
+        "the data sheet in the sensor is damaged: see to the sensor; the agent takes sensitivities from its settings",
+    ),
+    -200826: (
+        "no_teds",
+        "the data sheet in the sensor cannot be read: check the cable; the agent takes sensitivities from its settings",
+    ),
     -201003: _GONE,
     -201105: ("device_busy", "another program uses the device with other settings: close it"),
     -201250: _OFF_LINE,
