@@ -107,7 +107,7 @@ def signed_in(
     page.get_by_test_id("key").fill(KEY)
     page.locator("button[type=submit]").click()
     page.locator("h1").first.wait_for()
-    page.locator("nav").first.wait_for()
+    page.locator("nav").first.wait_for(state="attached")  # on a narrow window it is behind a button
     page.close()
     return context
 

@@ -13,7 +13,12 @@ from tests.browser.driving import PAGES, faults, signed_in
 LISTED = {
     "/systems": "h2#templates",
     "/jobs": "[data-testid=jobs]",
-    "/datasets": "h2",
+    "/datasets": "h2, tbody tr",
+    "/schedules": "h2, tbody tr",
+    "/schedules/new": "form",
+    "/rigs": "h2, tbody tr",
+    "/identify?system={system}": "form",
+    "/validate?system={system}": "form",
     "/access": "[data-testid=keys]",
     "/about": "[data-testid=checks]",
     "/systems/{system}/panel?s=motor.leakage,law.kp&in=reference&loop=error": "[data-testid=plots][data-frame]",

@@ -203,6 +203,7 @@ def test_a_knob_is_turned_and_its_travel_made_linear(page: Page, motor) -> None:
     page.get_by_role("button", name="More for motor.resistance").click()
     page.get_by_role("menuitem", name="Linear travel").click()
     expect(page).to_have_url(re.compile(r"lin=motor\.resistance"))
+    expect(knob).to_have_attribute("aria-valuenow", "0.3549")  # (0.9518 - 0.1)/2.4
     knob.focus()
     page.keyboard.press("End")
     page.keyboard.press("Shift+ArrowLeft")

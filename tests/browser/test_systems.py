@@ -56,6 +56,7 @@ def test_a_system_comes_in_goes_out_is_copied_found_and_deleted(page: Page, tmp_
     page.get_by_role("menuitem", name="Duplicate").click()
     copy = page.get_by_role("link", name="Copy of a lag of its own")
     expect(copy).to_be_visible()
+    expect(page.get_by_role("menu")).to_have_count(0)
     page.get_by_role("button", name="What to do with Copy of a lag").click()
     page.get_by_role("menuitem", name="Delete").click()
     expect(copy).to_have_count(0)
