@@ -20,10 +20,11 @@ from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from api.errors import KNOWN, Problem, problem_of
+from api.errors import KNOWN, problem_of
 from api.guesses import Guesses
 from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
+from api.problems import Problem
 from api.rates import Allowance, Rates
 from api.services.installation import Caller
 from api.services.keys import caller_of

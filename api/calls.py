@@ -15,7 +15,7 @@ from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
 from api.convert.values import listed
-from api.errors import Problem
+from api.problems import Problem
 from api.services.installation import Caller, Installation
 from api.services.results import Study, keep
 from storage.repositories import Answer, IdempotencyRepository

@@ -1,21 +1,14 @@
-"""What goes wrong, as RFC 9457 problem documents: one table from exception to problem.
+"""One table from exception to problem: the core's, and those of storage.
 
-Everything that leaves the service with a status of 400 or more is a :class:`Problem`; the core's exceptions become
+Everything that leaves the service with a status of 400 or more is a :class:`api.problems.Problem`; exceptions become
 one through :func:`problem_of`. No web framework here: workers and services use the same table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from http import HTTPStatus
-from typing import Any
+from collections.abc import Mapping
 
-from numpy.linalg import LinAlgError
-
-from api.pointers import Place, pointer
-from engine.errors import EngineError, IllPosedError
+from api.problems import CORE, Problem, problem_of_core
 from storage.errors import (
     UNAVAILABLE,
     ChecksumError,
@@ -33,87 +26,6 @@ from storage.errors import (
     why_unavailable,
 )
 
-MEDIA_TYPE = "application/problem+json"
-_TYPE_BASE = "urn:servotune:problem:"
-ILL_POSED = "ill-posed-loop"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """One thing that is wrong in a document, and where."""
-
-    place: Place
-    detail: str
-
-
-class Problem(Exception):  # noqa: N818 -- the name that RFC 9457 gives to the thing
-    """An answer with a status of 400 or more.
-
-    Parameters
-    ----------
-    status : int
-        HTTP status.
-    kind : str
-        Last part of the ``type`` URI, e.g. "not-found".
-    detail : str
-        One sentence: the thing, the rule and the value got.
-    faults : sequence of Fault
-        What is wrong in the document, for 422.
-    headers : mapping
-        Headers that belong to the answer.
-    extra : mapping
-        Further members of the problem document.
-    """
-
-    def __init__(
-        self,
-        status: int,
-        kind: str,
-        detail: str,
-        *,
-        faults: Sequence[Fault] = (),
-        headers: Mapping[str, str] | None = None,
-        extra: Mapping[str, Any] | None = None,
-    ) -> None:
-        super().__init__(detail)
-        self.status = status
-        self.kind = kind
-        self.detail = detail
-        self.faults = tuple(faults)
-        self.headers = dict(headers or {})
-        self.extra = dict(extra or {})
-
-    def within(self, *prefix: str | int) -> Problem:
-        """Return this problem with ``prefix`` put before the place of every fault."""
-        self.faults = tuple(Fault(place=(*prefix, *fault.place), detail=fault.detail) for fault in self.faults)
-        return self
-
-    def document(self) -> dict[str, Any]:
-        """Return the problem document."""
-        body: dict[str, Any] = {
-            "type": _TYPE_BASE + self.kind,
-            "title": HTTPStatus(self.status).phrase,
-            "status": self.status,
-            "detail": self.detail,
-            **self.extra,
-        }
-        if self.faults:
-            body["errors"] = [{"pointer": pointer(fault.place), "detail": fault.detail} for fault in self.faults]
-        return body
-
-
-def invalid(detail: str, *place: str | int) -> Problem:
-    """Return the 422 of a document with one fault at ``place``."""
-    return Problem(422, "invalid-document", detail, faults=[Fault(place=place, detail=detail)])
-
-
-def invalid_document(faults: Sequence[Fault]) -> Problem:
-    """Return the 422 of a document with several faults."""
-    first = faults[0].detail
-    detail = first if len(faults) == 1 else f"{first} (and {len(faults) - 1} more, see errors)"
-    return Problem(422, "invalid-document", detail, faults=faults)
-
-
 #: Storage's exceptions: status and the last part of the type URI.
 _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     NotFoundError: (404, "not-found"),
@@ -129,22 +41,15 @@ _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     QuotaExceededError: (403, "quota-exceeded"),
 }
 #: Everything that :func:`problem_of` has an answer for.
-KNOWN: tuple[type[Exception], ...] = (Problem, EngineError, LinAlgError, *_STORAGE, *UNAVAILABLE)
+KNOWN: tuple[type[Exception], ...] = (Problem, *CORE, *_STORAGE, *UNAVAILABLE)
 
 
 def problem_of(error: Exception) -> Problem | None:
     """Return the problem that an exception stands for, None for one that nobody foresaw."""
     if isinstance(error, Problem):
         return error
-    if isinstance(error, IllPosedError):
-        fault = Fault(place=error.at, detail=error.message)
-        return Problem(422, ILL_POSED, error.message, faults=[fault], extra={"ports": list(error.ports)})
-    if isinstance(error, EngineError):
-        return invalid(error.message, *error.at)
-    if isinstance(error, LinAlgError):
-        detail = f"the system must have a response that float64 can resolve at these values, got: {error}"
-        return Problem(422, "unresolved", detail, faults=[Fault(place=(), detail=detail)])
-    return _storage_problem(error)
+    core = problem_of_core(error)
+    return core if core is not None else _storage_problem(error)
 
 
 def _storage_problem(error: Exception) -> Problem | None:
@@ -166,14 +71,3 @@ def _quota_problem(error: QuotaExceededError) -> Problem:
     if error.name == "jobs":
         return Problem(429, "quota-exceeded", str(error), headers={**headers, "Retry-After": "10"}, extra=extra)
     return Problem(403, "quota-exceeded", str(error), headers=headers, extra=extra)
-
-
-@contextmanager
-def at(*prefix: str | int) -> Iterator[None]:
-    """Turn errors of the core raised inside into problems whose places count from ``prefix``."""
-    try:
-        yield
-    except (EngineError, Problem) as error:
-        problem = problem_of(error)
-        assert problem is not None
-        raise problem.within(*prefix) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from api.errors import Problem
+from api.problems import Problem
 from api.rates import Allowance, Rates
 
 #: Secrets that have opened, of which the hash is remembered in this process.

@@ -13,8 +13,9 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
-from api.errors import KNOWN, MEDIA_TYPE, Fault, Problem, invalid_document, problem_of
+from api.errors import KNOWN, problem_of
 from api.pointers import place_in
+from api.problems import MEDIA_TYPE, Fault, Problem, invalid_document
 
 _log = logging.getLogger("servotune.api")
 _MOST_FAULTS = 50

@@ -19,8 +19,9 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from api.errors import KNOWN, Problem, invalid, problem_of
+from api.errors import KNOWN, problem_of
 from api.handlers import validation_problem
+from api.problems import Problem, invalid
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
 from api.services.installation import Caller, Installation
 from api.services.live import Panel, curves, measured, open_panel

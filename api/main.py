@@ -17,9 +17,9 @@ from api import handlers, live, pages
 from api.auth import Authentication, bearer
 from api.beside import WorkerBeside
 from api.edge import Edge
-from api.errors import MEDIA_TYPE
 from api.examples import add_examples
 from api.metrics import Measured, Metrics
+from api.problems import MEDIA_TYPE
 from api.rates import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from api import logs
-from api.errors import KNOWN, Problem, problem_of
+from api.errors import KNOWN, problem_of
+from api.problems import Problem
 from api.services import alerts, datasets, identifications, optimizations, parsing, processing, spreading, validations
 from api.services.results import versions
 from api.settings import Settings

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from api.convert.values import number, numbers, optional_si, si
-from api.errors import at
 from api.pointers import Place
+from api.problems import at
 from api.schemas.frfs import FrfRequest, SensorResponse
 from engine.modal.modes import Modes
 from engine.spectra.comparison import Comparison
@@ -75,7 +75,7 @@ def sensor_from_wire(given: SensorResponse | None, *, place: Place) -> Sensor | 
 
     Raises
     ------
-    api.errors.Problem
+    api.problems.Problem
         422 with the place of a number out of its bounds, or of a wrong unit.
     """
     if given is None:

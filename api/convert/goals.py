@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from api.convert.values import band_from_wire, optional_si, si
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.schemas.optimizations import BoundsDocument, GoalDocument, RationalDocument
 from engine.diagram import Diagram
 from engine.errors import MaskError
@@ -21,7 +21,7 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place) -> Go
 
     Raises
     ------
-    api.errors.Problem
+    api.problems.Problem
         422 with the place of a quantity in a wrong unit, or of bounds that make no sense.
     """
     metric = catalogue().get(document.metric)

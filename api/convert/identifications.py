@@ -34,7 +34,7 @@ def identification_from_wire(
 
     Raises
     ------
-    api.errors.Problem
+    api.problems.Problem
         422 with the place of a quantity in a wrong unit or a window outside of the recording.
     ProblemError
         For everything else that cannot be identified.

@@ -8,8 +8,8 @@ from typing import Any
 from api.convert.goals import goal_from_wire
 from api.convert.signals import ReadChannel, signals_from_wire
 from api.convert.values import optional_si, overrides_from_wire, si
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.schemas.optimizations import ExperimentDocument, OptimizationRequest, UncertainDocument, VariableDocument
 from engine.diagram import Diagram
 from engine.errors import SignalError
@@ -28,7 +28,7 @@ def problem_from_wire(
 
     Raises
     ------
-    api.errors.Problem
+    api.problems.Problem
         422 with the place of a quantity in a wrong unit, an unknown port, path or signal.
     ProblemError
         For everything else that cannot be optimised.

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from api.convert.values import si
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.units import UnitError, declared, factor
 
 Values = npt.NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from api.convert.values import measured_to_wire, number, numbers
-from api.errors import invalid
 from api.pointers import Place, pointer
+from api.problems import invalid
 from engine.influence import Influence
 from engine.limit_cycles import PredictedCycle
 from engine.metrics import catalogue

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from api.convert.values import free_unit, nested_si, optional_si, si
-from api.errors import at, invalid
 from api.pointers import Place
+from api.problems import at, invalid
 from api.schemas.systems import ParameterDocument, SubsystemBlock, SystemDocument
 from api.units import factor
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.units import UnitError, declared, known, to_si
 from engine.diagram import Diagram
 from engine.verdicts import Measured

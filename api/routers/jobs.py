@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
-from api.errors import invalid
+from api.problems import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import JobReply, Page

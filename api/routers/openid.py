@@ -9,7 +9,7 @@ from fastapi.responses import RedirectResponse
 
 from api.auth import COOKIE
 from api.calls import InstallationDep
-from api.errors import Problem
+from api.problems import Problem
 from api.services import sign_ins
 from api.services.installation import Installation
 from api.services.openid import Attempt, Provider

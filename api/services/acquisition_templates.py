@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import invalid
+from api.problems import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services import acquisitions
 from api.services.installation import Caller, Installation

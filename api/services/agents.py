@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.convert.values import check_unit
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.schemas.acquisitions import AgentRequest, RigInputDocument
 from api.services.installation import Caller
 from api.units import UnitError, to_si

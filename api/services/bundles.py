@@ -22,7 +22,7 @@ from sqlalchemy.orm import Session
 
 from api.convert.recordings import physical
 from api.convert.values import listed
-from api.errors import Problem
+from api.problems import Problem
 from api.services.datasets import to_wire
 from api.services.installation import Caller
 from api.services.lineage import graph_to_wire

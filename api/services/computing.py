@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from api.errors import Problem, invalid
+from api.problems import Problem, invalid
 from api.settings import Settings
 
 

@@ -12,9 +12,9 @@ from sqlalchemy.orm import Session
 from api.convert.recordings import Values, envelope, in_si, physical
 from api.convert.signals import Channel, ReadChannel
 from api.convert.values import check_unit, numbers, si
-from api.errors import Problem, invalid
 from api.formats import FormatError
 from api.pointers import Place
+from api.problems import Problem, invalid
 from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest, ImportDocument, PreviewRequest
 from api.services import jobs, raw_samples
 from api.services.importing import zone_of

@@ -37,7 +37,7 @@ def prepare(service: Installation, caller: Caller, request: DirectRequest) -> No
 
     Raises
     ------
-    api.errors.Problem, EngineError
+    api.problems.Problem, EngineError
         422 with the place of what is wrong.
     """
     read = _Read(request, service.database, caller.workspace)

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.convert.studies import warnings_to_wire
-from api.errors import invalid
+from api.problems import invalid
 from api.services.installation import Caller
 from api.services.systems import compiled
 from engine.errors import EngineError

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from sqlalchemy.orm import Session
 
-from api.errors import KNOWN, invalid, problem_of
+from api.errors import KNOWN, problem_of
+from api.problems import invalid
 from api.schemas.datasets import DatasetRequest
 from api.services import datasets, scheduled
 from api.services.installation import Caller, Installation

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from sqlalchemy.orm import Session
 
-from api.errors import Problem
 from api.formats import FormatError
 from api.formats.uff import FrequencyResponse, write
+from api.problems import Problem
 from api.services.frfs import KIND
 from api.services.installation import Caller
 from storage.errors import NotFoundError

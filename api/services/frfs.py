@@ -20,8 +20,8 @@ from api.convert.frfs import (
 from api.convert.signals import check_name
 from api.convert.spectra import window_to_wire
 from api.convert.values import band_from_wire, number, numbers, optional_si, overrides_from_wire, si
-from api.errors import at, invalid
 from api.pointers import Place
+from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
 from api.services.installation import Caller, Installation
 from api.services.measured_parts import Part, check_lines, read_part

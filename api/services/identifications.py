@@ -32,7 +32,7 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
 
     Raises
     ------
-    api.errors.Problem, EngineError
+    api.problems.Problem, EngineError
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)

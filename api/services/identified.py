@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from engine.diagram import Diagram
 from storage.errors import NotFoundError
 from storage.repositories import JobRepository, ResultRepository

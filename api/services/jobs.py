@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import Problem, invalid
+from api.problems import Problem, invalid
 from api.schemas.queue import QueueDocument
 from api.services.installation import Caller, Installation
 from storage.models import Job, JobEvent, JobStatus, Priority

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import invalid
+from api.problems import invalid
 from api.schemas.access import KeyRequest, RotationRequest
 from api.services.installation import Caller
 from storage.errors import NotFoundError

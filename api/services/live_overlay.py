@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from api.convert.signals import check_name
 from api.convert.values import listed, numbers
-from api.errors import invalid
+from api.problems import invalid
 from api.schemas.live import LiveMeasured
 from api.services.datasets import read_recording
 from api.services.installation import Caller, Installation

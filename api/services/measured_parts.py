@@ -10,8 +10,8 @@ import numpy as np
 
 from api.convert.recordings import Values, in_si
 from api.convert.recordings import window as part_of
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.services.datasets import channel_of
 from api.services.installation import Caller, Installation
 from storage.errors import NotFoundError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from api.errors import invalid
+from api.problems import invalid
 from api.services.installation import Installation
 from storage.models import Schedule
 from storage.repositories import DatasetRepository

@@ -15,9 +15,9 @@ from api.convert.optima import result_to_wire, summary_to_wire
 from api.convert.optimizations import problem_from_wire
 from api.convert.studies import warnings_to_wire
 from api.convert.values import number
-from api.errors import Problem as Refused
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import Problem as Refused
+from api.problems import invalid
 from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
 from api.services import jobs, spreading
@@ -59,7 +59,7 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
 
     Raises
     ------
-    api.errors.Problem, EngineError
+    api.problems.Problem, EngineError
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)

@@ -11,8 +11,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from api.convert.values import listed, numbers
-from api.errors import Problem
 from api.formats import MOST_VALUES, TIME_OF_DAY, FormatError, Recording, Values, catalogue
+from api.problems import Problem
 from api.services import raw_samples
 from api.services.importing import Plan, options, settle
 from api.services.quality import ChannelQuality, remarks

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from api.convert.processing import described, steps_from_wire
 from api.convert.recordings import physical
-from api.errors import Problem, at, invalid
+from api.problems import Problem, at, invalid
 from api.schemas.processing import ProcessingRequest
 from api.services import jobs
 from api.services.datasets import to_wire

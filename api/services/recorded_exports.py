@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from api.convert.recordings import physical
-from api.errors import invalid
 from api.formats import FormatError, Values
 from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
+from api.problems import invalid
 from api.services.datasets import channel_of, stretch
 from api.services.installation import Caller, Installation
 from storage.repositories import DatasetRepository

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from api.convert.signals import check_name
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.services.datasets import read_recording
 from api.units import UnitError, factor
 from engine.diagram import Diagram

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import Problem, at
+from api.problems import Problem, at
 from api.schemas.schedules import ScheduleRequest
 from api.services import scheduled, ticking
 from api.services.calendars import calendar

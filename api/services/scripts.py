@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import Problem
+from api.problems import Problem
 from api.services.installation import Caller
 from api.services.optimizations import KIND
 from storage.models import Job
@@ -58,7 +58,7 @@ def script_of(session: Session, caller: Caller, identifier: str) -> str:
 
     Raises
     ------
-    api.errors.Problem
+    api.problems.Problem
         409 for a job of another kind.
     """
     job = JobRepository(session, caller.workspace).get(identifier)

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import Problem
+from api.problems import Problem
 from api.services.installation import Caller, Installation
 from api.services.openid import Person
 from storage.errors import NotFoundError

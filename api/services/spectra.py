@@ -20,7 +20,7 @@ from api.convert.spectra import (
     window_to_wire,
 )
 from api.convert.values import band_from_wire, number, optional_si
-from api.errors import at, invalid
+from api.problems import at, invalid
 from api.schemas.spectra import SpectrumRequest
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation

@@ -27,8 +27,8 @@ from api.convert.studies import (
     warnings_to_wire,
 )
 from api.convert.values import band_from_wire, changes_from_wire, overrides_from_wire, si
-from api.errors import at, invalid
 from api.pointers import Place
+from api.problems import at, invalid
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation

@@ -12,8 +12,8 @@ from sqlalchemy.orm import Session
 
 from api.convert.studies import warnings_to_wire
 from api.convert.systems import diagram_from_wire
-from api.errors import invalid
 from api.pointers import Place
+from api.problems import invalid
 from api.schemas.systems import SystemDocument
 from api.services.installation import Caller, Installation
 from api.services.lineage import check_free, check_origin

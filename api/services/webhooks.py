@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.errors import invalid
+from api.problems import invalid
 from api.schemas.webhooks import WebhookRequest
 from api.services.installation import Caller, Installation
 from api.services.outside import ForbiddenUrlError, checked_url, judged

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from api.errors import Problem
+from api.problems import Problem
 from api.services.calendars import calendar, plan
 
 

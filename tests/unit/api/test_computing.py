@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from api.errors import Problem
+from api.problems import Problem
 from api.services.computing import Computing
 from api.settings import Settings
 

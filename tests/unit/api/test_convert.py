@@ -11,7 +11,7 @@ from api.calls import answer, expected_revision
 from api.convert.recordings import envelope, in_si, physical, window
 from api.convert.systems import diagram_from_wire, system_from_wire
 from api.convert.values import listed, measured_to_wire, numbers, overrides_from_wire
-from api.errors import Problem
+from api.problems import Problem
 from api.schemas.systems import SystemDocument
 from engine.verdicts import Measured, Verdict
 

@@ -6,7 +6,8 @@ import pytest
 from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
-from api.errors import Problem, at, invalid, problem_of
+from api.errors import problem_of
+from api.problems import Problem, at, invalid
 from engine.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
 from storage import errors as storage

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from api.bodies import parse
 from api.convert.systems import diagram_from_wire
-from api.errors import Problem
+from api.problems import Problem
 from api.schemas.systems import SystemDocument
 
 
