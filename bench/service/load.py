@@ -6,6 +6,7 @@ import asyncio
 import random
 import time
 from collections import Counter
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,10 +41,17 @@ class Outcome:
 async def load(url: str, key: str, *, clients: int, seconds: float, seed: int = 0) -> Outcome:
     """Let clients ask once a second each: nine reads for one system that is written."""
     outcome = Outcome()
-    limits = httpx.Limits(max_connections=None, max_keepalive_connections=None)
-    headers = {"Authorization": f"Bearer {key}"}
-    async with httpx.AsyncClient(base_url=url, headers=headers, limits=limits, timeout=30, trust_env=False) as client:
-        known = (await client.post("/v1/systems", json=SYSTEM)).json()["id"]
+    # each with a connection of its own, as in as many browsers: one pool of 200 would be searched at every request
+    context = httpx.create_ssl_context()
+
+    def connected() -> httpx.AsyncClient:
+        headers = {"Authorization": f"Bearer {key}"}
+        return httpx.AsyncClient(base_url=url, headers=headers, timeout=30, trust_env=False, verify=context)
+
+    async with connected() as first:
+        known = (await first.post("/v1/systems", json=SYSTEM)).json()["id"]
+    async with AsyncExitStack() as open_:
+        people = [await open_.enter_async_context(connected()) for _ in range(clients)]
         begun = time.perf_counter()
         await asyncio.gather(
             *(
@@ -55,7 +63,7 @@ async def load(url: str, key: str, *, clients: int, seconds: float, seed: int = 
                     seconds=seconds,
                     chance=random.Random(seed + n),  # noqa: S311 - no secret
                 )
-                for n in range(clients)
+                for n, client in enumerate(people)
             )
         )
     return outcome

@@ -175,7 +175,7 @@ def compute_one(compute: Compute, pipe: socket.socket) -> None:
     with pipe.makefile("rb") as reader:
         (length,) = HEADER.unpack(reader.read(HEADER.size))
         job = pickle.loads(reader.read(length))  # noqa: S301 - from our own worker
-    CURRENT_JOB.set(job.id)
+    token = CURRENT_JOB.set(job.id)
     try:
         send(pipe, Done(compute(job, Reporter(pipe))))
     except Refusal as refusal:
@@ -185,3 +185,5 @@ def compute_one(compute: Compute, pipe: socket.socket) -> None:
         os._exit(1)
     except Exception as error:  # noqa: BLE001 - the boundary of the process: whatever happens becomes the job's error
         send(pipe, Crashed(type(error).__name__, traceback.format_exc()))
+    finally:
+        CURRENT_JOB.reset(token)

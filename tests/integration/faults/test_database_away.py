@@ -9,11 +9,12 @@ import httpx
 import pytest
 from sqlalchemy import event, text
 
-from storage import open_database
+from storage import Database, open_database
+from storage.repositories import WorkerRepository
 from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG
 from tests.integration.faults.load import Load, summed, workers
-from tests.support.desk import Desk
+from tests.support.desk import Desk, wait_for
 from tests.support.postgres import Server, create_database
 
 SYSTEMS = "/v1/systems"
@@ -23,6 +24,11 @@ def reads_and_writes(client: httpx.Client, number: int) -> httpx.Response:
     if number % 3:
         return client.get(SYSTEMS, params={"limit": 5})
     return client.post(SYSTEMS, json=LAG | {"name": f"system {number}"})
+
+
+def _at_work(database: Database) -> int:
+    with database.session() as session:
+        return len(WorkerRepository(session).all())
 
 
 def test_postgres_restarts_under_load(tmp_path: Path, seconds: float, rounds: int) -> None:
@@ -36,6 +42,8 @@ def test_postgres_restarts_under_load(tmp_path: Path, seconds: float, rounds: in
         log = tmp_path / "workers.txt"
         with workers(url, 2, log=log), serving(url, requests_per_minute=0) as service:
             jobs: list[str] = []
+            # one that starts while the database is away ends, and is started again by whoever runs services
+            wait_for(lambda: _at_work(database) == 2, "two workers at work")
             with Load(service.client, reads_and_writes, threads=6) as load:
                 load.wait(30)
                 for _ in range(rounds):
