@@ -23,12 +23,12 @@ from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
 WORK = """
 import sys, threading
 from storage.jobs.worker import Worker
-Worker(sys.argv[1], compute=sys.argv[2], heartbeat=0.2).run(threading.Event())
+Worker(sys.argv[1], compute=sys.argv[2], heartbeat=float(sys.argv[3])).run(threading.Event())
 """
 
 
-def start_worker(url: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-c", WORK, url, COMPUTE])
+def start_worker(url: str, *, heartbeat: float = 0.2) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", WORK, url, COMPUTE, str(heartbeat)])
 
 
 @pytest.fixture
@@ -123,7 +123,7 @@ def test_a_job_that_kills_its_workers_fails(desk: Desk, database_url, tmp_path):
 @pytest.fixture
 def hanging(database_url) -> Iterator[subprocess.Popen[bytes]]:
     """A worker that may be stopped and woken, gone when the test is over."""
-    process = start_worker(database_url)
+    process = start_worker(database_url, heartbeat=1.0)
     yield process
     process.kill()
     process.wait()
@@ -133,7 +133,8 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
     job_id = desk.ask("spin")
     first = desk.process_of(job_id)
     dead_name = desk.get(job_id).worker
-    heir = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
+    # slower hearts than elsewhere: on a busy machine the living one must not be taken for dead when the other comes back
+    heir = Worker(database_url, compute=COMPUTE, heartbeat=1.0)
     heir.start()
     try:
         assert heir.name.endswith("-1")
