@@ -127,11 +127,11 @@ def test_a_paused_job_is_nowhere_and_goes_on_from_where_it_was(desk, worker, tmp
 def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
     worker.start()
     desk.wait(desk.ask("square", values=[1], pause=0))  # what computes is loaded
-    limited = desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"time_limit": 2.0})
+    limited = desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"time_limit": 0.8})
     process = desk.process_of(limited)
     job = desk.wait(limited)
     assert (job.status, job.error["type"]) == ("failed", "urn:servotune:problem:overdue")
-    assert "within its time_limit of 2 s" in job.error["detail"]
+    assert "within its time_limit of 0.8 s" in job.error["detail"]
     wait_until_gone(process, timeout=1.0)
     blocker = desk.ask("spin")
     desk.wait(blocker, "running")

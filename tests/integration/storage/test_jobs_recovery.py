@@ -151,8 +151,7 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
         assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
         # It has lost its name, and works on under another one; what it takes before it notices, it gives back.
         other = desk.ask("spin")
-        # it starts anew, which takes as long as the machine needs for it
-        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name")
+        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name", timeout=15)
     finally:
         heir.stop()
 
