@@ -169,6 +169,10 @@ class Job(Generic[ResultT]):
             raise JobFailedError(status=int(problem.get("status") or 500), problem=problem, request=f"job {self.id}")
         return cast("ResultT", self._transport.get(self.state.get("result") or f"/v1/jobs/{self.id}/result"))
 
+    def request(self) -> dict[str, Any]:
+        """Return what was asked for, the system written out as it was then."""
+        return cast("dict[str, Any]", self._transport.get(f"/v1/jobs/{self.id}/request"))
+
     def script(self) -> str:
         """Return a standalone Python script that repeats an optimisation, and compares what it finds with the result."""
         return self._transport.send("GET", f"/v1/jobs/{self.id}/script").text

@@ -93,6 +93,14 @@ def result(identifier: str, caller: Reader, service: InstallationDep) -> Respons
     return respond(answer(body))
 
 
+@router.get("/jobs/{identifier}/request", response_model=dict[str, object], summary="Get the request of a job")
+def request(identifier: str, caller: Reader, service: InstallationDep) -> Response:
+    """Return what was asked for, the system written out as it was then; 409 for a job without a request of its own."""
+    with service.database.session() as session:
+        body = jobs.request(session, caller, identifier)
+    return respond(answer(body))
+
+
 class PythonScript(PlainTextResponse):
     """A program to download."""
 

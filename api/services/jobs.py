@@ -70,6 +70,15 @@ def result(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     return results.body(results.get(job.result_id))
 
 
+def request(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return what was asked for, the system written out as it was then; 409 for a job that nobody asked for in words."""
+    job = JobRepository(session, caller.workspace).get(identifier)
+    asked = job.body.get("request")
+    if not isinstance(asked, dict):
+        raise Problem(409, "no-request", f"job {identifier!r} must come from a request of its own, it is {job.kind}")
+    return asked
+
+
 def cancel(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     """Stop a job; one that has ended already stays as it is."""
     return job_to_wire(JobRepository(session, caller.workspace).cancel(identifier))

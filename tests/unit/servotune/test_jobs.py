@@ -114,6 +114,12 @@ def test_a_job_gives_its_script(service: Service, client: servotune.Client):
     assert client.jobs.get("job_1").script() == "import servotune\n"
 
 
+def test_a_job_gives_its_request(service: Service, client: servotune.Client):
+    service.on("GET /v1/jobs/job_1", Answer(job("succeeded")))
+    service.on("GET /v1/jobs/job_1/request", Answer({"variables": [{"parameter": "kp"}]}))
+    assert client.jobs.get("job_1").request() == {"variables": [{"parameter": "kp"}]}
+
+
 def test_events_follow_the_html_standard():
     # The second and third examples of the HTML standard, section 9.2.6 (Interpreting an event stream).
     lines = [
