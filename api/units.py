@@ -1,4 +1,4 @@
-"""Conversion of quantities to SI at the edge: the only door to the unit library.
+"""Conversion of quantities to SI at the edge: the only door to the unit library, which is asked where `common_units` ends.
 
     value_SI = value * factor(unit, expected),   1 Hz of an angular frequency = 2 pi rad/s
 
@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
+
+from api import common_units
+from api.common_units import DIMENSIONS
 
 if TYPE_CHECKING:
     import pint
@@ -38,42 +42,68 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, non_int_type=Fraction)
 
 
-def _parse(unit: str) -> pint.Unit:
-    import pint  # noqa: PLC0415 -- see _registry
-
+def _checked(unit: str) -> str:
+    """Return the unit in plain letters, refused where it is more than names with powers."""
     plain = unit.translate(_SUPERSCRIPTS)
     if len(unit) > _LONGEST or plain.count("(") != plain.count(")") or not _UNIT.fullmatch(plain):
         raise UnitError(f"unit must be names joined by * and / with powers like m**2, got {unit[:_LONGEST]!r}")
+    return plain
+
+
+def _parse(unit: str) -> pint.Unit:
+    import pint  # noqa: PLC0415 -- see _registry
+
+    plain = _checked(unit)
     try:
         return _registry().parse_units(plain)
-    except (pint.errors.PintError, ValueError, AssertionError, TypeError) as error:
+    except (pint.errors.PintError, ValueError, AssertionError, TypeError, KeyError) as error:  # KeyError: "V**0", alone
         raise UnitError(f"unit must be known, got {unit!r}") from error
 
 
-def _reduced(unit: str) -> tuple[Fraction, str, Any]:
-    """Return the factor to SI base units, their name and the dimension of ``unit``; angles stay named."""
-    parsed = _parse(unit or "1")
+@dataclass(frozen=True, kw_only=True)
+class _Reduced:
+    """A unit in SI base units: its factor, their name and dimension, and the power of hertz in it."""
+
+    factor: Fraction
+    name: str
+    dimension: Mapping[str, Any]
+    hertz: int
+
+
+def _reduced(unit: str) -> _Reduced:
+    """Return ``unit`` in SI base units; angles stay named."""
+    known_ = common_units.reduced(_checked(unit or "1"))
+    if known_ is not None:
+        dimension = {DIMENSIONS[base]: power for base, power in known_.bases if base in DIMENSIONS}
+        return _Reduced(factor=known_.factor, name=_name(known_.bases), dimension=dimension, hertz=known_.hertz)
+    return _reduced_by_library(unit)
+
+
+def _reduced_by_library(unit: str) -> _Reduced:
+    registry, parsed = _registry(), _parse(unit or "1")
     try:
-        zero, one = (_registry().Quantity(Fraction(x), parsed).to_base_units() for x in (0, 1))
+        zero, one = (registry.Quantity(Fraction(x), parsed).to_base_units() for x in (0, 1))
         offset = bool(zero.magnitude != 0)
     except TypeError as error:  # a logarithm has no rational factor
         raise UnitError(f"unit must be linear (no dB), got {unit!r}") from error
     if offset:
         raise UnitError(f"unit must have a zero that is zero (no degC), got {unit!r}")
-    return Fraction(one.magnitude), _name(one.unit_items()), one.dimensionality
-
-
-def _items(unit: str) -> Iterable[tuple[str, Any]]:
-    return _registry().Quantity(Fraction(1), _parse(unit or "1")).unit_items()
+    items = registry.Quantity(Fraction(1), parsed).unit_items()
+    return _Reduced(
+        factor=Fraction(one.magnitude),
+        name=_name((registry.get_symbol(base), power) for base, power in one.unit_items()),
+        dimension=dict(one.dimensionality),
+        hertz=sum(int(str(power)) for name, power in items if "hertz" in name),
+    )
 
 
 def _name(items: Iterable[tuple[str, Any]]) -> str:
-    """Return "kg*m/s**2" for [("kilogram", 1), ("meter", 1), ("second", -2)]."""
+    """Return "kg*m/s**2" for [("kg", 1), ("m", 1), ("s", -2)]."""
     above: list[str] = []
     below: list[str] = []
-    for unit, power in items:
+    for symbol, power in items:
         side, exponent = (above, power) if power > 0 else (below, -power)
-        side.append(_registry().get_symbol(unit) + ("" if exponent == 1 else f"**{exponent}"))
+        side.append(symbol + ("" if exponent == 1 else f"**{exponent}"))
     text = "*".join(above) or ("1" if below else "")
     return text + "".join(f"/{part}" for part in below)
 
@@ -101,18 +131,16 @@ def factor(unit: str, expected: str) -> Fraction:
     >>> float(factor("Hz", "rad/s")) == 2 * math.pi
     True
     """
-    scale, _, dimension = _reduced(unit)
-    hertz = sum(int(str(power)) for name, power in _items(unit) if "hertz" in name)
+    given = _reduced(unit)
     if expected == "":
-        if hertz:
+        if given.hertz:
             raise UnitError(f"unit must be rad/s or 1/s where no unit is declared (Hz leaves out 2 pi), got {unit!r}")
-        return scale
-    base, _, wanted = _reduced(expected)
-    if dimension != wanted:
+        return given.factor
+    wanted = _reduced(expected)
+    if given.dimension != wanted.dimension:
         raise UnitError(f"must be in {'a unit of a ratio' if expected == '1' else expected}, got {unit!r}")
-    if hertz and _is_angular(expected):
-        scale *= Fraction(2 * math.pi) ** hertz
-    return scale / base
+    scale = given.factor / wanted.factor
+    return scale * Fraction(2 * math.pi) ** given.hertz if _is_angular(expected) else scale
 
 
 def to_si(value: float, unit: str, expected: str) -> float:
@@ -134,14 +162,13 @@ def declared(unit: str) -> str:
     >>> declared("daN*s**2/cm"), declared("kHz")
     ('kg', 'rad/s')
     """
-    if _reduced(unit)[2] == _reduced("1/s")[2] and "hertz" in str(_parse(unit)):
-        return "rad/s"
-    return _reduced(unit)[1]
+    given = _reduced(unit)
+    return "rad/s" if given.hertz and given.dimension == _reduced("1/s").dimension else given.name
 
 
 def known(unit: str) -> None:
     """Raise UnitError for a unit that the library does not know; dB and degC are known."""
-    if unit:
+    if unit and common_units.reduced(_checked(unit)) is None:
         _parse(unit)
 
 
