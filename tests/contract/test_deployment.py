@@ -34,6 +34,29 @@ def test_everything_that_is_copied_into_the_image_is_there() -> None:
         assert (ROOT / source).exists(), source
 
 
+def test_what_the_pages_import_from_elsewhere_is_copied_to_where_they_are_built() -> None:
+    stage = IMAGE.split("\nFROM ")[1]
+    copied = [target for _, target in re.findall(r"^COPY (\S+) \.\./(\S+)$", stage, flags=re.MULTILINE)]
+    web = ROOT / "web"
+    imported = {
+        (source.parent / name).resolve().relative_to(ROOT)
+        for source in [*(web / "src").rglob("*.ts"), *(web / "src").rglob("*.tsx")]
+        for name in re.findall(r'from "(\.\.?/[^"]+)"', source.read_text())
+        if not (source.parent / name).resolve().is_relative_to(web)
+    }
+    assert imported
+    for path in imported:
+        assert any(path.is_relative_to(target) for target in copied), path
+
+
+@pytest.mark.parametrize("ignoring", [".dockerignore", ".containerignore"])
+def test_what_is_copied_is_not_ignored(ignoring: str) -> None:
+    kept = [Path(line[1:]) for line in (ROOT / ignoring).read_text().splitlines() if line.startswith("!")]
+    for line in re.findall(r"^COPY (?!--from).*$", IMAGE, flags=re.MULTILINE):
+        for source in line.split()[1:-1]:
+            assert any(Path(source).is_relative_to(path) for path in kept), source
+
+
 def test_every_package_that_is_installed_is_copied_into_the_image() -> None:
     wheel = re.search(r"^packages = (\[[^\]]*\])", (ROOT / "pyproject.toml").read_text(), flags=re.MULTILINE)
     assert wheel is not None
