@@ -9,7 +9,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import KEY, PAGES
+from tests.browser.driving import KEY, PAGES, faults
 
 SYSTEM = {
     "name": "a lag of its own",
@@ -117,3 +117,32 @@ def test_the_page_speaks_the_language_of_the_browser(browser, service, language)
     expect(page.get_by_role("button", name="Intră")).to_be_visible()
     assert page.evaluate("document.documentElement.lang") == "ro"
     context.close()
+
+
+def test_a_first_visit_is_led_through_three_steps_by_keyboard_and_never_again(page: Page) -> None:
+    page.goto("/systems")
+    page.evaluate("localStorage.removeItem('servotune-tour')")
+    page.reload()
+    page.get_by_test_id("tour-offer").get_by_role("button", name="Begin").focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="Linear hydraulic motor")).to_have_count(0)
+    expect(page.get_by_role("heading", name="Step 2 of 3")).to_be_focused()
+    page.locator("[data-testid=plots][data-frame]").wait_for()
+    assert faults(page) == []
+    page.get_by_role("slider", name="motor.leakage").focus()
+    page.keyboard.press("ArrowRight")
+    tour = page.get_by_test_id("tour")
+    expect(tour.get_by_role("status")).to_contain_text("Moved")
+    tour.get_by_role("button", name="Next").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/optimise")
+    expect(page.get_by_role("heading", name="Step 3 of 3")).to_be_focused()
+    expect(page.get_by_role("button", name="Start")).to_be_visible()
+    page.goto("/about")
+    tour.get_by_role("link", name="Back to the step").click()
+    page.wait_for_url("**/optimise")
+    tour.get_by_role("button", name="Finish").click()
+    expect(tour).to_have_count(0)
+    page.goto("/systems")
+    expect(page.locator("#templates")).to_be_visible()
+    expect(page.get_by_test_id("tour-offer")).to_have_count(0)

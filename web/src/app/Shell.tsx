@@ -5,6 +5,7 @@ import { useTranslation } from "react-i18next";
 import { NavLink, Outlet, ScrollRestoration } from "react-router";
 import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
+import { TourCard } from "./TourCard";
 import classes from "./Shell.module.css";
 
 const PLACES = ["systems", "datasets", "jobs", "schedules", "rigs", "access", "about"] as const;
@@ -61,6 +62,7 @@ export function Shell() {
           <Outlet />
         </Suspense>
       </AppShell.Main>
+      <TourCard />
       <ScrollRestoration />
     </AppShell>
   );

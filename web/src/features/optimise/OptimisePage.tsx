@@ -284,7 +284,7 @@ function Form({ id, opened, loops, metrics, methods, given }: Props) {
             </Group>
           </section>
           <Group>
-            <Button type="submit" size="sm" loading={submit.isPending} disabled={form.variables.length === 0 || form.goals.length === 0}>
+            <Button type="submit" size="sm" data-tour-of="optimise" loading={submit.isPending} disabled={form.variables.length === 0 || form.goals.length === 0}>
               {t("optimise.start")}
             </Button>
             <CopyButton value={pythonOf(body, location.origin)}>{({ copied, copy }) => <Button variant="default" onClick={copy}>{copied ? t("optimise.copied") : t("optimise.python")}</Button>}</CopyButton>

@@ -181,7 +181,7 @@ export function PanelPage() {
 
   return (
     <div className={classes.page}>
-      <aside className={classes.side} aria-label={t("panel.sliders")}>
+      <aside className={classes.side} aria-label={t("panel.sliders")} data-tour-of="panel">
         <Group justify="space-between" wrap="nowrap">
           <Text fw={600} fz="sm" component="h2">
             {t("panel.parameters")}

@@ -11,7 +11,9 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
 import { createSystem, deleteSystem, systemQuery, systemsKey, systemsQuery } from "@/shared/api/systems";
+import { useTour } from "@/shared/tour/tour";
 import type { Template } from "./templates";
+import { TourOffer } from "./TourOffer";
 
 /** The smallest system that is one: it answers its command with a lag. */
 const FIRST: SystemDocument = {
@@ -28,8 +30,9 @@ export function SystemsPage() {
   const search = query.get("q") ?? "";
   const systems = useInfiniteQuery(systemsQuery);
   const create = useMutation({
-    mutationFn: ({ document }: { document: SystemDocument; to: string }) => createSystem(document),
-    onSuccess: (id, { to }) => {
+    mutationFn: ({ document }: { document: SystemDocument; to: string; tour?: boolean }) => createSystem(document),
+    onSuccess: (id, { to, tour }) => {
+      if (tour) useTour.getState().go("panel", id);
       void queries.invalidateQueries({ queryKey: systemsKey });
       void navigate(`/systems/${id}/${to}`);
     },
@@ -82,6 +85,7 @@ export function SystemsPage() {
         </Button>
       </PageHead>
       <Stack gap="lg">
+        <TourOffer onOpen={(template) => create.mutate({ document: template.document, to: `panel?${template.panel}`, tour: true })} busy={create.isPending} />
         <ProblemAlert error={create.error ?? copy.error ?? remove.error ?? read.error ?? systems.error} />
         {systems.isSuccess && all.length === 0 && <Empty title={t("systems.none")}>{t("systems.noneDoc")}</Empty>}
         {all.length > 0 && (
