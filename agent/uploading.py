@@ -95,8 +95,7 @@ class Uploader:
 
     def _forward(self, run: Run, agent: str) -> bool:
         begin, ended = run.read("begin"), run.ended
-        if ended and run.name not in self._told:
-            self._tell(run, agent)
+        self._tell_once(run, agent)
         if begin is None:
             return self._finish(run, agent) if ended else False
         dataset = self._dataset(run, agent, begin)
@@ -105,6 +104,7 @@ class Uploader:
         for segment in run.segments():
             if self._stop.is_set():
                 return True
+            self._tell_once(run, agent)  # the run may end while what has piled up is on its way
             if segment.sha256 not in there:
                 there.add(self._send(run, dataset, segment, channels=len(begin["channels"])))
                 worked = True
@@ -112,8 +112,10 @@ class Uploader:
             return self._commit(run, dataset) and self._finish(run, agent)
         return worked
 
-    def _tell(self, run: Run, agent: str) -> None:
-        """Say that the rig rests and the samples are on their way, which may take longer than a lease."""
+    def _tell_once(self, run: Run, agent: str) -> None:
+        """Say of a run that has ended that its samples are on their way, which may take longer than a lease."""
+        if not run.ended or run.name in self._told:
+            return
         document = {"agent": agent, "status": "uploading", "message": "on its way"}
         try:
             self._service.heartbeat(run.claim, document)

@@ -116,21 +116,22 @@ def test_kill_of_the_service(lab, tmp_path) -> None:
     with lab.agent(), lab.service.client() as client:
         lab.client = client
         with process(*command, SERVOTUNE_DATABASE_URL=url) as service:
-            _answers(client)
+            answers(client)
             asked = lab.ask(duration=3)
             lab.wait(asked, "running")
             service.send_signal(signal.SIGKILL)
             service.wait()
         recording(lab, segments=10)  # the run goes on without anybody to talk to
         with process(*command, SERVOTUNE_DATABASE_URL=url):
-            _answers(client)
+            answers(client)
             done = lab.wait(asked)
             assert done["status"] == "done", done
             assert lab.whole(asked).shape[0] == round(0.1 * 51200 / 31) + round(3 * 51200 / 31)
             lab.until(lambda: lab.runs() == [])
 
 
-def _answers(client: httpx.Client) -> None:
+def answers(client: httpx.Client) -> None:
+    """Wait until a service is there."""
     give_up_at = time.monotonic() + 180
     while True:
         try:

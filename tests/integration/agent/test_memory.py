@@ -1,28 +1,29 @@
 """Eight channels at 51.2 kS/s, ten seconds of them (30 minutes in `make proof`): bounded memory, every sample arrives exactly once.
 
-Each channel hears a sine of its own: the slowest rises all the time and tells where a sample belongs, the others tell it to the sample.
+In the long run service and worker are processes of their own, and each of the four is held to the limit. Each channel hears a sine of its own: the slowest rises all the time and tells where a sample belongs, the others tell it to the sample.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from subprocess import Popen
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
 from tests.integration.agent.lab import RIG
-from tests.integration.agent.test_kills import free_port, process
-from tests.integration.api.conftest import working
+from tests.integration.agent.test_kills import answers, free_port, process
+from tests.integration.api.conftest import Service, make_keys
 
-SECONDS = 1800 if settings().max_examples > 1000 else 10
+LONG = settings().max_examples > 1000
+SECONDS = 1800 if LONG else 10
 RATE = 51200
 MOST = 200e6
-MOST_AT_ONCE = 20
-"""s of these channels that the service reads by itself; a worker reads more."""
 SINES = {f"ai{i}": frequency for i, frequency in enumerate((1e-4, 37.0, 41.3, 53.9, 61.1, 71.7, 83.3, 97.9))}
 AMPLITUDE, RANGE = 4.5, 5.0
 STEP = RANGE / 2**23
@@ -51,6 +52,22 @@ def samples_in_their_places(lab, dataset: str) -> int:
     return count
 
 
+@contextmanager
+def outside(lab) -> Iterator[dict[str, Popen[str]]]:
+    """Give the lab a service and a worker in processes of their own."""
+    port, database_url = free_port(), lab.service.database_url
+    lab.service = Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url))
+    with ExitStack() as stack:
+        commands = {"service": ("serve", "--port", str(port), "--no-worker"), "worker": ("worker",)}
+        started = {
+            name: stack.enter_context(process(*command, SERVOTUNE_DATABASE_URL=database_url))
+            for name, command in commands.items()
+        }
+        lab.client = stack.enter_context(lab.service.client())
+        answers(lab.client)
+        yield started
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="memory must be told by /proc")
 def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
     rig = RIG.format(rig=lab.rig)
@@ -72,24 +89,25 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         f'speed = 0\n[[devices]]\nname = "cDAQ1Mod1"\ninputs = 8\nrange = {RANGE}\n'
         f'[[devices]]\nname = "cDAQ1Mod2"\noutputs = 1\ndivider = 0\n{sensors}'
     )
-    arguments = (
-        "agent", "--settings", str(path), "--url", lab.service.url, "--daq-server", f"127.0.0.1:{port}",
-        "--spool", str(lab.spool),
-    )  # fmt: skip
-    key = lab.service.keys["acquire"]
-    with (
-        working(lab.service.database_url) if SECONDS > MOST_AT_ONCE else nullcontext(),
-        process("rig-simulator", str(description), "--port", str(port)) as simulator,
-        process(*arguments, SERVOTUNE_AGENT_KEY=key) as agent,
-    ):
+    with ExitStack() as stack:
+        processes = stack.enter_context(outside(lab)) if LONG else {}
+        simulator = stack.enter_context(process("rig-simulator", str(description), "--port", str(port)))
+        arguments = (
+            "agent", "--settings", str(path), "--url", lab.service.url, "--daq-server", f"127.0.0.1:{port}",
+            "--spool", str(lab.spool),
+        )  # fmt: skip
+        agent = stack.enter_context(process(*arguments, SERVOTUNE_AGENT_KEY=lab.service.keys["acquire"]))
+        processes |= {"agent": agent, "simulator": simulator}
         assert simulator.stdout.readline()
         lab.client.timeout = 120
         began = time.monotonic()
         asked = lab.ask(duration=SECONDS, pre_trigger=0, sample_rate=RATE, channels=list(SINES), drive=None)
         done = lab.wait(asked, within=60 * SECONDS)
-        took, used = time.monotonic() - began, peak(agent.pid)
+        took = time.monotonic() - began
         lab.until(lambda: lab.runs() == [], within=60 + SECONDS)
-    assert done["status"] == "done", done
-    sys.stderr.write(f"{SECONDS} s of {len(SINES)} x {RATE}/s in {took:.0f} s, agent {used / 1e6:.0f} MB\n")
-    assert used < MOST
-    assert samples_in_their_places(lab, done["dataset"]) == SECONDS * RATE
+        used = {name: peak(started.pid) for name, started in processes.items()}
+        told = ", ".join(f"{name} {size / 1e6:.0f} MB" for name, size in used.items())
+        sys.stderr.write(f"{SECONDS} s of {len(SINES)} x {RATE}/s in {took:.0f} s: {told}\n")
+        assert done["status"] == "done", done
+        assert samples_in_their_places(lab, done["dataset"]) == SECONDS * RATE
+        assert max(used.values()) < MOST, told

@@ -169,6 +169,36 @@ def test_without_a_service_the_samples_wait_on_the_disk(lab, monkeypatch) -> Non
     assert arrived["size"] == len(local) == recorded["samples"] * 16
 
 
+def test_a_run_whose_samples_have_piled_up_is_not_lost_while_they_are_sent(lab, monkeypatch) -> None:
+    """A slow network: the run is over long before its samples have left; that is told before the next piece of them."""
+    lab.bench.speed = 1.0
+    put, heartbeat = service.Service.put, service.Service.heartbeat
+    told = []
+
+    def slow(self, dataset, segment, data):
+        if not told.count("segment"):
+            told.append("segment")
+            lab.until(lambda: len(list(lab.runs()[0].glob("*.f64"))) > 3)
+            raise service.UnreachableError("no answer")
+        lab.until((lab.runs()[0] / "end.json").exists)
+        told.append("segment")
+        put(self, dataset, segment, data)
+
+    def beat(self, claim, document):
+        told.append(document["status"])
+        return heartbeat(self, claim, document)
+
+    monkeypatch.setattr(service.Service, "put", slow)
+    monkeypatch.setattr(service.Service, "heartbeat", beat)
+    with lab.agent():
+        done = lab.wait(lab.ask(duration=2))
+    assert done["status"] == "done"
+    assert told.count("segment") > 4
+    # The first one broke off, the second one was on its way when the run ended.
+    assert told[: told.index("uploading")].count("segment") <= 2
+    lab.whole(done["id"])
+
+
 def test_segments_that_are_torn_on_their_way_are_sent_again(lab, monkeypatch) -> None:
     torn = []
     real = service.Service.put
