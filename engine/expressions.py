@@ -20,6 +20,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -30,6 +31,7 @@ from engine.traced import Op, Traced
 
 MAX_LENGTH: Final = 1000
 MAX_DEPTH: Final = 50
+_REMEMBERED: Final = 1024
 
 Values = Sequence[Scalar]
 _Evaluate = Callable[[Values], Scalar]
@@ -181,6 +183,12 @@ def parse(text: str) -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"expression must be at most {MAX_LENGTH} characters long, got {len(text)}")
+    return _parsed(text)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _parsed(text: str) -> Expression:
+    # a document comes again and again, with another value or another block, and most of its expressions with it
     return _Parser(text).expression()
 
 

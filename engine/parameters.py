@@ -44,12 +44,13 @@ class Param:
     shape: Shape = "scalar"
     choices: tuple[str, ...] = ()
 
-    def admits(self, value: Scalar) -> np.bool_ | npt.NDArray[np.bool_]:
+    def admits(self, value: Scalar) -> bool | npt.NDArray[np.bool_]:
         """Tell for every entry of ``value`` whether its real part is finite and within the bounds."""
         real = value.real
         above = real > self.lower if self.lower_open else real >= self.lower
-        admitted: np.bool_ | npt.NDArray[np.bool_] = np.isfinite(real) & above & (real <= self.upper)
-        return admitted
+        if isinstance(real, np.ndarray):
+            return np.asarray(np.isfinite(real) & above & (real <= self.upper))
+        return bool(above and real <= self.upper and math.isfinite(real))
 
     def rule(self) -> str:
         """Return the bounds as words, e.g. ``> 0 m**2``."""

@@ -16,9 +16,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import lapack
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
+from engine.circles import circles
 from engine.elements import Ports, Realization
 from engine.errors import DiagramError, IllPosedError, Path
 
@@ -258,7 +257,7 @@ class Interconnection:
                 source = sources[block.first_input + int(j)]
                 row = block.first_output + int(i)
                 terms[row].append(Term(row=row, block=number, i=int(i), j=int(j), source=source))
-        component = _components([[t.source for t in row if t.source < outputs] for row in terms])
+        component = circles([[t.source for t in row if t.source < outputs] for row in terms])
         steps: list[Term | Loop] = []
         for rows in component:
             own = [term for row in rows for term in terms[row]]
@@ -324,34 +323,6 @@ def _cleared(array: Array, valid: npt.NDArray[np.bool_]) -> Array:
 
 def _pattern(d: Array) -> npt.NDArray[np.bool_]:
     return np.asarray((d != 0).any(axis=0) if d.ndim > 2 else d != 0)
-
-
-def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the strongly connected components of a graph, each after those that it needs."""
-    edges = [(row, other) for row, others in enumerate(needs) for other in others]
-    if not edges:
-        return [[row] for row in range(len(needs))]
-    rows, columns = np.array(edges).T
-    graph = csr_array((np.ones(len(edges)), (rows, columns)), shape=(len(needs), len(needs)))
-    count, label = connected_components(graph, directed=True, connection="strong")
-    members: list[list[int]] = [[] for _ in range(count)]
-    for row, number in enumerate(label):
-        members[number].append(row)
-    depends = [{int(label[o]) for row in rows_ for o in needs[row]} - {c} for c, rows_ in enumerate(members)]
-    done: list[int] = []
-    seen: set[int] = set()
-    for root in range(count):
-        trail = [root]
-        while trail:
-            pending = next((c for c in depends[trail[-1]] if c not in seen), None)
-            if pending is not None:
-                trail.append(pending)
-                continue
-            last = trail.pop()
-            if last not in seen:
-                seen.add(last)
-                done.append(last)
-    return [members[c] for c in done]
 
 
 def _shortest_circle(successors: dict[int, list[int]]) -> list[int]:

@@ -82,12 +82,16 @@ def _padded(coefficients: Sequence[Scalar], length: int) -> list[Scalar]:
 
 def _typical(values: Array) -> Array:
     """Return the magnitudes of the real parts; of a batch, the median over its members."""
-    magnitude = np.nan_to_num(np.abs(nominal(values).real), posinf=_OVERSIZED)
+    magnitude = np.abs(nominal(values).real)
+    if not np.isfinite(magnitude).all():
+        magnitude = np.nan_to_num(magnitude, posinf=_OVERSIZED)
     return np.asarray(np.median(magnitude, axis=0) if values.ndim > 2 else magnitude)
 
 
 def _balancing(a: Array) -> Array:
     """Return the diagonal t of powers of two that balances diag(1/t) a diag(t)."""
+    if a.shape[-1] == 1:
+        return np.ones(1)
     _, _, _, scale, _ = lapack.dgebal(_typical(a), scale=1, permute=0)
     return np.asarray(scale)
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eig, matrix_balance
-from scipy.sparse.csgraph import connected_components
 
+from engine.circles import circles
 from engine.linear.tangent import slopes, solve
 from engine.verdicts import Verdict
 
@@ -128,10 +128,10 @@ def _circles(system: LaneSystem) -> list[LaneSystem]:
     acts = np.block([[pattern["a"], pattern["b2"]], [pattern["c2"], pattern["d22"]]])
     if not len(acts):
         return []
-    count, label = connected_components(acts, directed=True, connection="strong")
     parts = []
-    for k in range(count):
-        x, w = np.flatnonzero(label[:n] == k), np.flatnonzero(label[n:] == k)
+    for circle in circles([np.flatnonzero(row).tolist() for row in acts]):
+        members = np.array(circle)
+        x, w = members[members < n], members[members >= n] - n
         if len(x) or acts[n + w, n + w].any() or len(w) > 1:
             whole = len(x) == n and len(w) == system.m
             parts.append(system if whole else system.part(x, w))

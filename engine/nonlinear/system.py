@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
+from engine.circles import circles
 from engine.elements._nonlinear import Mode, Moment, Signals, slopes, stacked, surface_slopes
 from engine.errors import UnresolvedError
 from engine.nonlinear.laws import Law
@@ -156,19 +155,10 @@ class NonlinearSystem:
             used = law.element.feed_through(law.real).any(axis=0)
             for j, other in enumerate(self.laws):
                 needs[i, j] = bool(np.any(link[law.inputs, other.outputs][used]))
-        parts, label = connected_components(csr_array(needs), directed=True, connection="strong")
-        groups = [tuple(int(i) for i in np.flatnonzero(label == part)) for part in range(parts)]
-        done: list[tuple[tuple[int, ...], bool]] = []
-        seen: set[int] = set()
-        while len(done) < len(groups):
-            for group in groups:
-                if seen.issuperset(group):
-                    continue
-                outside = {int(j) for i in group for j in np.flatnonzero(needs[i])} - set(group)
-                if outside <= seen:
-                    done.append((group, len(group) > 1 or bool(needs[group[0], group[0]])))
-                    seen.update(group)
-        return done
+        return [
+            (tuple(group), len(group) > 1 or bool(needs[group[0], group[0]]))
+            for group in circles([np.flatnonzero(row).tolist() for row in needs])
+        ]
 
     def holds(self, modes: Modes) -> list[tuple[int, int]]:
         """Return (output channel, law) of every law that holds something."""
