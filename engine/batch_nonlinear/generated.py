@@ -1,8 +1,7 @@
 """Machine code for one structure: the march of `engine.kernels.marching` with the rows of the tapes in place of their interpretation.
 
 Code is generated beside the work and takes the place of the tapes when it is ready. Diagrams of the same structure share it:
-parameters and constants are data. Groups of lanes are marched a few at a time, row by row: what one of them waits for, such as the
-long polynomial of an exponential, is the time in which the others are computed.
+parameters and constants are data. One group of lanes is marched after the other, its states staying in the processor's registers.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from typing import Any, Final
 
 from llvmlite import binding, ir
@@ -23,8 +21,6 @@ from engine.kernels import functions
 from engine.kernels.compiled import LANES
 
 _REMEMBERED: Final = 128
-_ABREAST: Final = 2
-"""Groups that are marched at a time."""
 _WHOLE: Final = ir.IntType(64)
 _NAME: Final = "march"
 _BLOCKS: Final = ("entry", "group", "step", "note", "noted", "stages", "ready", "leave")
@@ -108,7 +104,7 @@ def _engine(source: str) -> Any:
 
 
 class _Writer:
-    """Writes a march of the program, for a few groups of lanes after the others; a vector of the program is one for each of them."""
+    """Writes a march of the program, for one group of lanes after the other."""
 
     def __init__(self, module: Any, program: Program) -> None:
         self._program = program
@@ -126,7 +122,7 @@ class _Writer:
         b, program, at = self._b, self._program, self._at
         # what is computed once for a candidate lies on the stack, at places that are known beforehand: asked for before all else
         once = range(program.first_once, program.first_once + program.once)
-        self._once = {register: [b.alloca(functions.DOUBLES) for _ in range(_ABREAST)] for register in once}
+        self._once = {register: b.alloca(functions.DOUBLES) for register in once}
         self._vectors = b.bitcast(self._registers, functions.DOUBLES.as_pointer())
         self._recorded = b.bitcast(self._record, functions.DOUBLES.as_pointer())
         half, third, sixth, full = (
@@ -135,21 +131,16 @@ class _Writer:
         b.branch(at["group"])
 
         b.position_at_end(at["group"])
-        group = b.phi(_WHOLE)
-        group.add_incoming(_whole(0), at["entry"])
-        # where groups are missing at the end, the last one is marched more than once, to the same results
-        last = b.sub(self._count, _whole(1))
-        ahead = [b.add(group, _whole(k)) for k in range(1, _ABREAST)]
-        self._groups = [group, *(b.select(b.icmp_signed("<", own, last), own, last) for own in ahead)]
-        start = [self._loaded(i) for i in range(program.states)]
-        for register, slots in self._once.items():
-            for slot, x in zip(slots, self._loaded(register), strict=True):
-                b.store(x, slot)
+        self._group = b.phi(_WHOLE)
+        self._group.add_incoming(_whole(0), at["entry"])
+        start = [b.load(self._place(i), align=8) for i in range(program.states)]
+        for register, slot in self._once.items():
+            b.store(b.load(self._place(register), align=8), slot)
         b.branch(at["step"])
 
         b.position_at_end(at["step"])
-        step, begin = b.phi(_WHOLE), [[b.phi(functions.DOUBLES) for _ in x] for x in start]
-        self._enter((step, *chain(*begin)), (_whole(0), *chain(*start)), at["group"])
+        step, begin = b.phi(_WHOLE), [b.phi(functions.DOUBLES) for _ in start]
+        self._enter((step, *begin), (_whole(0), *start), at["group"])
         row = b.mul(step, _whole(2))
         slopes = self._noted(step, self._run(program.whole, begin, row))
 
@@ -160,67 +151,57 @@ class _Writer:
             total, now = self._moved(total, slopes, third), self._moved(begin, slopes, part)
         slopes = self._slopes(self._run(program.rates_only, now, b.add(row, _whole(2))))
         total = self._moved(total, slopes, sixth)
-        self._enter((step, *chain(*begin)), (b.add(step, _whole(1)), *chain(*total)), at["stages"])
+        self._enter((step, *begin), (b.add(step, _whole(1)), *total), at["stages"])
         b.branch(at["step"])
 
         b.position_at_end(at["ready"])
-        for i, vectors in enumerate(begin):
-            for place, x in zip(self._places(i), vectors, strict=True):
-                b.store(x, place, align=8)
-        following = b.add(group, _whole(_ABREAST))
-        group.add_incoming(following, at["ready"])
+        for i, x in enumerate(begin):
+            b.store(x, self._place(i), align=8)
+        following = b.add(self._group, _whole(1))
+        self._group.add_incoming(following, at["ready"])
         b.cbranch(b.icmp_signed("<", following, self._count), at["group"], at["leave"])
         b.position_at_end(at["leave"])
         b.ret_void()
 
-    def _noted(self, step: Any, held: dict[int, list[Any]]) -> list[Any]:
+    def _noted(self, step: Any, held: dict[int, Any]) -> list[Any]:
         """Write what is read off down where it is asked for, and leave behind the last step; return x'."""
         b, at = self._b, self._at
         read = [self._value(held, register) for register in self._program.read.tolist()]
         slopes = self._slopes(held)
         b.cbranch(b.icmp_signed("==", b.urem(step, self._stride), _whole(0)), at["note"], at["noted"])
         b.position_at_end(at["note"])
-        sample = b.mul(b.udiv(step, self._stride), self._count)
-        for number, vectors in enumerate(read):
-            first = b.add(b.mul(self._apart, _whole(number)), sample)
-            for group, x in zip(self._groups, vectors, strict=True):
-                b.store(x, b.gep(self._recorded, [b.add(first, group)]), align=8)
+        sample = b.add(b.mul(b.udiv(step, self._stride), self._count), self._group)
+        for number, x in enumerate(read):
+            place = b.add(b.mul(self._apart, _whole(number)), sample)
+            b.store(x, b.gep(self._recorded, [place]), align=8)
         b.branch(at["noted"])
         b.position_at_end(at["noted"])
         b.cbranch(b.icmp_signed("==", step, self._steps), at["ready"], at["stages"])
         return slopes
 
-    def _run(self, tape: Whole, states: Sequence[Any], row: Any) -> dict[int, list[Any]]:
+    def _run(self, tape: Whole, states: Sequence[Any], row: Any) -> dict[int, Any]:
         """Write the rows of a tape; ``row`` is that of the inputs. Return what is in the registers."""
         held = dict(enumerate(states))
         first = self._b.mul(row, _whole(self._program.inputs))
         for k in range(self._program.inputs):
             place = self._b.gep(self._inputs, [self._b.add(first, _whole(k))])
-            held[self._program.states + k] = [self._spread(self._b.load(place))] * _ABREAST
+            held[self._program.states + k] = self._spread(self._b.load(place))
         for code, a, b, c, to in tape.tolist():
             emit, count = _EMIT[Code(code)]
-            operands = [self._value(held, register) for register in (a, b, c)[:count]]
-            held[to] = [emit(self._b, *own) for own in zip(*operands, strict=True)]
+            held[to] = emit(self._b, *(self._value(held, register) for register in (a, b, c)[:count]))
         return held
 
-    def _value(self, held: dict[int, list[Any]], register: int) -> list[Any]:
-        return held[register] if register in held else [self._b.load(slot) for slot in self._once[register]]
+    def _value(self, held: dict[int, Any], register: int) -> Any:
+        return held[register] if register in held else self._b.load(self._once[register])
 
-    def _slopes(self, held: dict[int, list[Any]]) -> list[Any]:
+    def _slopes(self, held: dict[int, Any]) -> list[Any]:
         return [self._value(held, register) for register in self._program.rates.tolist()]
 
     def _moved(self, x: Sequence[Any], slopes: Sequence[Any], part: Any) -> list[Any]:
-        return [
-            [functions.product_and_sum(self._b, slope, part, own) for own, slope in zip(*both, strict=True)]
-            for both in zip(x, slopes, strict=True)
-        ]
+        return [functions.product_and_sum(self._b, slope, part, own) for own, slope in zip(x, slopes, strict=True)]
 
-    def _loaded(self, register: int) -> list[Any]:
-        return [self._b.load(place, align=8) for place in self._places(register)]
-
-    def _places(self, register: int) -> list[Any]:
-        first = self._b.mul(self._count, _whole(register))
-        return [self._b.gep(self._vectors, [self._b.add(first, group)]) for group in self._groups]
+    def _place(self, register: int) -> Any:
+        return self._b.gep(self._vectors, [self._b.add(self._b.mul(self._count, _whole(register)), self._group)])
 
     def _enter(self, own: Iterable[Any], values: Iterable[Any], block: Any) -> None:
         """Give the numbers of a loop what they are when it is entered from a block."""

@@ -12,11 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from engine.batch_nonlinear.signals import SignalGraph, UnsuitableError, choose, largest, least
+from engine.batch_nonlinear.choices import Case, beyond, same, selected
+from engine.batch_nonlinear.signals import SignalGraph, UnsuitableError
 from engine.elements._base import Values
 from engine.elements._nonlinear import Mode, Moment
 from engine.nonlinear.laws import Law
-from engine.traced import Traced
 
 MOST_MODES: Final = 16
 _SAMPLES: Final = 256
@@ -83,7 +83,7 @@ class RecordedLaw:
             return None
         if not alone and not self._chooses:
             return None
-        return least([largest(self._guards(mode, inputs)) for mode in self._modes])
+        return beyond(self._graph, [Case(guards=self._guards(mode, inputs)) for mode in self._modes])
 
     def _moment(self, inputs: Sequence[Any]) -> Moment:
         return Moment(t=self._time, x=self.states, z=inputs)
@@ -106,24 +106,20 @@ class RecordedLaw:
             ) from None
 
     def _selected(self, inputs: Sequence[Any], alternatives: Sequence[Any]) -> Any:
-        result = alternatives[0]
-        for mode, own in zip(self._modes[1:], alternatives[1:], strict=True):
-            if not _same(own, result):
-                self._chooses = True
-                result = choose(largest(self._guards(mode, inputs)), result, own)
-        return result
+        if all(same(own, alternatives[0]) for own in alternatives[1:]):
+            return alternatives[0]
+        self._chooses = True
+        cases = [
+            Case(guards=self._guards(mode, inputs), says=own)
+            for mode, own in zip(self._modes, alternatives, strict=True)
+        ]
+        return selected(self._graph, cases)
 
     def _needed(self, entry: Any) -> list[bool]:
         signals = self._graph.needs(entry)
         if self._time.node in signals:
             raise UnsuitableError(f"{self.label}: it depends on the time")
         return [own.node in signals for own in self._open]
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, Traced) and isinstance(b, Traced):
-        return a.node == b.node
-    return not isinstance(a, Traced) and not isinstance(b, Traced) and bool(a == b)
 
 
 def _modes(law: Law, inputs: int) -> list[Mode]:
