@@ -73,7 +73,7 @@ class Graph:
     def __init__(self) -> None:
         self.nodes: list[tuple[Op, int, int]] = []
         self.values: list[float] = []
-        self._known: dict[tuple[Any, ...], int] = {}
+        self._known: dict[tuple[Op, int, int] | float | str, int] = {}
         self._parameters = 0
 
     def parameter(self, value: float) -> Traced:
@@ -83,20 +83,25 @@ class Graph:
 
     def constant(self, value: float) -> int:
         """Return the node number of a constant."""
-        key = (Op.CONSTANT, float(value).hex())
-        if key not in self._known:
-            self._known[key] = len(self.nodes)
+        # 0.0 == -0.0 and nan != nan, as keys of a dictionary too: these are known by their digits
+        key = value.hex() if value == 0 or math.isnan(value) else value
+        number = self._known.get(key)
+        if number is None:
+            number = self._known[key] = len(self.nodes)
             self.nodes.append((Op.CONSTANT, -1, -1))
-            self.values.append(float(value))
-        return self._known[key]
+            self.values.append(value)
+        return number
 
     def apply(self, op: Op, *operands: Any) -> Traced:
         """Return the result of an operation."""
-        numbers = [o.node if isinstance(o, Traced) else self.constant(float(o)) for o in operands]
-        value = _NUMERIC[op](*(self.values[number] for number in numbers))
-        if op in _COMMUTES:
-            numbers.sort()
-        first, second = (*numbers, -1)[:2]
+        numbers = nodes_of(self, operands)
+        if len(numbers) == 1:
+            (number,) = numbers
+            return self._node((op, number, -1), _NUMERIC[op](self.values[number]))
+        first, second = numbers
+        value = _NUMERIC[op](self.values[first], self.values[second])
+        if first > second and op in _COMMUTES:
+            first, second = second, first
         return self._node((op, first, second), value)
 
     def choose(self, decider: Traced, positive: Any, otherwise: Any) -> Any:
@@ -141,46 +146,53 @@ class Traced:
         return f"Traced({self.real:g})"
 
     def __add__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
-            return NotImplemented
-        return self if _is(other, 0.0) else self.graph.apply(Op.ADD, self, other)
+        if not isinstance(other, Traced):
+            if not isinstance(other, _PLAIN):
+                return NotImplemented
+            if other == 0.0:
+                return self
+        return self.graph.apply(Op.ADD, self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
+        if isinstance(other, Traced):
+            if other.node == self.node:
+                return 0.0
+        elif not isinstance(other, _PLAIN):
             return NotImplemented
-        if isinstance(other, Traced) and other.node == self.node:
-            return 0.0
-        return self if _is(other, 0.0) else self.graph.apply(Op.SUB, self, other)
+        elif other == 0.0:
+            return self
+        return self.graph.apply(Op.SUB, self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
+        if not isinstance(other, _PLAIN):
             return NotImplemented
-        return -self if _is(other, 0.0) else self.graph.apply(Op.SUB, other, self)
+        return -self if other == 0.0 else self.graph.apply(Op.SUB, other, self)
 
     def __mul__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
-            return NotImplemented
-        if _is(other, 0.0):
-            return 0.0
-        if _is(other, 1.0):
-            return self
-        return -self if _is(other, -1.0) else self.graph.apply(Op.MUL, self, other)
+        if not isinstance(other, Traced):
+            if not isinstance(other, _PLAIN):
+                return NotImplemented
+            if other == 0.0:
+                return 0.0
+            if other == 1.0:
+                return self
+            if other == -1.0:
+                return -self
+        return self.graph.apply(Op.MUL, self, other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
-            return NotImplemented
         if isinstance(other, Traced):
             return 1.0 if other.node == self.node else self.graph.apply(Op.DIV, self, other)
-        return self * (1.0 / other)
+        return self * (1.0 / other) if isinstance(other, _PLAIN) else NotImplemented
 
     def __rtruediv__(self, other: Any) -> Any:
-        if not isinstance(other, _NUMBERS):
+        if not isinstance(other, _PLAIN):
             return NotImplemented
-        return 0.0 if _is(other, 0.0) else self.graph.apply(Op.DIV, other, self)
+        return 0.0 if other == 0.0 else self.graph.apply(Op.DIV, other, self)
 
     def __neg__(self) -> Any:
         op, first, _ = self.graph.nodes[self.node]
@@ -240,11 +252,7 @@ class Traced:
 
 
 _LARGEST_WHOLE_POWER: Final = 16
-_NUMBERS: Final = (int, float, np.number, Traced)
-
-
-def _is(value: Any, number: float) -> bool:
-    return not isinstance(value, Traced) and bool(value == number)
+_PLAIN: Final = (float, int, np.number)
 
 
 def nominal(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
