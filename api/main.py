@@ -35,7 +35,6 @@ from api.settings import Settings
 from api.telemetry import configured
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
-from storage.models.base import utc_now
 from storage.session import open_database
 from storage.vault import Vault
 
@@ -68,11 +67,15 @@ async def _keep_house(service: Installation) -> None:
         await asyncio.sleep(INTERVAL)
 
 
+def _tick(service: Installation) -> None:
+    tick(service, now=service.database.now())
+
+
 async def _keep_time(service: Installation) -> None:
     away = False
     while True:
         try:
-            await run_in_threadpool(tick, service, now=utc_now())
+            await run_in_threadpool(_tick, service)
             await run_in_threadpool(look_after, service)
             away = False
         except UNAVAILABLE as error:

@@ -200,13 +200,13 @@ def _speaking() -> Iterator[None]:
 
 
 def _require_stopped(database: Database) -> None:
+    from storage.clock import shared_now
     from storage.errors import CopyError
-    from storage.models.base import utc_now
     from storage.repositories import WorkerRepository
 
     with database.session() as session:
         seen = WorkerRepository(session).last_seen()
-    age = None if seen is None else (utc_now() - seen).total_seconds()
+        age = None if seen is None else abs((shared_now(session) - seen).total_seconds())
     if age is not None and age < _STOPPED_FOR:
         raise CopyError(f"the service and its workers must have stopped, a worker was seen {age:.0f} s ago")
 

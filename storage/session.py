@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, text
@@ -20,6 +21,7 @@ from sqlalchemy.exc import ArgumentError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from storage.clock import JumpDetector, shared_now
 from storage.errors import DatabaseUrlError, DocumentError, is_read_only
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
@@ -70,6 +72,17 @@ class Database:
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
 
+    def now(self) -> datetime:
+        """Return the time of now by the clock that all who use the database share.
+
+        Raises
+        ------
+        storage.errors.UNAVAILABLE
+            When it does not answer.
+        """
+        with self.session() as session:
+            return shared_now(session)
+
     def dispose(self) -> None:
         """Close every connection; one that a thread is still at work with is closed when it is given back."""
         self._closed.set()
@@ -103,7 +116,7 @@ def open_database(url: str) -> Database:
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
-        sessions=sessionmaker(engine, expire_on_commit=False),
+        sessions=sessionmaker(engine, expire_on_commit=False, info={"jumps": JumpDetector()}),
     )
 
 

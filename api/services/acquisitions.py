@@ -124,7 +124,7 @@ def cancel(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     repository = AcquisitionRepository(session, caller.workspace)
     row = repository.get(identifier)
     JobRepository(session, caller.workspace).cancel(repository.attempt(identifier, row.attempt).job_id)
-    end_leases(session, now=utc_now(), only=identifier)
+    end_leases(session, only=identifier)
     return get(session, caller, identifier)
 
 

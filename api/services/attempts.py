@@ -12,6 +12,7 @@ from api.schemas.datasets import DatasetRequest
 from api.services import datasets
 from api.services.agents import LEASE
 from api.services.installation import Caller
+from storage.clock import shared_now
 from storage.errors import NotFoundError
 from storage.models import AcquisitionAttempt, AcquisitionStatus, Agent, DatasetStatus, Rig
 from storage.models.base import utc_now
@@ -23,7 +24,7 @@ def claim(session: Session, caller: Caller, agent_id: str) -> dict[str, Any] | N
     """Give an agent the oldest attempt that waits for its rig; None when there is none."""
     agents = AgentRepository(session, caller.workspace)
     rig = agents.see(agent_id)
-    end_leases(session, now=utc_now())
+    end_leases(session)
     repository = AcquisitionRepository(session, caller.workspace)
     row = repository.claim(rig, agent_id=agent_id, lease=LEASE)
     if row is None:
@@ -44,7 +45,7 @@ def heartbeat(
 ) -> dict[str, Any]:
     """Prolong the lease of an attempt."""
     repository, row, agent, _ = _of(session, caller, identifier, number, request.agent)
-    agent.seen_at = utc_now()
+    agent.seen_at = shared_now(session)
     repository.beat(
         row,
         agent_id=agent.id,

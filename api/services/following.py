@@ -15,12 +15,13 @@ from api.errors import KNOWN, problem_of
 from api.problems import invalid
 from api.schemas.datasets import DatasetRequest
 from api.services import datasets, scheduled
+from api.services.agents import LEASE
 from api.services.installation import Caller, Installation
+from storage.clock import jumps
 from storage.errors import UNAVAILABLE
 from storage.models import AcquisitionAttempt, FollowUp, Job, JobStatus
-from storage.models.base import utc_now
 from storage.repositories import DatasetRepository, ResultRepository, follow_ups
-from storage.repositories.acquisitions import end_leases
+from storage.repositories.acquisitions import end_leases, renew_leases
 from storage.repositories.datasets import MAX_SEGMENT
 
 _BATCH = 20
@@ -36,7 +37,10 @@ def look_after(service: Installation) -> int:
         When the database does not answer.
     """
     with service.database.session() as session:
-        count = end_leases(session, now=utc_now())
+        now = renew_leases(session, lease=LEASE)
+    with service.database.session() as session:
+        jumps(session).note(now)
+        count = end_leases(session)
     with service.database.session() as session:
         over = follow_ups.ended(session, limit=_BATCH)
         for step, job in over:

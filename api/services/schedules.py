@@ -13,6 +13,7 @@ from api.services import scheduled, ticking
 from api.services.calendars import calendar
 from api.services.installation import Caller, Installation
 from api.services.newest import current_body, with_newest
+from storage.clock import shared_now
 from storage.models import RunOutcome, Schedule, ScheduleRun
 from storage.models.base import utc_now
 from storage.repositories import ScheduleRepository, schedules
@@ -43,12 +44,12 @@ def check(service: Installation, caller: Caller, request: ScheduleRequest) -> di
         "overlap": request.overlap,
         "missed": request.missed,
         "newest": request.newest,
-        **_rhythm(request.cron, request.time_zone, paused=request.paused),
+        **_rhythm(request.cron, request.time_zone, paused=request.paused, now=service.database.now()),
     }
 
 
-def _rhythm(cron: str, time_zone: str, *, paused: bool) -> dict[str, Any]:
-    return {"paused": paused, "next_at": None if paused else calendar(cron, time_zone).after(utc_now())}
+def _rhythm(cron: str, time_zone: str, *, paused: bool, now: datetime) -> dict[str, Any]:
+    return {"paused": paused, "next_at": None if paused else calendar(cron, time_zone).after(now)}
 
 
 def create(session: Session, caller: Caller, values: dict[str, Any]) -> dict[str, Any]:
@@ -95,9 +96,8 @@ def _set_paused(session: Session, caller: Caller, identifier: str, *, paused: bo
     row = repository.get(identifier)
     if row.paused != paused:
         action = "schedule.pause" if paused else "schedule.resume"
-        row = repository.update(
-            identifier, expected_revision=None, action=action, **_rhythm(row.cron, row.time_zone, paused=paused)
-        )
+        rhythm = _rhythm(row.cron, row.time_zone, paused=paused, now=shared_now(session))
+        row = repository.update(identifier, expected_revision=None, action=action, **rhythm)
     return to_wire(row)
 
 
@@ -118,7 +118,7 @@ def trigger(session: Session, row: Schedule, submit: scheduled.Submit) -> dict[s
     """
     if not schedules.lock(session, row.id):
         raise Problem(409, "conflict", f"schedule {row.id!r} must exist, it was deleted meanwhile")
-    run = ticking.decide(session, row, submit, due_at=utc_now())
+    run = ticking.decide(session, row, submit, due_at=shared_now(session))
     if run.outcome == RunOutcome.SKIPPED:
         raise Problem(409, "conflict", f"schedule {row.id!r} must be free to run: {run.detail}")
     return run_to_wire(run)

@@ -66,7 +66,7 @@ def _deal_with(service: Installation, row: Schedule, instant: datetime, steps: P
         return
 
     def start(session: Session, submit: scheduled.Submit) -> None:
-        if take(session):
+        if take(session) and not schedules.was_run(session, row.id, due_at=run_at):
             decide(session, row, submit, due_at=run_at)
 
     def refuse(session: Session, detail: str) -> None:

@@ -8,17 +8,18 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any, NoReturn, TypeVar
 
 from sqlalchemy.orm import Session
 
+from storage.clock import shared_now
 from storage.errors import UNAVAILABLE
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import CURRENT_JOB, ComputeJob, Crashed, Done, Frame, Kept, Message, Parts, Progress, Refused
 from storage.jobs.queue import JobQueue
 from storage.models import Job, JobState, JobStatus
-from storage.models.base import Document, utc_now
+from storage.models.base import Document
 from storage.repositories import jobs, parts
 from storage.repositories.results import ResultRepository
 from storage.session import Database
@@ -133,7 +134,7 @@ class Supervisor:
             job=job,
             state=jobs.state_of(session, job_id),
             parts=parts.results(session, job),
-            seconds=_time_left(job),
+            seconds=_time_left(job, now=shared_now(session)),
         )
 
     def _warm(self, begun: _Begun) -> _Begun | None:
@@ -147,8 +148,14 @@ class Supervisor:
             if not self._write(lambda session: jobs.is_wanted(session, job.id, attempt=job.attempts)):
                 return None
         waited = time.monotonic() - since
-        later = self._write(lambda session: jobs.postpone(session, job.id, attempt=job.attempts, seconds=waited))
-        return None if later is None else replace(begun, job=later, seconds=_time_left(later))
+
+        def postpone(session: Session) -> _Begun | None:
+            later = jobs.postpone(session, job.id, attempt=job.attempts, seconds=waited)
+            if later is None:
+                return None
+            return replace(begun, job=later, seconds=_time_left(later, now=shared_now(session)))
+
+        return self._write(postpone)
 
     def _follow(self, begun: _Begun, child: Child) -> None:
         job, look_at = begun.job, 0.0
@@ -339,9 +346,9 @@ def _limit_ends_first(job: Job) -> bool:
     return job.started_at is not None and job.started_at + timedelta(seconds=job.time_limit) < job.deadline
 
 
-def _time_left(job: Job) -> float | None:
+def _time_left(job: Job, *, now: datetime) -> float | None:
     """Return how long (s) a job that has begun may still take; None without an end."""
-    now, ends = utc_now(), []
+    ends = []
     if job.time_limit is not None:
         assert job.started_at is not None
         ends.append(job.time_limit - (now - job.started_at).total_seconds())
@@ -353,7 +360,8 @@ def _time_left(job: Job) -> float | None:
 def _with_deadline(session: Session, job: Job) -> Job:
     """Return the present row of a job that is cut, its parts' deadline in it."""
     row = session.get_one(Job, job.id, populate_existing=True)
-    left = _time_left(row)
+    now = shared_now(session)
+    left = _time_left(row, now=now)
     if left is not None:
-        row.deadline = utc_now() + timedelta(seconds=left)
+        row.deadline = now + timedelta(seconds=left)
     return row

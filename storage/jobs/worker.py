@@ -10,12 +10,14 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from datetime import datetime
 from typing import Any, ClassVar
 
 from dbos import DBOS, DBOSClient, DBOSConfig
 from sqlalchemy.orm import Session
 
 from storage import models
+from storage.clock import shared_now
 from storage.errors import UNAVAILABLE, StateError
 from storage.jobs import reconciliation
 from storage.jobs.children import Zygote
@@ -24,7 +26,6 @@ from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.pulse import Pulse
 from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor, overdue_detail
-from storage.models.base import utc_now
 from storage.repositories import jobs
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
@@ -267,19 +268,19 @@ def _claim_name(database: Database, token: str, slots: int, *, lost: str) -> str
         with database.session() as session:
             workers = WorkerRepository(session)
             holder = workers.get(name)
-            if name != lost and (holder is None or not _is_alive(holder)):
+            if name != lost and (holder is None or not _is_alive(holder, now=shared_now(session))):
                 replaces = None if holder is None else holder.token
                 if workers.claim(name, token=token, replaces=replaces, host=host, pid=os.getpid(), slots=slots):
                     return name
         number += 1
 
 
-def _is_alive(holder: models.Worker) -> bool:
+def _is_alive(holder: models.Worker, *, now: datetime) -> bool:
     """Tell whether another process still holds a name of this host: it exists."""
     if holder.seen_at == RETIRED:
         return False
     if holder.pid == os.getpid():  # of an earlier life, or of another container that calls itself the same
-        return holder.seen_at > utc_now() - STALE_AFTER
+        return abs(now - holder.seen_at) < STALE_AFTER
     try:
         os.kill(holder.pid, 0)
     except ProcessLookupError:

@@ -9,6 +9,7 @@ from sqlalchemy import JSON, DateTime, Dialect, MetaData, String, Text
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
+from storage.clock import utc_now as utc_now  # noqa: PLC0414 - every topic has it from here, beside its columns
 from storage.errors import DocumentError
 
 #: Every constraint has a name, so that a migration can drop it on either database.
@@ -26,11 +27,6 @@ Document = dict[str, Any]
 
 #: The largest number in an integer column; a larger one of a caller's is the same to every comparison.
 MAX_INTEGER = 2**31 - 1
-
-
-def utc_now() -> datetime:
-    """Return the time of now, aware, in UTC."""
-    return datetime.now(UTC)
 
 
 class UtcDateTime(TypeDecorator[datetime]):

@@ -19,11 +19,12 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from storage.audit import record
+from storage.clock import jumps, shared_now
 from storage.errors import LeaseLostError, NotFoundError, StateError
 from storage.ids import new_id
 from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, FollowUp, Job, JobStatus, Rig
 from storage.models.acquisition import ON_THE_RIG
-from storage.models.base import Document, utc_now
+from storage.models.base import Document
 from storage.pagination import Page, paginate
 from storage.repositories import jobs
 from storage.repositories.jobs import JobRepository
@@ -149,7 +150,7 @@ class AcquisitionRepository:
         row = self._session.scalars(waiting).first()
         if row is None or not jobs.lock(self._session, row.job_id, attempt=None):
             return None
-        now = utc_now()
+        now = shared_now(self._session)
         started = {"status": JobStatus.RUNNING, "attempts": 1, "worker": agent_id, "started_at": now}
         jobs.append_event(self._session, row.job_id, "status", {"status": JobStatus.RUNNING, "attempt": 1}, **started)
         self._change(row, status=AcquisitionStatus.CLAIMED, agent_id=agent_id, claimed_at=now, lease_until=now + lease)
@@ -173,7 +174,7 @@ class AcquisitionRepository:
         LeaseLostError
             When the attempt is over for this agent: the lease has ended, or the job was cancelled.
         """
-        end_leases(self._session, now=utc_now(), only=row.acquisition_id)
+        end_leases(self._session, only=row.acquisition_id)
         row = self.attempt(row.acquisition_id, row.number)
         if row.agent_id != agent_id or row.status not in _ALIVE:
             raise LeaseLostError(
@@ -182,7 +183,7 @@ class AcquisitionRepository:
         on_the_rig = status in ON_THE_RIG
         if row.status == AcquisitionStatus.UPLOADING and on_the_rig:
             raise StateError(f"attempt {row.number} of {row.acquisition_id!r} uploads already, it cannot be {status}")
-        self._change(row, status=status, lease_until=utc_now() + lease if on_the_rig else None)
+        self._change(row, status=status, lease_until=shared_now(self._session) + lease if on_the_rig else None)
         if progress is not None or message is not None:
             jobs.report(self._session, row.job_id, attempt=1, progress=progress, message=message)
         if preview is not None:
@@ -203,7 +204,7 @@ class AcquisitionRepository:
             self._change(row, facts=facts, error=error or row.error, late=True)
             return row
         status = AcquisitionStatus.DONE if error is None else AcquisitionStatus.FAILED
-        self._change(row, status=status, facts=facts, error=error, ended_at=utc_now(), lease_until=None)
+        self._change(row, status=status, facts=facts, error=error, ended_at=shared_now(self._session), lease_until=None)
         result_id = None
         if status is AcquisitionStatus.DONE:
             body = {"acquisition": row.acquisition_id, "attempt": row.number, "dataset": row.dataset_id, "facts": facts}
@@ -242,21 +243,38 @@ def change(session: Session, row: AcquisitionAttempt, **values: Any) -> None:
         )
 
 
-def end_leases(session: Session, *, now: datetime, only: str | None = None, limit: int = 100) -> int:
+def renew_leases(session: Session, *, lease: timedelta) -> datetime:
+    """Let every lease begin anew where the clock was set since the last look, or nobody has looked; return the time of now.
+
+    The caller notes that time when the transaction is committed (`storage.clock.jumps`).
+    """
+    now = shared_now(session)
+    if not jumps(session).steady(now):
+        held = update(AcquisitionAttempt).where(
+            AcquisitionAttempt.status.in_(_ALIVE), AcquisitionAttempt.lease_until.is_not(None)
+        )
+        session.execute(held.values(lease_until=now + lease).execution_options(synchronize_session=False))
+    return now
+
+
+def end_leases(session: Session, *, only: str | None = None, limit: int = 100) -> int:
     """Give up attempts whose lease has ended, or whose job was cancelled; return how many those were.
+
+    While the clock has jumped no lease ends: `renew_leases` comes first.
 
     Parameters
     ----------
     only : str, optional
         Look at one measurement alone.
     """
+    now = shared_now(session)
+    ended = Job.status == JobStatus.CANCELLED
+    if jumps(session).steady(now):
+        ended = ended | (AcquisitionAttempt.lease_until < now)
     over = (
         select(AcquisitionAttempt, Job.status, Job.workspace_id)
         .join(Job, Job.id == AcquisitionAttempt.job_id)
-        .where(
-            AcquisitionAttempt.status.in_(_ALIVE),
-            (Job.status == JobStatus.CANCELLED) | (AcquisitionAttempt.lease_until < now),
-        )
+        .where(AcquisitionAttempt.status.in_(_ALIVE), ended)
         .limit(limit)
     )
     if only is not None:

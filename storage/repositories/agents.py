@@ -8,6 +8,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from storage.audit import record
+from storage.clock import shared_now
 from storage.errors import NotFoundError, StateError
 from storage.ids import new_id
 from storage.insertion import insert_if_absent
@@ -34,7 +35,8 @@ class AgentRepository:
             When another agent has the rig, and was heard of within ``alive_within``.
         """
         rig = self._rig(rig_name, document)
-        values = {"name": name, "version": version, "seen_at": utc_now()}
+        now = shared_now(self._session)
+        values = {"name": name, "version": version, "seen_at": now}
         new = insert_if_absent(
             self._session,
             Agent,
@@ -51,12 +53,12 @@ class AgentRepository:
             .execution_options(populate_existing=True)
         ).one()
         holder = None if rig.agent_id in {None, agent.id} else self._session.get(Agent, rig.agent_id)
-        if holder is not None and (since := utc_now() - holder.seen_at) < alive_within:
+        if holder is not None and (since := abs(now - holder.seen_at)) < alive_within:
             raise StateError(
                 f"rig {rig_name!r} must have one agent: {holder.name!r} has it, and was heard of "
                 f"{since.total_seconds():.0f} s ago"
             )
-        agent.name, agent.version, agent.seen_at = name, version, utc_now()
+        agent.name, agent.version, agent.seen_at = name, version, now
         rig.document, rig.agent_id = document, agent.id
         self._session.flush()
         if new or holder is not None:
@@ -84,7 +86,7 @@ class AgentRepository:
             When another agent has the rig now.
         """
         agent = self.get(identifier)
-        agent.seen_at = utc_now()
+        agent.seen_at = shared_now(self._session)
         self._session.flush()
         rig = self.rig(agent.rig_id)
         if rig.agent_id != agent.id:

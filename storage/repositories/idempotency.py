@@ -13,11 +13,11 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, CursorResult, delete, update
 from sqlalchemy.orm import Session
 
+from storage.clock import moment, shared_now
 from storage.errors import IdempotencyMismatchError, IdempotencyRunningError, StateError
 from storage.ids import new_id
 from storage.insertion import insert_if_absent
 from storage.models import Idempotency
-from storage.models.base import utc_now
 
 #: A request that has not answered after this long died with its process; the next one may take its key.
 ABANDONED_AFTER = timedelta(minutes=5)
@@ -65,6 +65,7 @@ class IdempotencyRepository:
         """
         token = new_id("idem")
         values = {"endpoint": endpoint, "body_sha256": body_sha256, "state": "running", "claim": token}
+        values["created_at"] = moment(self._session)
         if insert_if_absent(self._session, Idempotency, principal=self._principal, key=key, **values):
             return Claim(key=key, token=token)
         row = self._session.get_one(Idempotency, (self._principal, key), populate_existing=True)
@@ -75,7 +76,7 @@ class IdempotencyRepository:
         if row.state == "done":
             assert row.status_code is not None
             return Answer(status_code=row.status_code, headers=row.headers or {}, body=row.body or b"")
-        if utc_now() - row.created_at < ABANDONED_AFTER or not self._replace(row, token):
+        if abs(shared_now(self._session) - row.created_at) < ABANDONED_AFTER or not self._replace(row, token):
             raise IdempotencyRunningError(f"the first request with Idempotency-Key {key!r} has not finished yet")
         return Claim(key=key, token=token)
 
@@ -105,7 +106,7 @@ class IdempotencyRepository:
         taken = self._session.execute(
             update(Idempotency)
             .where(*self._mine(Claim(key=row.key, token=row.claim)))
-            .values(claim=token, created_at=utc_now())
+            .values(claim=token, created_at=moment(self._session))
             .returning(Idempotency.key)
             .execution_options(synchronize_session=False)
         ).one_or_none()

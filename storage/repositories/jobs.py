@@ -19,13 +19,14 @@ from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
+from storage.clock import shared_now
 from storage.errors import NotFoundError, StateError
 from storage.ids import new_id
 from storage.imports import abandon
 from storage.insertion import insert_if_absent
 from storage.lineage import remember, sources_in
 from storage.models import Job, JobEvent, JobState, JobStatus, JobTally, Priority, Result
-from storage.models.base import MAX_INTEGER, Document, utc_now
+from storage.models.base import MAX_INTEGER, Document
 from storage.pagination import Page, paginate
 from storage.repositories import parts
 from storage.repositories.webhooks import tell_end
@@ -190,7 +191,7 @@ def begin(session: Session, job_id: str, *, worker: str, ticket: str | None = No
     if begun is None:
         return None
     job = session.get_one(Job, job_id, populate_existing=True)
-    started_at = job.started_at or utc_now()
+    started_at = job.started_at or shared_now(session)
     payload = {"status": JobStatus.RUNNING, "attempt": job.attempts}
     append_event(session, job_id, "status", payload, started_at=started_at)
     session.refresh(job)
@@ -214,7 +215,7 @@ def keep_state(session: Session, job_id: str, *, attempt: int, state: Document) 
     """Remember where the computation is; False when this attempt does not have the job any more."""
     if not lock(session, job_id, attempt=attempt):
         return False
-    values = {"attempt": attempt, "state": state, "at": utc_now()}
+    values = {"attempt": attempt, "state": state, "at": shared_now(session)}
     if not insert_if_absent(session, JobState, job_id=job_id, **values):
         session.execute(update(JobState).where(JobState.job_id == job_id).values(**values))
     return True
@@ -268,7 +269,7 @@ def finish(
     """Bring a job to its end; False when it had ended before, or ``attempt`` does not have it any more."""
     if not lock(session, job_id, attempt=attempt):
         return False
-    now = utc_now()
+    now = shared_now(session)
     values: Document = {
         "status": status, "finished_at": now, "error": error, "result_id": result_id, "ticket": None, "paused": False,
     }  # fmt: skip
@@ -324,7 +325,9 @@ def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:
 
 def overdue(session: Session, *, limit: int = 100) -> Sequence[str]:
     """Return jobs that wait although the time by which they must have ended is over."""
-    rows = select(Job.id).where(Job.status == JobStatus.QUEUED, Job.deadline < utc_now(), Job.parent_id.is_(None))
+    rows = select(Job.id).where(
+        Job.status == JobStatus.QUEUED, Job.deadline < shared_now(session), Job.parent_id.is_(None)
+    )
     return session.scalars(rows.limit(limit)).all()
 
 

@@ -20,6 +20,8 @@ from storage.ids import new_id
 from storage.models import Job, JobStatus, RunOutcome, Schedule, ScheduleRun
 from storage.pagination import Page, paginate
 
+#: Runs among which an instant that comes round again is looked for: of one each minute, those of a night.
+_REMEMBERED = 500
 _UNFINISHED = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
 
 
@@ -164,6 +166,22 @@ def add_run(
     session.add(run)
     session.flush()
     return run
+
+
+def was_run(session: Session, schedule_id: str, *, due_at: datetime) -> bool:
+    """Tell whether an instant of a schedule was run, or waits to be; the caller has locked the schedule.
+
+    A clock that was set back brings an instant round again.
+    """
+    newest = (
+        select(ScheduleRun.due_at, ScheduleRun.outcome)
+        .where(ScheduleRun.schedule_id == schedule_id)
+        .order_by(ScheduleRun.created_at.desc(), ScheduleRun.id.desc())
+        .limit(_REMEMBERED)
+        .subquery()
+    )
+    was = newest.c.outcome.in_((RunOutcome.STARTED, RunOutcome.WAITING)) & (newest.c.due_at == due_at)
+    return session.scalar(select(newest.c.due_at).where(was).limit(1)) is not None
 
 
 def attach(session: Session, run_id: str, *, schedule_id: str, job_id: str) -> None:

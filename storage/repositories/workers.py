@@ -8,9 +8,9 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
+from storage.clock import moment, shared_now
 from storage.insertion import insert_if_absent
 from storage.models import Worker
-from storage.models.base import utc_now
 
 #: A worker writes its heartbeat this often (s) ...
 HEARTBEAT_INTERVAL = 2.0
@@ -32,7 +32,7 @@ class WorkerRepository:
 
     def claim(self, identifier: str, *, token: str, replaces: str | None, host: str, pid: int, slots: int) -> bool:
         """Take a worker's name: a new one, or that of a dead worker whose token is ``replaces``."""
-        now = utc_now()
+        now = shared_now(self._session)
         values = {
             "token": token, "host": host, "pid": pid, "slots": slots, "warm_up": None, "started_at": now, "seen_at": now,
         }  # fmt: skip
@@ -42,7 +42,7 @@ class WorkerRepository:
 
     def beat(self, identifier: str, token: str) -> bool:
         """Write a heartbeat; False when somebody else has taken the name."""
-        return self._update(identifier, token, seen_at=utc_now())
+        return self._update(identifier, token, seen_at=moment(self._session))
 
     def warmed_up(self, identifier: str, token: str, seconds: float) -> None:
         """Write down how long (s) a worker took to load what computes."""
@@ -54,7 +54,9 @@ class WorkerRepository:
 
     def alive(self) -> Sequence[Worker]:
         """Return the workers with a fresh heartbeat."""
-        return self._session.scalars(select(Worker).where(Worker.seen_at >= utc_now() - STALE_AFTER)).all()
+        return self._session.scalars(
+            select(Worker).where(Worker.seen_at >= shared_now(self._session) - STALE_AFTER)
+        ).all()
 
     def last_seen(self) -> datetime | None:
         """Return the latest heartbeat of any worker, None when none has ever been here."""
