@@ -98,6 +98,18 @@ def test_services_and_volumes_that_are_named_are_there() -> None:
             assert how["condition"] != "service_healthy" or "healthcheck" in services[needed]
 
 
+def test_who_runs_it_may_write_where_the_kernels_are_kept() -> None:
+    final = IMAGE.split("\nFROM ")[-1]
+    (user,) = re.findall(r"^USER (\w+)$", final, flags=re.MULTILINE)
+    volumes = re.findall(r"^VOLUME (\S+)$", final, flags=re.MULTILINE)
+    assert volumes
+    for volume in volumes:
+        assert f"install --directory --owner {user} --group {user} {volume}" in final.split(f"USER {user}")[0]
+    for unit in UNITS:
+        (kept,) = re.findall(r"XDG_CACHE_HOME=/var/cache/(\S+)", unit.read_text())
+        assert f"\nCacheDirectory={kept}\n" in unit.read_text(), unit
+
+
 def test_units_start_what_is_there() -> None:
     assert len(UNITS) == 2
     for unit in UNITS:
