@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Annotated
 
@@ -182,10 +182,10 @@ def _too_often(allowance: Allowance) -> Problem:
     return Problem(429, "too-many-requests", detail, headers=allowance.headers())
 
 
-def scoped(*scopes: str) -> Callable[..., Caller]:
+def scoped(*scopes: str) -> Callable[..., Awaitable[Caller]]:
     """Return the dependency that gives the caller, or 403 when its key has none of the scopes."""
 
-    def caller(request: Request) -> Caller:
+    async def caller(request: Request) -> Caller:  # what is not waited for needs no thread
         found: Caller = request.state.caller
         if not found.may(*scopes):
             has = ", ".join(sorted(found.scopes)) or "none"
@@ -203,7 +203,7 @@ Acquirer = Annotated[Caller, Depends(scoped("acquire"))]
 Admin = Annotated[Caller, Depends(scoped("admin"))]
 
 
-def _operator(caller: Admin) -> Caller:
+async def _operator(caller: Admin) -> Caller:
     if not caller.is_operator:
         raise Problem(403, "forbidden", "the key must be an admin key of the workspace that runs the installation")
     return caller

@@ -29,7 +29,7 @@ Force = Annotated[bool, Query(description="delete it although others depend on i
 IfMatch = Annotated[str | None, Header(alias="If-Match", description="the ETag that the change is meant for")]
 
 
-def installation(request: Request) -> Installation:
+async def installation(request: Request) -> Installation:
     """Return the running service."""
     found: Installation = request.app.state.installation
     return found

@@ -32,10 +32,7 @@ def serve(argv: Sequence[str]) -> int:
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
     given = parser.parse_args(argv)
 
-    import signal
-
-    import uvicorn
-
+    from api import serving
     from api.beside import WorkerBeside
     from api.main import create_app
 
@@ -44,27 +41,7 @@ def serve(argv: Sequence[str]) -> int:
     beside = None if given.no_worker else WorkerBeside()
     try:
         app = create_app(settings, beside=beside)
-        config = uvicorn.Config(
-            app,
-            host=given.host,
-            port=given.port,
-            # As everything else, by the root logger; requests have lines of their own (api.metrics).
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
-            timeout_keep_alive=75,
-            # Curves are float32, which compress badly, and a slider waits for each of them.
-            ws_per_message_deflate=False,
-            # Open event streams would hold a shutdown up for ever.
-            timeout_graceful_shutdown=3,
-        )
-        server = uvicorn.Server(config)
-        # uvicorn stops in good order and then raises the signal again; the worker is still to be stopped after that.
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: None)
-        server.run()
-        return 0 if server.started else 1
+        return 0 if serving.run(app, host=given.host, port=given.port) else 1
     finally:
         if beside is not None:
             beside.stop()

@@ -27,8 +27,10 @@ from storage.errors import DatabaseUrlError, DocumentError, is_read_only
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
 
+#: As many connections as the service has threads, opened when they are needed and then kept: to open one anew in a crowd
+#: takes longer than what it is opened for. The one given back last is taken first, so that few are in use.
 #: Values of statements stay out of logs and messages: they are the users' documents and the hashes of their keys.
-_ENGINE: dict[str, Any] = {"pool_size": 10, "max_overflow": 30, "hide_parameters": True}
+_ENGINE: dict[str, Any] = {"pool_size": 40, "max_overflow": 0, "pool_use_lifo": True, "hide_parameters": True}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -156,7 +156,7 @@ def _existing(identifier: str, caller: Reader, service: InstallationDep) -> str:
 LastEventId = Annotated[str | None, Header(alias="Last-Event-ID", description="resume after this event")]
 
 
-def _after(last_event_id: LastEventId = None) -> int:
+async def _after(last_event_id: LastEventId = None) -> int:
     if last_event_id is None or last_event_id == "":
         return 0
     if not (last_event_id.isascii() and last_event_id.isdigit()) or len(last_event_id) > 15:
