@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -91,10 +91,15 @@ class Element(ABC):
         """Return the state space at ``values`` (SI)."""
 
 
+_FLOATS: Final = frozenset({float, int})
+
+
 def matrix(rows: Sequence[Sequence[Scalar]], *, columns: int = 0) -> Array:
     """Return an array (..., rows, columns) whose entries are numbers or batches (B,); ``columns`` serves an empty one."""
     shape = (len(rows), len(rows[0]) if rows else columns)
     entries: list[Any] = [entry for row in rows for entry in row]
+    if _FLOATS.issuperset(map(type, entries)):
+        return np.array(entries, dtype=float).reshape(shape)
     if any(isinstance(entry, Traced) for entry in entries):
         return np.array(entries, dtype=object).reshape(shape)
     batches = [entry.shape for entry in entries if isinstance(entry, np.ndarray)]

@@ -6,6 +6,7 @@ Scalings are powers of two taken from the real parts: they change no digit and s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -66,7 +67,7 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
     b = np.zeros((order, 1))
     b[-1, 0] = 1.0 / scale[-1]
     c = matrix([remainder[::-1]]) * scale
-    size = _power_of_two(_typical(c).max(initial=0.0) / b[-1, 0])
+    size = _power_of_two(float(_typical(c).max(initial=0.0) / b[-1, 0]))
     return Realization(a=a * (scale / scale[:, None]), b=b * size, c=c / size, d=matrix([[direct]]))
 
 
@@ -100,7 +101,7 @@ def _power_of_two(ratio: float) -> float:
     """Return the power of two next to sqrt(ratio), which shares a gain between input and output."""
     if not 0 < ratio < _OVERSIZED:
         return 1.0
-    return float(2.0 ** np.rint(0.5 * np.log2(ratio)))
+    return 2.0 ** round(0.5 * math.log2(ratio))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
