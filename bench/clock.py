@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 
@@ -16,6 +16,22 @@ def cpu_ms(work: Callable[[], Any], *, runs: int) -> float:
 def wall_ms(work: Callable[[], Any], *, runs: int) -> float:
     """Return the median wall-clock milliseconds of one call of ``work``."""
     return _median(work, runs, time.perf_counter)
+
+
+def side_by_side(works: Mapping[str, Callable[[], Any]], *, rounds: int) -> dict[str, list[float]]:
+    """Return the CPU milliseconds of each work in each round, all works once in every round.
+
+    Works of one round meet the same machine, however its speed varies: their ratio says more than that of two medians.
+    """
+    found: dict[str, list[float]] = {who: [] for who in works}
+    for work in works.values() if rounds > 1 else ():
+        work()
+    for _ in range(rounds):
+        for who, work in works.items():
+            begin = time.process_time()
+            work()
+            found[who].append(1e3 * (time.process_time() - begin))
+    return found
 
 
 def _median(work: Callable[[], Any], runs: int, clock: Callable[[], float]) -> float:

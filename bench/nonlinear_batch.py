@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.metadata import version
+from itertools import cycle
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
 from bench import nonlinear_loop as loop
-from bench.clock import cpu_ms, wall_ms
+from bench.clock import cpu_ms, side_by_side, wall_ms
 from bench.table import Job, Row
 from engine.batch_nonlinear.equations import Equations
 from engine.batch_nonlinear.march import Marcher, Pieces, by_input
@@ -28,6 +30,10 @@ REQUIRED = 1e-5
 """Largest error of the position over its size at which contenders are compared."""
 CHECKED = 6
 _LANES = 64
+_BATCH = 256
+"""Candidates of which one's share is measured."""
+_TIGHT = 1e-6
+"""Tolerance of the contenders that are only mentioned."""
 _PEER = f"scipy {version('scipy')}"
 
 
@@ -40,7 +46,7 @@ class Ours:
         self._marcher = Marcher(self._compiled, generate=generate).prepared()
 
     def march(self, candidates: Real, steps: int, *, threads: int = 1) -> Real:
-        """Return the position (samples, candidates) at up to 4096 instants."""
+        """Return the position (samples, candidates) at no more instants than the peer is asked for."""
         pieces = _pieces(self._diagram.inputs, steps)
         start, once, *_ = self._compiled.start(candidates)
 
@@ -48,8 +54,11 @@ class Ours:
             own = slice(first, first + _LANES)
             return self._marcher(start[:, own], once[:, own], pieces).values[0]
 
+        parts = range(0, len(candidates), _LANES)
+        if threads == 1:
+            return np.concatenate([part(first) for first in parts], axis=1)
         with ThreadPoolExecutor(threads) as pool:
-            return np.concatenate(list(pool.map(part, range(0, len(candidates), _LANES))), axis=1)
+            return np.concatenate(list(pool.map(part, parts)), axis=1)
 
 
 def jobs(*, runs: int, candidates: int) -> Iterator[Job]:
@@ -79,24 +88,41 @@ def _many(ways: dict[str, Ours], runs: int, candidates: int) -> Job:
 
 
 def _at_accuracy(ways: dict[str, Ours], runs: int) -> Job:
-    """Measure one candidate's share at an error of at most 1e-5."""
-    sample = loop.sample(_LANES, seed=1)
+    """Measure one candidate's share at an error of at most 1e-5, everybody at the cheapest setting that reaches it."""
+    sample = loop.sample(_BATCH, seed=1)
     truth = [solution(candidate, "DOP853", 1e-12) for candidate in sample[:CHECKED]]
+    steps, error = _enough(next(iter(ways.values())), sample, truth)
+    tolerance, theirs = _loosest("LSODA", sample, truth)
+    turns = cycle(sample[:CHECKED])
+    peer, works = f"{_PEER}, LSODA", {who: partial(ours.march, sample, steps) for who, ours in ways.items()}
+    times = side_by_side({peer: lambda: integrated(next(turns), "LSODA", tolerance), **works}, rounds=runs)
     rows = []
-    for who, ours in ways.items():
-        steps, error = _enough(ours, sample, truth)
-        milliseconds = cpu_ms(lambda ours=ours, steps=steps: ours.march(sample, steps), runs=runs) / _LANES
-        rows.append(Row(who=f"this engine, {who}", milliseconds=milliseconds, error=error, remark=f"{steps:,} steps"))
-    for method, tolerance in (("LSODA", 1e-6), ("Radau", 1e-6), ("RK45", 1e-6)):
-        found = np.stack([integrated(candidate, method, tolerance) for candidate in sample[:CHECKED]], axis=1)
-        milliseconds = cpu_ms(lambda m=method, t=tolerance: integrated(sample[0], m, t), runs=max(1, runs // 5))
-        rows.append(
-            Row(
-                who=f"{_PEER}, {method}", milliseconds=milliseconds, error=_error(found, truth),
-                remark=f"rtol {tolerance:g}, equations by hand",
-            )
-        )  # fmt: skip
+    for who in ways:
+        shares = [t / _BATCH for t in times[who]]
+        ratios = sorted(t / share for t, share in zip(times[peer], shares, strict=True))
+        remark = (
+            f"{steps:,} steps; LSODA takes {median(ratios):.0f}x, {ratios[0]:.0f} to {ratios[-1]:.0f} in {runs} rounds"
+        )
+        rows.append(Row(who=f"this engine, {who}", milliseconds=median(shares), error=error, remark=remark))
+    remark = f"rtol {tolerance:.1g}, equations by hand"
+    rows.append(Row(who=peer, milliseconds=median(times[peer]), error=theirs, remark=remark))
+    for method in ("Radau", "RK45"):
+        found = np.stack([integrated(candidate, method, _TIGHT) for candidate in sample[:CHECKED]], axis=1)
+        milliseconds = cpu_ms(lambda m=method: integrated(sample[0], m, _TIGHT), runs=max(1, runs // 5))
+        remark = f"rtol {_TIGHT:g}, equations by hand"
+        rows.append(Row(who=f"{_PEER}, {method}", milliseconds=milliseconds, error=_error(found, truth), remark=remark))
     return Job(title=f"nonlinear loop, one candidate at an error <= {REQUIRED:g}", rows=rows)
+
+
+def _loosest(method: str, sample: Real, truth: Sequence[Solution]) -> tuple[float, float]:
+    """Return the tolerance with which a peer is accurate enough on the candidates checked, in quarters of a decade, and its error."""
+    for quarters in range(18, 32):
+        tolerance = 10.0 ** (-quarters / 4)
+        found = np.stack([integrated(candidate, method, tolerance) for candidate in sample[:CHECKED]], axis=1)
+        error = _error(found, truth)
+        if error <= REQUIRED:
+            return tolerance, error
+    raise RuntimeError(f"error must be <= {REQUIRED:g} with the tightest tolerance, got {error:g}")
 
 
 def new_structure(*, runs: int) -> Job:
@@ -117,7 +143,13 @@ def new_structure(*, runs: int) -> Job:
 def _pieces(inputs: tuple[str, ...], steps: int) -> Pieces:
     step = make("step", {"amplitude": loop.STEP})
     fewest = max(k for k in range(1, loop.STEPS + 1) if steps % k == 0 and (steps // k).bit_count() == 1)
-    return Pieces.of(by_input(inputs, {"reference": step}), loop.DURATION, fewest, (steps // fewest).bit_length() - 1)
+    return Pieces.of(
+        by_input(inputs, {"reference": step}),
+        loop.DURATION,
+        fewest,
+        (steps // fewest).bit_length() - 1,
+        most=loop.STEPS,
+    )
 
 
 def _enough(ours: Ours, sample: Real, truth: Sequence[Solution]) -> tuple[int, float]:

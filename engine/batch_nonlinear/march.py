@@ -56,7 +56,14 @@ class Pieces:
 
     @classmethod
     def of(
-        cls, signals: Sequence[Signal | None], end: float, steps: int, doublings: int = 0, *, graded: bool = False
+        cls,
+        signals: Sequence[Signal | None],
+        end: float,
+        steps: int,
+        doublings: int = 0,
+        *,
+        graded: bool = False,
+        most: int = MOST_SAMPLES,
     ) -> Pieces:
         """Return pieces until ``end`` (s).
 
@@ -71,13 +78,15 @@ class Pieces:
             which are halved so often.
         graded : bool
             Whether steps are smaller behind every breakpoint, where what is fast moves: a limit may be reached in an instant.
+        most : int
+            About so many samples at most, but never fewer than ``steps``.
         """
         breaks = {t for signal in signals if signal is not None for t in signal.breakpoints() if 0 < t < end}
         edges = np.array([0.0, *sorted(breaks), end])
         counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
         if graded:
             edges, counts = _graded(edges, counts)
-        fine = int(np.clip(np.floor(np.log2(MOST_SAMPLES / counts.sum())), 0, doublings))
+        fine = int(np.clip(np.floor(np.log2(most / counts.sum())), 0, doublings))
         samples, stride = counts << fine, 1 << (doublings - fine)
         tables = []
         for first, last, count in zip(edges[:-1], edges[1:], samples * stride, strict=True):
