@@ -15,6 +15,7 @@ from engine.diagram import Diagram
 from engine.fit import DEFINITIONS
 from engine.validation.remedy import Remedy, worthwhile
 from engine.validation.steps import Step, Steps
+from engine.validation.unmodelled import Unmodelled
 from engine.validation.validate import Check, Output, Validated
 from engine.validation.verdict import Grade
 
@@ -68,6 +69,7 @@ def _output(output: Output, *, unit: str, time: Samples, stride: int, points: in
         "frequency_by_input": {
             name: frequency_domain_to_wire(one, points) for name, one in output.frequency_by_input.items()
         },
+        "unmodelled": [_band(band) for band in output.unmodelled],
         "offset": number(output.offset),
         "unit": unit,
         "curves": {
@@ -75,6 +77,22 @@ def _output(output: Output, *, unit: str, time: Samples, stride: int, points: in
             "measured": numbers(comparison.measured[::stride]),
             "simulated": numbers(comparison.simulated[::stride]),
         },
+    }
+
+
+def _band(band: Unmodelled) -> dict[str, Any]:
+    mode = band.resonance
+    return {
+        "input": band.source,
+        "lower": number(band.lower),
+        "upper": number(band.upper),
+        "frequency": number(band.frequency),
+        "rms": number(band.rms),
+        "share_percent": number(band.share_percent),
+        "relative_percent": number(100 * band.relative),
+        "mode": None
+        if mode is None
+        else {"frequency": number(mode.frequency), "damping_ratio": number(mode.damping_ratio)},
     }
 
 

@@ -33,9 +33,9 @@ from engine.validation.comparison import Comparison
 SEGMENTS = 8
 LEVEL = 0.95
 _COHERENT = 0.7
-_DRIVEN = 1e-5
+DRIVEN = 1e-5
 """Of the power of the strongest line of the input: among thousands of lines of noise some look coherent by chance."""
-_MOST_INPUTS = 6
+MOST_INPUTS = 6
 """All pairs of channels are transformed; and each further input costs an average of the some fifteen."""
 _SHORTEST = 512
 """Samples of a window below which eight segments hold too few lines."""
@@ -79,7 +79,7 @@ def frequency_domain(comparison: Comparison) -> FrequencyDomain | None:
     ----------
     comparison : Comparison
     """
-    if len(comparison.inputs) != 1 or not _long_and_moving(comparison):
+    if len(comparison.inputs) != 1 or not long_and_moving(comparison):
         return None
     ((source, u),) = comparison.inputs.items()
     rate, segment = 1.0 / comparison.sample_time, comparison.measured.size // SEGMENTS
@@ -99,7 +99,7 @@ def by_input(comparison: Comparison) -> dict[str, FrequencyDomain]:
     ----------
     comparison : Comparison
     """
-    if not 2 <= len(comparison.inputs) <= _MOST_INPUTS or not _long_and_moving(comparison):
+    if not 2 <= len(comparison.inputs) <= MOST_INPUTS or not long_and_moving(comparison):
         return {}
     rate, segment = 1.0 / comparison.sample_time, comparison.measured.size // SEGMENTS
     inputs = list(comparison.inputs.values())
@@ -115,7 +115,8 @@ def by_input(comparison: Comparison) -> dict[str, FrequencyDomain]:
     return found
 
 
-def _long_and_moving(comparison: Comparison) -> bool:
+def long_and_moving(comparison: Comparison) -> bool:
+    """Return whether a window holds enough samples for eight segments, and every signal changes."""
     signals = (*comparison.inputs.values(), comparison.measured, comparison.simulated)
     return comparison.measured.size >= _SHORTEST and all(_changes(signal) for signal in signals)
 
@@ -124,7 +125,7 @@ def _compared(source: str, frf: Frf, model: Frf, powers: Crossed, unexplained: f
     """Return the comparison on the lines about which the recording tells something; None where there is none."""
     if frf.coherence is None:
         return None
-    told = np.isfinite(frf.value) & np.isfinite(model.value) & (powers.xx >= _DRIVEN * powers.xx.max())
+    told = np.isfinite(frf.value) & np.isfinite(model.value) & (powers.xx >= DRIVEN * powers.xx.max())
     told &= frf.coherence >= _COHERENT
     if not told.any():
         return None

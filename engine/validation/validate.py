@@ -15,6 +15,7 @@ from engine.validation.comparison import Comparison
 from engine.validation.diagnosis import Diagnosis
 from engine.validation.prediction import OneStep, one_step
 from engine.validation.spectrum import FrequencyDomain, by_input, frequency_domain
+from engine.validation.unmodelled import Unmodelled, told, unmodelled
 from engine.validation.verdict import Grade, grade, remarks
 
 Samples = npt.NDArray[np.float64]
@@ -62,6 +63,7 @@ class Output:
     one_step: OneStep | None
     frequency: FrequencyDomain | None
     frequency_by_input: Mapping[str, FrequencyDomain]
+    unmodelled: tuple[Unmodelled, ...]
     remarks: tuple[str, ...]
 
 
@@ -169,6 +171,7 @@ def validate(compared: Compared, *, limit_percent: float) -> Validated:
             inputs=compared.inputs, constant=estimated,
         )  # fmt: skip
         fit = compare(measured, model)
+        left = unmodelled(comparison)
         trivial = baselines(measured, inputs, constant=estimated or offset != 0.0)
         outputs[name] = Output(
             comparison=comparison,
@@ -181,7 +184,8 @@ def validate(compared: Compared, *, limit_percent: float) -> Validated:
             one_step=one_step(comparison),
             frequency=frequency_domain(comparison),
             frequency_by_input=by_input(comparison),
-            remarks=remarks(name, fit, trivial),
+            unmodelled=left,
+            remarks=(*remarks(name, fit, trivial), *told(name, left)),
         )
     return Validated(outputs=outputs, grade=grade({name: o.fit for name, o in outputs.items()}, limit_percent))
 

@@ -87,6 +87,29 @@ class FrequencyDomainReply(Reply):
     )
 
 
+class UnmodelledMode(Reply):
+    """A resonance that the model does not have, or has elsewhere; rad/s."""
+
+    frequency: Number
+    damping_ratio: Number
+
+
+class UnmodelledBand(Reply):
+    """Where an input still explains a part of the residual; rad/s, SI.
+
+    Noise makes one recording in a hundred look so.
+    """
+
+    input: str
+    lower: Number
+    upper: Number
+    frequency: Number = Field(description="where that part is strongest")
+    rms: Number = Field(description="of that part, in the unit of the output")
+    share_percent: Number = Field(description="of that part in the power of the residual")
+    relative_percent: Number = Field(description="of that part at `frequency`, beside the response of the model")
+    mode: UnmodelledMode | None = Field(description="where the band has the shape of a resonance")
+
+
 class ValidatedOutput(FitReply):
     """One output; its measures are those of a simulation."""
 
@@ -100,6 +123,9 @@ class ValidatedOutput(FitReply):
     )
     frequency_by_input: dict[str, FrequencyDomainReply] = Field(
         description="of several inputs: for each, without what the others explain; empty for one"
+    )
+    unmodelled: list[UnmodelledBand] = Field(
+        description="in which bands the residual still follows an input, the strongest first; hum of the mains does not"
     )
     offset: Number
     unit: str
