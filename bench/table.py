@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from rich.table import Table
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +34,8 @@ HEADINGS = ("ms", "clock", "ratio", "worst error", "remark")
 
 def render(jobs: Iterable[Job], *, title: str) -> Table:
     """Return the table of all jobs, for a terminal."""
+    from rich.table import Table  # noqa: PLC0415 - only where a table is printed
+
     table = Table(title=title, title_justify="left", show_lines=False)
     table.add_column("job / contender", overflow="fold")
     for heading in HEADINGS[:-1]:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from engine.errors import EngineError
 from engine.linear.frequency import FrequencyResponse
@@ -107,6 +106,8 @@ def _gain(law: Law) -> Gain | None:
             return np.asarray(element.describing_function(amplitude, values), dtype=complex)
 
         return closed
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - a quarter of a second
+
     ports = element.ports(values)
     if (len(ports.inputs), len(ports.outputs)) != (1, 1) or element.states or element.period(values) is not None:
         return None

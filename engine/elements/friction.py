@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.special import dawsn
 
 from engine.elements._base import Array, Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
@@ -128,6 +127,8 @@ class Friction(NonlinearElement):
         """
         if values["transition_velocity"] is not None:
             return None
+        from scipy.special import dawsn  # noqa: PLC0415 - a twentieth of a second
+
         total: Array = np.zeros(np.shape(amplitude), dtype=complex)
         for side in (1, -1):
             sliding, static, viscous = _side(side, values)

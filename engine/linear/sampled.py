@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import scipy.fft
 
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
@@ -191,6 +190,8 @@ class _Kernel:
 
     def drive(self, u: Samples) -> tuple[Samples, Samples]:
         """Return the response to the samples ``u`` and its tangents, shapes (samples,) and (lanes, samples)."""
+        import scipy.fft  # noqa: PLC0415 - a twentieth of a second
+
         n = u.size
         size = scipy.fft.next_fast_len(n + self.transient.shape[1] - 1, real=True)
         spectrum = scipy.fft.rfft(np.diff(u, prepend=u[0]), size)

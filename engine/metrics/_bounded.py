@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from engine.masks import FrequencyBounds, Magnitude
 from engine.metrics._base import Absent, Found, unclosed, unsettled
@@ -109,6 +108,7 @@ def _highest(response: FrequencyResponse, square: Shape, bound: Magnitude, power
 
 def _summit(response: FrequencyResponse, square: Shape, bound: Magnitude, low: float, high: float) -> float | None:
     """Return where the ratio is stationary between two frequencies, None where it is not."""
+    from scipy.optimize import brentq  # noqa: PLC0415 - a fifth of a second
 
     def tilt(omega: float) -> float:
         at = np.array([omega])

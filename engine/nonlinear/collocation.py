@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import lapack
-from scipy.special import roots_jacobi
 
 from engine.linear.chebyshev import NODES
 
@@ -70,6 +69,8 @@ def _to_coefficients(stages: int) -> Real:
 
 @cache
 def _radau(stages: int) -> Real:
+    from scipy.special import roots_jacobi  # noqa: PLC0415 - a twentieth of a second
+
     inner = roots_jacobi(stages - 1, 1, 0)[0]
     return np.concatenate([(1 + inner) / 2, [1.0]])
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from engine.linear.chebyshev import DEGREE, coefficient_matrix, differentiation_matrix, weights
 
@@ -82,6 +81,8 @@ def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence
 
 def _root(nodes: Real, scan: Real, place: int) -> float:
     """Return where the polynomial passes 0 before scan point ``place``, where it is positive."""
+    from scipy.optimize import brentq  # noqa: PLC0415 - a fifth of a second
+
     if place == 0:
         return 0.0
     low, high = float(_SCAN[place - 1]), float(_SCAN[place])

@@ -18,7 +18,6 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
-from scipy.special import spherical_jn
 
 from engine.linear.chebyshev import DEGREE, NODES
 from engine.linear.curve import Curve
@@ -111,6 +110,8 @@ class _Pieces:
 
     def integral(self, w: Real, carried: int) -> Transform:
         """Return the integral over these pieces, all of the same width, with the slopes of ``carried`` lanes."""
+        from scipy.special import spherical_jn  # noqa: PLC0415 - a twentieth of a second
+
         n = np.arange(DEGREE + 1)[:, None]
         turn, angle = 2 * (-1j) ** n, w * self.h[0]
         bessel = turn * spherical_jn(n, angle[None])

@@ -34,6 +34,9 @@ def test_import_contracts_hold() -> None:
     [
         # control, cvxpy and matplotlib cost seconds each: only the function that needs one imports it.
         ("api.main", ("control", "cvxpy", "matplotlib", "nidaqmx", "mpmath", "servotune")),
+        # Each of them costs a cold start a twentieth to a fifth of a second.
+        ("engine.screening", ("scipy.fft", "scipy.interpolate", "scipy.optimize", "scipy.sparse", "scipy.special")),
+        ("api.convert.systems", ("pint", "scipy.optimize", "scipy.sparse", "scipy.special")),
         # A worker computes; it serves no HTTP.
         ("optimizers.problem", ("fastapi", "pydantic", "sqlalchemy", "pint", "control", "matplotlib")),
         # A lab PC has the base install only.
