@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from api.settings import Settings
 
 
+_UNREACHABLE = "the database of SERVOTUNE_DATABASE_URL must be reachable"
+
+
 def serve(argv: Sequence[str]) -> int:
     """Start the service, with one worker beside it.
 
@@ -70,6 +73,7 @@ def worker(argv: Sequence[str]) -> int:
     import signal
     import threading
 
+    from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
     from storage.jobs.worker import Worker
 
     settings = read_settings()
@@ -78,7 +82,13 @@ def worker(argv: Sequence[str]) -> int:
         signal.signal(number, lambda *_: stop.set())
     if given.with_parent:
         threading.Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
-    Worker(settings.database_url, compute="api.worker:run", slots=given.slots or settings.worker_slots).run(stop)
+    slots = settings.worker_slots if given.slots is None else given.slots
+    try:
+        Worker(settings.database_url, compute="api.worker:run", slots=slots).run(stop)
+    except (*UNAVAILABLE, DatabaseUrlError) as error:
+        raise SystemExit(f"{_UNREACHABLE}: {error}") from error
+    except StateError as error:
+        raise SystemExit(str(error)) from error
     return 0
 
 
@@ -138,7 +148,7 @@ def _prepare(settings: Settings) -> None:
         finally:
             database.dispose()
     except unreachable as error:
-        raise SystemExit(f"the database of SERVOTUNE_DATABASE_URL must be reachable: {error}") from error
+        raise SystemExit(f"{_UNREACHABLE}: {error}") from error
     except VaultError as error:
         raise SystemExit(f"SERVOTUNE_SECRET_KEY: {error.message}") from error
     if token is not None:

@@ -29,6 +29,9 @@ LOCK_TIMEOUT = 30.0
 
 #: As many connections as the service has threads, opened when they are needed and then kept: to open one anew in a crowd
 #: takes longer than what it is opened for. The one given back last is taken first, so that few are in use.
+#: How long (s) a Postgres that does not even refuse may take to let somebody in.
+CONNECT_TIMEOUT = 10
+
 #: Values of statements stay out of logs and messages: they are the users' documents and the hashes of their keys.
 _ENGINE: dict[str, Any] = {"pool_size": 40, "max_overflow": 0, "pool_use_lifo": True, "hide_parameters": True}
 
@@ -113,7 +116,8 @@ def open_database(url: str) -> Database:
         engine = create_engine(parsed, json_serializer=_to_json, connect_args={"timeout": LOCK_TIMEOUT}, **_ENGINE)
         event.listen(engine, "connect", _prepare_sqlite)
     else:
-        engine = create_engine(parsed, json_serializer=_to_json, pool_pre_ping=True, **_ENGINE)
+        patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
+        engine = create_engine(parsed, json_serializer=_to_json, connect_args=patience, pool_pre_ping=True, **_ENGINE)
         event.listen(engine, "handle_error", _count_read_only_as_unavailable)
     return Database(
         url=parsed.render_as_string(hide_password=False),

@@ -36,6 +36,9 @@ _POLLING_INTERVAL = 0.1
 _PATIENCE = 5
 #: How often (s) a worker looks for jobs that nobody carries.
 _RECONCILE_INTERVAL = 60.0
+#: The pauses (s) before a worker asks again for a database that is away when it starts, the longest of them, and how long it
+#: waits altogether.
+_PAUSE, _LONGEST_PAUSE, _LONGEST_WAIT = 0.5, 10.0, 600.0
 #: How long (s) a stopping worker waits for its children to be gone.
 _STOP_TIMEOUT = 10.0
 
@@ -126,14 +129,38 @@ class Worker:
         self._undo.close()
 
     def run(self, stop: threading.Event) -> None:
-        """Work until ``stop`` is set; a worker that was silent for so long that it lost its name begins again."""
-        while not stop.is_set():
-            self.start()
+        """Work until ``stop`` is set; a worker that was silent for so long that it lost its name begins again.
+
+        Raises
+        ------
+        StateError
+            When the database is not migrated.
+        storage.errors.UNAVAILABLE
+            When it does not answer for ten minutes.
+        """
+        while self._start_patiently(stop):
             try:
                 while not stop.wait(0.2) and not self._ended.is_set():
                     pass
             finally:
                 self.stop()
+
+    def _start_patiently(self, stop: threading.Event) -> bool:
+        """Start, once the database answers; False when told to stop before."""
+        pause, give_up_at = _PAUSE, time.monotonic() + _LONGEST_WAIT
+        while not stop.is_set():
+            try:
+                self.start()
+            except UNAVAILABLE as error:
+                if time.monotonic() >= give_up_at:
+                    raise
+                reason = str(error).splitlines()[0]
+                _log.warning("the worker waits for the database, and asks again in %.1f s: %s", pause, reason)
+                stop.wait(pause)
+                pause = min(2 * pause, _LONGEST_PAUSE)
+            else:
+                return True
+        return False
 
     def _launch(self) -> None:
         engine = self._database.engine
