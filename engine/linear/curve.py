@@ -30,6 +30,9 @@ Real = npt.NDArray[np.float64]
 _STILL = 1e-14
 """A piece that varies by less than this part of the curve does not move: its turning points are rounding."""
 
+_EQUAL = 1e-15
+"""Heights that differ by less than this part of the curve are equal: a product of matrices rounds each piece in its own way."""
+
 _SAME = 4e-16
 """Two places of a piece, of length 1, that are nearer than this are one."""
 
@@ -92,8 +95,9 @@ class Curve:
         theta = np.clip((times - edges[piece]) / (edges[piece + 1] - edges[piece]), 0.0, 1.0)
         nodes = self.values[:, :, 0].real
         inside = np.einsum("tj,tj->t", weights(theta), nodes[piece])
-        # an edge is a node: its value is known without interpolation, a zero there is 0.0
-        return np.asarray(np.where(theta == 0.0, nodes[piece, 0], np.where(theta == 1.0, nodes[piece, -1], inside)))
+        # an edge is a node, a piece that stands still is its nodes: known without interpolation, a level is that level exactly
+        first = (theta == 0.0) | (nodes == nodes[:, :1]).all(axis=1)[piece]
+        return np.asarray(np.where(first, nodes[piece, 0], np.where(theta == 1.0, nodes[piece, -1], inside)))
 
     def at(self, piece: int, theta: float, time: float | None = None) -> Array:
         """Return the value in ``piece`` at the fixed real instant ``time`` (default: where ``theta`` lies), all lanes."""
@@ -172,7 +176,7 @@ class Curve:
         scale = max(float(np.abs(nodes).max()), 1e-300)
         candidates = np.flatnonzero(top + 0.5 * spread >= top.max())
         top = (nodes[candidates] @ _TO_SCAN.T).max(axis=1)
-        candidates = candidates[top + _NEAR * spread[candidates] >= top.max()]
+        candidates = candidates[top + _NEAR * spread[candidates] >= top.max() - _EQUAL * scale]
         moving = candidates[spread[candidates] > _STILL * scale]
         row, theta = roots(nodes[moving] @ differentiation_matrix().T)
         inside = _clenshaw(nodes[moving[row]] @ coefficient_matrix().T, theta)
@@ -181,7 +185,7 @@ class Curve:
         heights = np.concatenate([nodes[candidates, 0], inside, nodes[candidates, -1]])
         order = np.lexsort((place, piece))
         # the earliest among equals: two that differ by rounding are equal
-        first = order[np.argmax(heights[order] >= heights.max() - 1e-15 * scale)]
+        first = order[np.argmax(heights[order] >= heights.max() - _EQUAL * scale)]
         k, th, edges = int(piece[first]), float(place[first]), self.times
         if th in {0.0, 1.0}:
             side = round(th)

@@ -194,6 +194,7 @@ class Stepper:
         nodes = step.nodes
         table = np.concatenate([nodes.at.x, nodes.flow.f, nodes.flow.e, nodes.flow.v, nodes.y], axis=2)[0]
         part, still = until(theta) @ table, straight.still
+        part = np.where((table == table[0]).all(axis=0), table[0], part)  # a level stays that level, without rounding
         part[:, still] = step.path[0, still]
         part[0] = table[0]
         path = np.zeros_like(step.path)
