@@ -86,17 +86,28 @@ def latencies(seen: dict[str, Any]) -> np.ndarray:
 
 
 def dragged(page: Page, moves: int) -> dict[str, Any]:
-    """Drag the slider to and fro with the mouse; return what was seen."""
+    """Drag the slider to and fro with the mouse; return what was seen.
+
+    The browser is told of the mouse directly: Playwright's own mouse looks, before each movement with a button down, whether
+    something is being dragged away, and the page waits for it.
+    """
     box = page.locator("input[type=range]").first.bounding_box()
     assert box is not None
+    browser = page.context.new_cdp_session(page)
     middle = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + box["width"] / 2, middle)
-    page.mouse.down()
+
+    def mouse(what: str, part: float, buttons: int) -> None:
+        at = {"x": box["x"] + box["width"] * part, "y": middle}
+        browser.send(
+            "Input.dispatchMouseEvent", {"type": what, "button": "left", "buttons": buttons, "clickCount": 1, **at}
+        )
+
+    mouse("mousePressed", 0.5, 1)
     begun = time.monotonic()
     for i in range(moves):
-        page.mouse.move(box["x"] + box["width"] * (0.5 + 0.4 * np.sin(i / 15)), middle)
+        mouse("mouseMoved", 0.5 + 0.4 * np.sin(i / 15), 1)
     spent = time.monotonic() - begun
-    page.mouse.up()
+    mouse("mouseReleased", 0.5, 0)
     page.wait_for_timeout(300)
     return {"seconds": spent, **page.evaluate("seen")}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,16 @@ Real = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Drawn:
+    """The curves at one vector; NaN where there are none."""
+
+    outputs: Real
+    response: Real
+    poles: npt.NDArray[np.complex128]
+    verdict: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Panel:
     """An opened system: what varies, what is commanded, what is drawn and measured."""
 
@@ -60,6 +70,8 @@ class Panel:
     frequency: Real
     steps: Mapping[int, float] | None
     """Input number -> amplitude where every command is a step at 0, which a batch can sample."""
+    drawn: dict[tuple[float, ...], _Drawn] = field(default_factory=dict)
+    """The curves of the frame before: a reference or a comparison that stands still is not computed again."""
 
     @property
     def diagram(self) -> Diagram:
@@ -209,33 +221,42 @@ def curves(service: Installation, panel: Panel, seq: int, vectors: Sequence[Sequ
     and shape of each array: ``time`` (samples), ``outputs`` (vectors, outputs, samples), ``frequency`` (k), ``response``
     (vectors, 2, k: real and imaginary part) and ``poles`` (vectors, 2, n). What does not exist is NaN.
     """
-    everything = [panel.overrides(vector) for vector in vectors]
-    outputs = np.full((len(vectors), len(panel.outputs), panel.time.size), np.nan)
-    response = np.full((len(vectors), 2, panel.frequency.size), np.nan)
-    verdicts: list[dict[str, str]] = []
-    poles: list[npt.NDArray[np.complex128]] = []
+    everything = {tuple(vector): panel.overrides(vector) for vector in vectors}
     with service.computing.slot():
-        for k, overrides in enumerate(everything):
-            try:
-                verdict, own = _curves_at(panel, overrides, outputs[k], response[k])
-            except EngineError as error:
-                verdicts.append({"verdict": str(Verdict.ILL_POSED), "advice": error.message})
-                poles.append(np.zeros(0, dtype=complex))
-            else:
-                verdicts.append({"verdict": verdict})
-                poles.append(own)
-    most = max(own.size for own in poles)
-    placed = np.full((len(vectors), 2, most), np.nan)
-    for k, own in enumerate(poles):
-        placed[k, 0, : own.size], placed[k, 1, : own.size] = own.real, own.imag
+        found = {
+            vector: panel.drawn.get(vector) or _drawn(panel, overrides) for vector, overrides in everything.items()
+        }
+    panel.drawn.clear()
+    panel.drawn.update(found)
+    each = [found[tuple(vector)] for vector in vectors]
+    most = max(own.poles.size for own in each)
+    placed = np.full((len(each), 2, most), np.nan)
+    for k, own in enumerate(each):
+        placed[k, 0, : own.poles.size], placed[k, 1, : own.poles.size] = own.poles.real, own.poles.imag
     arrays = {
-        "time": panel.time, "outputs": outputs, "frequency": panel.frequency, "response": response, "poles": placed,
-    }  # fmt: skip
-    return _frame({"seq": seq, "variants": verdicts}, arrays)
+        "time": panel.time,
+        "outputs": np.stack([own.outputs for own in each]),
+        "frequency": panel.frequency,
+        "response": np.stack([own.response for own in each]),
+        "poles": placed,
+    }
+    return _frame({"seq": seq, "variants": [own.verdict for own in each]}, arrays)
+
+
+def _drawn(panel: Panel, overrides: Mapping[str, float]) -> _Drawn:
+    """Return the curves at one set of values."""
+    outputs = np.full((len(panel.outputs), panel.time.size), np.nan)
+    response = np.full((2, panel.frequency.size), np.nan)
+    try:
+        verdict, poles = _curves_at(panel, overrides, outputs, response)
+    except EngineError as error:
+        told = {"verdict": str(Verdict.ILL_POSED), "advice": error.message}
+        return _Drawn(outputs=outputs, response=response, poles=np.zeros(0, dtype=complex), verdict=told)
+    return _Drawn(outputs=outputs, response=response, poles=poles, verdict={"verdict": verdict})
 
 
 def _curves_at(
-    panel: Panel, overrides: dict[str, float], outputs: Real, response: Real
+    panel: Panel, overrides: Mapping[str, float], outputs: Real, response: Real
 ) -> tuple[str, npt.NDArray[np.complex128]]:
     """Write the curves at one set of values; return the verdict of the system and its poles."""
     diagram = panel.diagram
@@ -260,7 +281,7 @@ def _curves_at(
     return verdict, poles
 
 
-def _response(panel: Panel, overrides: dict[str, float], system: LinearSystem) -> npt.NDArray[np.complex128]:
+def _response(panel: Panel, overrides: Mapping[str, float], system: LinearSystem) -> npt.NDArray[np.complex128]:
     diagram = panel.diagram
     if panel.open_at is not None:
         opened = diagram.realize(overrides, panel.open_at)

@@ -1,5 +1,5 @@
 import { ActionIcon, Group, Menu, Text, Tooltip } from "@mantine/core";
-import { memo, useCallback, useEffect, useState, type CSSProperties } from "react";
+import { memo, useCallback, useEffect, useLayoutEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { LiveParameter } from "@/shared/live/protocol";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
@@ -31,56 +31,76 @@ interface Props {
 /** One parameter: label with its influence, slider or knob, typed entry. Moving it does not pass through the page's state. */
 export const ParamSlider = memo(function ParamSlider({ parameter, value, influence, metric, knob, scale, onMove, onCommit, onRemove, onKnob, onScale }: Props) {
   const { t } = useTranslation();
-  const [shown, setShown] = useState(value);
-  useEffect(() => setShown(value), [value]);
+  const [rests, setRests] = useState(value);
+  const [moved, setMoved] = useState(value !== parameter.value);
+  const moving = useRef(value);
+  const slider = useRef<HTMLInputElement>(null);
+  const entry = useRef<HTMLInputElement>(null);
   const travel = travelOf(parameter, scale);
   const { path, unit } = parameter;
+  /** A value that moves is written where it stands: drawing anew what a slider is made of would cost more than the curves. */
+  const write = (next: number) => {
+    moving.current = next;
+    const input = slider.current;
+    if (!input) return;
+    const at = toPosition(next, travel);
+    input.value = String(at);
+    input.style.setProperty("--at", `${(100 * at).toFixed(2)}%`);
+    input.setAttribute("aria-valuetext", withUnit(next, unit));
+  };
   const move = (next: number) => {
-    setShown(next);
+    write(next);
+    entry.current!.value = String(rounded(next));
+    if (knob) setRests(next);
+    setMoved(next !== parameter.value);
     onMove(path, next);
+  };
+  const settle = () => {
+    setRests(moving.current);
+    onCommit(path, moving.current);
   };
   const commit = (next: number) => {
     move(next);
-    onCommit(path, next);
+    settle();
   };
-  const reset = useCallback(() => {
-    setShown(parameter.value);
-    onMove(path, parameter.value);
-    onCommit(path, parameter.value);
-  }, [parameter, path, onMove, onCommit]);
-  const position = toPosition(shown, travel);
-  const text = withUnit(shown, unit);
+  const latest = useRef(commit);
+  latest.current = commit;
+  const reset = useCallback(() => latest.current(parameter.value), [parameter]);
+  useEffect(() => {
+    setRests(value);
+    setMoved(value !== parameter.value);
+  }, [value, parameter]);
+  useLayoutEffect(() => write(rests), [rests, knob, scale, parameter]);
   return (
     <div className={classes.slider}>
-      <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={shown !== parameter.value} onReset={reset} onRemove={onRemove} onKnob={onKnob} onScale={onScale} />
+      <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={moved} onReset={reset} onRemove={onRemove} onKnob={onKnob} onScale={onScale} />
       <div className={classes.row}>
         {knob ? (
-          <Knob position={position} label={path} text={text} onMove={(next) => move(fromPosition(next, travel))} onCommit={() => onCommit(path, shown)} onReset={reset} />
+          <Knob position={toPosition(rests, travel)} label={path} text={withUnit(rests, unit)} onMove={(next) => move(fromPosition(next, travel))} onCommit={settle} onReset={reset} />
         ) : (
           <input
+            ref={slider}
             type="range"
             className="slider"
             min={0}
             max={1}
             step={0.0005}
-            value={position}
-            style={{ "--at": `${(100 * position).toFixed(2)}%` } as CSSProperties}
+            defaultValue={toPosition(rests, travel)}
             aria-label={path}
-            aria-valuetext={text}
             onChange={(event) => move(fromPosition(Number(event.currentTarget.value), travel))}
-            onPointerUp={() => onCommit(path, shown)}
+            onPointerUp={settle}
             onKeyDown={(event) => {
-              const next = keyPosition(event.key, position, { shift: event.shiftKey, alt: event.altKey });
+              const next = keyPosition(event.key, toPosition(moving.current, travel), { shift: event.shiftKey, alt: event.altKey });
               if (next === null) return;
               event.preventDefault();
               move(fromPosition(next, travel));
             }}
-            onKeyUp={() => onCommit(path, shown)}
-            onBlur={() => onCommit(path, shown)}
+            onKeyUp={settle}
+            onBlur={settle}
             onDoubleClick={reset}
           />
         )}
-        <NumberEntry aria-label={t("panel.valueOf", { path })} value={Number(shown.toPrecision(6))} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={118} size="xs" />
+        <NumberEntry ref={entry} aria-label={t("panel.valueOf", { path })} value={rounded(rests)} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={118} size="xs" />
       </div>
     </div>
   );
@@ -141,6 +161,8 @@ const Head = memo(function Head({ parameter: { path, unit, doc }, influence, met
     </Group>
   );
 });
+
+const rounded = (value: number): number => Number(value.toPrecision(6));
 
 /** A typed value may leave the slider's travel, but not what is physically possible. */
 function clampedTo(value: number, { lower, upper }: LiveParameter): number {

@@ -3,9 +3,45 @@ import "uplot/dist/uPlot.min.css";
 import { clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
 import { paintBehind, paintMarks } from "./decor";
 import { Handles } from "./handles";
+import { drawLine, drawPath } from "./lines";
 import { NOTHING, type Curve, type LivePlot, type PlotSpec, type Series, type ZoneMoved } from "./types";
 
 const FONT = "11px system-ui, sans-serif";
+
+/** Pixels that nobody sees: by so much a drawn line may pass its points, and points of one spot lie apart. */
+const UNSEEN = 0.15;
+const SPOT = 0.5;
+/** Points of a pixel's width. */
+const MOST = 4;
+
+/** Where values lie on the canvas. */
+function positions(u: uPlot, key: "x" | "y", values: ArrayLike<number | null>): Float64Array<ArrayBuffer> {
+  const { min, max, distr } = u.scales[key]!;
+  const { left, top, width, height } = u.bbox;
+  const found = new Float64Array(values.length);
+  const of = distr === 3 ? Math.log10 : (value: number) => value;
+  const first = of(min!);
+  const part = 1 / (of(max!) - first);
+  const [from, size] = key === "x" ? [left, width * part] : [top + height, -height * part];
+  for (let i = 0; i < found.length; i++) found[i] = from + (of(values[i] ?? NaN) - first) * size;
+  return found;
+}
+
+/** Lines over one x, with as few corners as can be seen; where many points share a pixel uPlot draws how far they reach. */
+function drawAligned(): uPlot.Series.PathBuilder {
+  const dense = uPlot.paths.linear!();
+  // All series of a plot have one x: it is brought onto the canvas once for each picture.
+  let along = { x: null as unknown, key: "", at: new Float64Array() };
+  return (u, index, from, to) => {
+    const x = u.data[0] as ArrayLike<number>;
+    if (to - from > MOST * u.bbox.width) return dense(u, index, from, to);
+    const key = [u.scales.x!.min, u.scales.x!.max, u.bbox.left, u.bbox.width].join();
+    if (along.x !== x || along.key !== key) along = { x, key, at: positions(u, "x", x) };
+    const stroke = new Path2D();
+    drawLine(stroke, along.at, positions(u, "y", u.data[index] as ArrayLike<number>), UNSEEN * devicePixelRatio);
+    return { stroke, fill: null, clip: null, flags: 1 };
+  };
+}
 
 /** Lines and marks of series that have their own x each, which uPlot (mode 2) leaves to its user. */
 function drawFree(series: Series): uPlot.Series.PathBuilder {
@@ -39,20 +75,7 @@ function drawFree(series: Series): uPlot.Series.PathBuilder {
           ctx.arc(x, y, r, 0, 2 * Math.PI);
         }
       }
-    } else {
-      let down = false;
-      for (let i = 0; i < xs.length; i++) {
-        if (!Number.isFinite(xs[i]!) || !Number.isFinite(ys[i]!)) {
-          down = false;
-          continue;
-        }
-        const x = u.valToPos(xs[i]!, "x", true);
-        const y = u.valToPos(ys[i]!, "y", true);
-        if (down) ctx.lineTo(x, y);
-        else ctx.moveTo(x, y);
-        down = true;
-      }
-    }
+    } else drawPath(ctx, positions(u, "x", xs), positions(u, "y", ys), SPOT * devicePixelRatio);
     ctx.stroke();
     ctx.restore();
     return null;
@@ -90,11 +113,12 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     lastY = spec.span === undefined ? whole : [Math.max(whole[0], whole[1] - spec.span), whole[1]];
     return lastY;
   };
+  const aligned = drawAligned();
   const series: unknown[] = spec.equal
     ? [null, ...spec.series.map((s) => ({ label: s.label, stroke: s.color, paths: drawFree(s), facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))]
     : [
         { label: spec.x.label },
-        ...spec.series.map((s) => ({ label: s.label, stroke: s.color, alpha: s.faint ? 0.4 : 1, width: s.marks ? 0 : (s.width ?? 1.5), dash: s.dash, points: s.marks ? { show: true, size: 5, stroke: s.color } : { show: false } })),
+        ...spec.series.map((s) => ({ label: s.label, stroke: s.color, ...(s.marks ? {} : { paths: aligned }), alpha: s.faint ? 0.4 : 1, width: s.marks ? 0 : (s.width ?? 1.5), dash: s.dash, points: s.marks ? { show: true, size: 5, stroke: s.color } : { show: false } })),
       ];
   const empty: unknown[] = spec.equal ? [null, ...spec.series.map(() => [[0, 1], [0, 0]])] : [[1, 2], ...spec.series.map(() => [0, 0])];
   const decimals = (value: number) => Number(value.toPrecision(4)).toString();
