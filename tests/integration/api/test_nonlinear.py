@@ -52,7 +52,7 @@ def test_variants_and_a_duration(client) -> None:
     assert slow["outputs"]["y"][-1] == pytest.approx(0.5, abs=1e-12)
     assert fast["metrics"]["y"]["rise_time"] == {
         "value": None, "unit": "s", "verdict": "too_short",
-        "advice": "the simulation ends before the output has settled: give it a longer duration",
+        "advice": "the simulation ends before the output has rested for a tenth of it: give it a longer duration, or none to follow it until it settles",
     }  # fmt: skip
 
 
