@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import servotune
-from examples.demo_lab.axis import CHIRP, IDENTIFIED, START_GAIN, STEP, TEXTBOOK, TRUTH, axis
+from examples.demo_lab.axis import CHIRP, HIDDEN, IDENTIFIED, START_GAIN, STEP, TEXTBOOK, TRUTH, axis
 from examples.demo_lab.figure import draw
 from examples.demo_lab.processes import Lab, LabError, lab
 
@@ -58,6 +59,15 @@ class Late:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Swing:
+    """What the identified model does not explain although the reference does: Hz, m rms."""
+
+    frequency: float
+    damping_ratio: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """What the day brought."""
 
@@ -65,6 +75,7 @@ class Findings:
     identified: Mapping[str, Any]
     parameters: Mapping[str, float]
     late: Late
+    swings: list[Swing]
     gain: float
     before: Measured
     after: Measured
@@ -136,6 +147,13 @@ def run(running: Lab) -> Findings:
         f"{1e3 * late.delay:.2f} ms (correlation {late.correlation:.2f}: this recording tells their sum)"
     )
 
+    swings = _swings(identified)
+    for swing in swings:
+        print(
+            f"not modelled {swing.frequency:.1f} Hz, damping ratio {swing.damping_ratio:.2f}: {1e6 * swing.rms:.1f} um rms that follow the "
+            f"reference and no parameter explains (the simulator has a mode of the frame at {HIDDEN:g} Hz)"
+        )
+
     before = _step(client)
     better = axis({**TEXTBOOK, **parameters}, gain=START_GAIN)
     optimum = _optimized(client, better)
@@ -151,7 +169,7 @@ def run(running: Lab) -> Findings:
         f"{predicted['response_time']:.3f}), overshoot {before.overshoot:.1%} -> {after.overshoot:.1%}"
     )
     return Findings(
-        textbook=textbook, identified=identified, parameters=parameters, late=late, gain=gain, before=before,
+        textbook=textbook, identified=identified, parameters=parameters, late=late, swings=swings, gain=gain, before=before,
         after=after, predicted=predicted,
     )  # fmt: skip
 
@@ -188,6 +206,19 @@ def _late(client: servotune.Client, job: str) -> Late:
     names = list(found["parameters"])
     correlation = found["correlations"][names.index("valve_lag")][names.index("delay")]
     return Late(lag=lag, delay=delay, correlation=correlation)
+
+
+def _swings(validation: Mapping[str, Any]) -> list[Swing]:
+    """Return the modes of the machine that the model lacks, as its validation has found them."""
+    return [
+        Swing(
+            frequency=band["mode"]["frequency"] / (2 * math.pi),
+            damping_ratio=band["mode"]["damping_ratio"],
+            rms=band["rms"],
+        )
+        for band in validation["outputs"]["position"]["unmodelled"]
+        if band["mode"] is not None
+    ]
 
 
 def _step(client: servotune.Client) -> Measured:
