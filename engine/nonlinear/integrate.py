@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -26,9 +24,10 @@ import numpy.typing as npt
 from engine.elements._nonlinear import Mode
 from engine.errors import UnresolvedError
 from engine.linear.chebyshev import NODES
-from engine.linear.curve import Curve
 from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
+from engine.nonlinear.bounds import Bounds
 from engine.nonlinear.guards import Crossing, first_crossing, touches
+from engine.nonlinear.outcome import Outcome
 from engine.nonlinear.pieces import Command, Record, command
 from engine.nonlinear.steps import Step, Stepper
 from engine.nonlinear.straight import until
@@ -48,55 +47,10 @@ Real = npt.NDArray[np.float64]
 TOLERANCE: Final = 1e-11
 """What the polynomial of a step may miss, relative to the largest value of each state so far."""
 
-LARGEST: Final = 1e100
-"""Beyond this a growing response is not followed."""
-
-MAX_STEPS: Final = 200_000
-CROWDS: Final = ((100, 1e-6), (1000, 2e-3))
-"""So many events within this part of the time simulated are an accumulation: at this pace no simulation comes to its end."""
-
 _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
 _ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
 _RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
 _EARLY = 1e-3
-_EXPLODED = 1e8  # a state that has grown so much when its steps vanish goes to infinity in finite time
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
-    """A response as far as it goes.
-
-    ``verdict`` is OK where the end was reached; ``advice`` says what stopped it else. ``error`` is the estimated error of
-    the outputs relative to their largest value, ``events`` the number of located changes of mode; ``smooth`` is False
-    where a guard was only touched, so that derivatives hold on one side only.
-    """
-
-    record: Record
-    state: Array
-    modes: tuple[Mode, ...]
-    verdict: Verdict
-    advice: str
-    error: float
-    events: int
-    steps: int
-    smooth: bool
-    limits: tuple[Real, Real]
-
-    @property
-    def end(self) -> float:
-        """Last instant, s."""
-        return float(self.record.edges[-1][0].real)
-
-    def output(self, index: int) -> Curve:
-        """Return output ``index`` as a curve; rounding does not take it beyond its limits."""
-        found = self.record.curve(self.record.y, index)
-        low, high = (bound[index] for bound in self.limits)
-        excess = np.clip(found.values.real, low, high) - found.values.real
-        return Curve(edges=found.edges, values=found.values + excess) if np.any(excess) else found
-
-    def input(self, index: int) -> Curve:
-        """Return input ``index`` as a curve."""
-        return self.record.curve(self.record.u, index)
 
 
 class Integration:
@@ -137,12 +91,9 @@ class Integration:
         self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
         self.record = Record(edges=[self._board.t])
         self._stepper = Stepper(system, self.record, tolerance)
-        self._clock, self._wall = clock, wall_limit
-        self._began = clock() if clock is not None else 0.0
-        self.steps = self.events = 0
+        self._bounds = Bounds(clock, wall_limit)
         self.smooth = True
         self.error = 0.0
-        self._recent: deque[float] = deque(maxlen=CROWDS[-1][0])
         self._agenda = Agenda()
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
@@ -190,7 +141,8 @@ class Integration:
             self._stand()
         return Outcome(
             record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
-            error=self.error, events=self.events, steps=self.steps, smooth=self.smooth and not self._board.curved, limits=self.system.limits,
+            error=self.error, events=self._bounds.events, steps=self._bounds.steps,
+            smooth=self.smooth and not self._board.curved, limits=self.system.limits,
         )  # fmt: skip
 
     def _stand(self) -> None:
@@ -350,8 +302,8 @@ class Integration:
                 if self.now > self._loosened and self._board.loosen():
                     self._loosened, self._width = self.now, math.inf
                     return None
-                self._fail()
-            self._limits()
+                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale)
+            self._bounds.step(self.now)
             step: Step | None
             if straight is not None:
                 width = _binary(width, longest)
@@ -397,8 +349,7 @@ class Integration:
 
     def _take(self, chain: Chain) -> None:
         """Append a chain of steps to the record and move to its end."""
-        self.steps += len(chain.path)
-        self._limits()
+        self._bounds.step(self.now, len(chain.path))
         lanes, board = self.system.lanes, self._board
         linear = chain.x[None, :, :, : self.system.linear_states]
         parts = np.concatenate([linear[0], chain.u[0], chain.v[0]], axis=2).real
@@ -419,24 +370,6 @@ class Integration:
         slope = self.system.tangent(self._board.instant().real).fx[0]
         fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
         return 4.0 / fastest if fastest > 0 else math.inf
-
-    def _limits(self) -> None:
-        self.steps += 1
-        if self.steps > MAX_STEPS:
-            self._stop(f"after {MAX_STEPS} steps")
-        if self._clock is not None and self._clock() - self._began > self._wall:
-            self._stop(f"after {self._wall:g} s of computing")
-
-    def _stop(self, why: str) -> None:
-        msg = f"the simulation stops at t = {self.now:.6g} s {why}: shorten its duration"
-        raise StoppedError(Verdict.TOO_SHORT, msg)
-
-    def _fail(self) -> None:
-        size = np.abs(self._board.x[0].real) / np.where(self._first_scale > 0, self._first_scale, np.inf)
-        if float(size.max(initial=0.0)) > _EXPLODED:
-            raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {self.now:.6g} s")
-        msg = f"the equations have no solution that can be followed beyond t = {self.now:.6g} s"
-        raise StoppedError(Verdict.DOUBTFUL, msg)
 
     def _accept(self, step: Step, end: float, lanes: Array | None, event: Crossing | None = None) -> None:
         """Append a step to the record and move to its end; one that ends with an event carries its guard."""
@@ -462,8 +395,7 @@ class Integration:
         self.record.append(board.t, nodes.y, nodes.at.u, nodes.z)
         noise, states = self._stepper.noise(), self._stepper.scale
         board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope, noise=noise, states=states)
-        if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
-            raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {end:.6g} s")
+        self._bounds.state(end, last)
 
     def _moved(self, step: Step, event: Crossing, nodes: Any) -> Real:
         """Return how much earlier an event comes for the infinitesimals of its guard, (lanes,)."""
@@ -492,17 +424,7 @@ class Integration:
         else:
             slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))
             self._stepper.forget()
-        self.events += 1
-        self._recent.append(self.now)
-        if any(
-            len(self._recent) >= count and self._recent[-1] - self._recent[-count] <= part * self._horizon
-            for count, part in CROWDS
-        ):
-            raise StoppedError(
-                Verdict.DOUBTFUL,
-                f"events of {self.system.laws[number].label} accumulate at t = {self.now:.6g} s: "
-                "the model switches without end (give it hysteresis, a lag or more damping)",
-            )
+        self._bounds.event(self.now, self._horizon, self.system.laws[number].label)
         self._board.switch(number, guard, slope)
         self._echo(0)
         self._board.settle()

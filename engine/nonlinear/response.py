@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.nonlinear.integrate import Integration, Outcome
+from engine.nonlinear.integrate import Integration
 from engine.nonlinear.operating_point import operating_point
+from engine.nonlinear.outcome import Outcome
 from engine.nonlinear.running_on import Motion, motion
 from engine.nonlinear.switching import StoppedError
 from engine.verdicts import Verdict

@@ -8,7 +8,7 @@ import pytest
 from engine.diagram import compile_system
 from engine.elements import catalogue
 from engine.errors import EngineError
-from engine.nonlinear import integrate
+from engine.nonlinear import bounds
 from engine.signals import make
 from engine.study import simulate
 from engine.verdicts import Verdict
@@ -280,7 +280,7 @@ def test_a_bouncing_piston_comes_to_rest(restitution):
 
 
 def test_steps_are_limited_with_a_verdict(monkeypatch):
-    monkeypatch.setattr(integrate, "MAX_STEPS", 200)
+    monkeypatch.setattr(bounds, "MAX_STEPS", 200)
     made = compile_system(
         document({"r": block("input"), "q": block("quantizer", step=0.01)}, ["r -> q"], {"y": "q"}),
     )
