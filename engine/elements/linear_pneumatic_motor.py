@@ -20,7 +20,9 @@ class LinearPneumaticMotor(Element):
     title = "Linear pneumatic motor"
     equation = "Q = A z' + a_m Δp + (V/(χ p)) Δp';  m z'' + b_m z' + F = A Δp"
     source = (
-        "Assisted optimization of the dynamic behaviour of industrial robots, eq. (1)-(2), Fig. 2, mid-range values."
+        "Assisted optimization of the dynamic behaviour of industrial robots, eq. (1)-(2), Fig. 2. The defaults are from the "
+        "middle of its ranges: A 50-80 cm², V 500-1000 cm³, Δp 4-6 daN/cm², a_m 0.2-0.7 cm⁵/(daN s), "
+        "m 0.1-0.6 daN s²/cm, b_m 0.8-1.8 daN s/cm."
     )
     parameters = (
         _linear_motor.area(65e-4),

@@ -122,6 +122,18 @@ def test_pneumatic_motor_mid_range_numbers():
     assert -pair.real / abs(pair) == pytest.approx(0.175, abs=0.0005)
 
 
+def test_the_defaults_of_the_pneumatic_motor_are_from_the_middle_of_the_ranges_of_the_paper():
+    # as printed, Fig. 2: A 50-80 cm², V 500-1000 cm³, Δp 4-6 daN/cm², a_m 0.2-0.7 cm⁵/(daN s), m 0.1-0.6 daN s²/cm,
+    # b_m 0.8-1.8 daN s/cm; 1 daN/cm² = 1e5 Pa, 1 cm⁵/(daN s) = 1e-11 m⁵/(N s), 1 daN s²/cm = 1000 kg
+    printed = {
+        "area": (50e-4, 80e-4), "volume": (500e-6, 1000e-6), "pressure": (4e5, 6e5), "leakage": (0.2e-11, 0.7e-11),
+        "mass": (100.0, 600.0), "viscous_friction": (800.0, 1800.0),
+    }  # fmt: skip
+    defaults = {param.name: param.default for param in catalogue()["linear_pneumatic_motor"].parameters}
+    for name, (low, high) in printed.items():
+        assert abs(defaults[name] - (low + high) / 2) <= 0.1 * (high - low) + 1e-15, name
+
+
 @pytest.mark.parametrize(("parameter", "expected"), [("area", 0.99989), ("volume", -0.5), ("mass", -0.5)])
 def test_elasticities_of_the_undamped_frequency(parameter, expected):
     # sqrt((A² + a_m b_m) χ p/(V m)): 0.99989 in A, -1/2 in V and m. The determinant of the moving part is its square.
