@@ -107,7 +107,8 @@ def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Ma
 
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
-    return identifications.run(job.body, database=database, workspace=job.workspace_id, monitor=_Watch(reporter))
+    watch = _Watch(reporter, kept=job.state)
+    return identifications.run(job.body, database=database, workspace=job.workspace_id, monitor=watch)
 
 
 def _validation(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,15 +17,17 @@ from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
 from optimizers.identification.result import Fits, Identified, Judged
 from optimizers.identification.search import CancelledError, Search
-from optimizers.methods.least_squares import Minimum, minimize_squares
+from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
 from optimizers.noise import fitted
-from optimizers.result import Monitor, Status, Unwatched
+from optimizers.result import Keeper, Monitor, Status, Unwatched, kept_by
 
 if TYPE_CHECKING:
     from optimizers.recording import Identification, RecordedExperiment, Unknown, Window
 
 LEAST_GAIN = 1e-7
 """A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
+_KIND = "identification"
+"""Of the states that a search keeps."""
 BASELINES = ("mean", "input", "static_gain")
 
 
@@ -82,16 +85,39 @@ def _searched(search: Search, rng: np.random.Generator) -> tuple[Minimum | None,
     upper = np.append([u.coordinate(u.upper) for u in unknowns], free)
     further = (np.append(_elsewhere(unknowns, rng), 0 * np.isinf(free)) for _ in range(search.problem.starts - 1))
     starts = np.array([_first(search), *further])
+    keeper = search.monitor if isinstance(search.monitor, Keeper) else None
+
+    def tell(reached: Reached) -> None:
+        if keeper is not None:
+            keeper.keep({"kind": _KIND, "evaluations": search.evaluations, **asdict(reached)})
+
+    kept = dict(kept_by(search.monitor, _KIND) or {})
+    if kept:
+        search.evaluations = int(kept.pop("evaluations"))
     try:
         found = minimize_squares(
             search.errors, starts, lower=lower, upper=upper, max_evaluations=search.problem.max_evaluations,
-            least_gain=LEAST_GAIN,
+            least_gain=LEAST_GAIN, reached=_reached(kept), tell=tell,
         )  # fmt: skip
     except CancelledError:
         return search.best, Status.CANCELLED
     if found is None:
         return None, Status.STALLED
     return found, Status.CONVERGED if found.converged else Status.BUDGET
+
+
+def _reached(kept: Mapping[str, Any]) -> Reached | None:
+    """Return how far an earlier run of the search got, None for the first one."""
+    if not kept:
+        return None
+    here, best = kept["here"], kept["best"]
+    return Reached(
+        start=int(kept["start"]),
+        here=None if here is None else tuple(here),
+        spent=int(kept["spent"]),
+        best=None if best is None else tuple(best),
+        converged=bool(kept["converged"]),
+    )
 
 
 def _first(search: Search) -> Samples:

@@ -9,7 +9,7 @@ taken back by the trust region. The best of the local minima counts.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,20 @@ class Minimum:
         return 0.5 * float(np.sum(self.residuals**2))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Reached:
+    """How far a search is: which start it is at, the best point on the way from there, and the best of the minima before.
+
+    The trust region is not part of it: a search that goes on from here opens a new one.
+    """
+
+    start: int
+    here: tuple[float, ...] | None = None
+    spent: int = 0
+    best: tuple[float, ...] | None = None
+    converged: bool = False
+
+
 def minimize_squares(
     evaluate: Evaluation,
     starts: npt.NDArray[np.float64],
@@ -45,6 +59,8 @@ def minimize_squares(
     upper: Vector,
     max_evaluations: int = 100,
     least_gain: float = 1e-9,
+    reached: Reached | None = None,
+    tell: Callable[[Reached], None] | None = None,
 ) -> Minimum | None:
     """Return the best local minimum of the sum of squares, None when the residuals exist at no start.
 
@@ -60,32 +76,78 @@ def minimize_squares(
         For each start.
     least_gain : float
         A minimum is one where the next step lowers the cost by less than this part of it.
+    reached : Reached, optional
+        Where an earlier run of the same search was cut off.
+    tell : callable, optional
+        Is told how far the search is, whenever it got further.
 
     References
     ----------
     M. Branch, T. Coleman, Y. Li, "A subspace, interior, and conjugate gradient method for large-scale
     bound-constrained minimization problems", SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy.
     """
+    now = reached or Reached(start=0)
     best: Minimum | None = None
-    for start in starts:
-        minimum = _local(evaluate, start, lower, upper, max_evaluations, least_gain=least_gain)
+    if now.best is not None:
+        x = np.array(now.best)
+        residuals, jacobian = evaluate(x)
+        best = Minimum(x=x, residuals=residuals, jacobian=jacobian, converged=now.converged, evaluations=1)
+
+    for number in range(now.start, len(starts)):
+        begin, spent = starts[number], 0
+        if number == now.start and now.here is not None:
+            begin, spent = np.array(now.here), min(now.spent, max_evaluations - 1)
+        note = _Note(replace(now, start=number), spent, tell)
+        minimum = _local(evaluate, begin, lower, upper, max_evaluations - spent, least_gain=least_gain, note=note)
         if minimum is not None and (best is None or minimum.cost < best.cost):
             best = minimum
+        found = None if best is None else tuple(best.x.tolist())
+        now = Reached(start=number + 1, best=found, converged=best is not None and best.converged)
+        if tell is not None:
+            tell(now)
     return best
 
 
+@dataclass(frozen=True)
+class _Note:
+    """Tells of the way from one start."""
+
+    before: Reached
+    spent: int
+    tell: Callable[[Reached], None] | None
+
+    def __call__(self, x: Vector, count: int) -> None:
+        """Tell of the best point until here, after so many evaluations."""
+        if self.tell is not None:
+            self.tell(replace(self.before, here=tuple(x.tolist()), spent=self.spent + count))
+
+
 def _local(
-    evaluate: Evaluation, start: Vector, lower: Vector, upper: Vector, max_evaluations: int, *, least_gain: float
+    evaluate: Evaluation,
+    start: Vector,
+    lower: Vector,
+    upper: Vector,
+    max_evaluations: int,
+    *,
+    least_gain: float,
+    note: Callable[[Vector, int], None],
 ) -> Minimum | None:
     last: dict[bytes, tuple[Vector, Vector]] = {}
+    lowest, count = np.inf, 0
 
     def at(x: Vector) -> tuple[Vector, Vector]:
         # the residuals of a step and, if it is taken, its slopes are asked for one after the other
+        nonlocal lowest, count
         key = x.tobytes()
         if key not in last:
             found = evaluate(x)
             last.clear()
             last[key] = found
+            count += 1
+            cost = float(np.sum(found[0] ** 2))
+            if cost < lowest:
+                lowest = cost
+                note(x, count)
         return last[key]
 
     def residuals_at(x: Vector) -> Vector:

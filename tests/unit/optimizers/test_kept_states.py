@@ -6,8 +6,16 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 
+from engine.diagram import compile_system
+from engine.document import Block, Connection, System
+from engine.linear.sampled import simulate_sampled
+from optimizers.identification import identify
+from optimizers.methods.least_squares import Reached, minimize_squares
+from optimizers.problem import Variable
+from optimizers.recording import Identification, RecordedExperiment, Recording
 from optimizers.result import Share, Unwatched
 from optimizers.solving import solve
 from tests.unit.optimizers.landscapes import landscape
@@ -15,6 +23,31 @@ from tests.unit.optimizers.landscapes import landscape
 VALLEYS = landscape(
     {"f": "21 + x*x - 10*cos(2*pi*x) + y*y - 10*cos(2*pi*y)"}, {"x": (-5.0, 4.0), "y": (-4.0, 5.0)}, minimise=["f"]
 )
+
+
+STEP = 0.002
+TIME = STEP * np.arange(1000)
+
+
+def _delayed() -> Identification:
+    tone = np.where(TIME > 0.1, np.sin(4 * np.pi * (TIME - 0.1)), 0.0)
+    diagram = compile_system(
+        System(
+            name="delay",
+            parameters={},
+            blocks={"u": Block(kind="input"), "transport": Block(kind="delay", values={"time": 0.7})},
+            connections=(Connection(source="u", target="transport"),),
+            outputs={"position": "transport"},
+        )
+    )
+    recorded = simulate_sampled(diagram.realize({"transport.time": 0.2}), tone[None], STEP)[0]
+    recording = Recording(inputs={"u": tone}, outputs={"position": recorded}, sample_time=STEP)
+    unknown = (Variable(parameter="transport.time", lower=0.01, upper=1.2),)
+    experiment = RecordedExperiment(recording=recording, split=1.0)
+    return Identification(diagram=diagram, experiments=(experiment,), parameters=unknown, starts=6)
+
+
+DELAYED = _delayed()
 
 
 class CutError(Exception):
@@ -28,9 +61,11 @@ class Memory(Unwatched):
         self.state = state
         self.most = most
         self.count = 0
+        self.states: list[dict[str, Any]] = []
 
     def keep(self, state: Mapping[str, Any]) -> None:
         self.state = json.dumps(state, allow_nan=False)
+        self.states.append(json.loads(self.state))
         self.count += 1
         if self.count == self.most:
             raise CutError
@@ -61,6 +96,51 @@ def test_a_search_goes_on_where_it_was(method, options, after) -> None:
     assert resumed.objective == result.objective
     assert resumed.evaluations == result.evaluations
     assert second.count == whole.count - after
+
+
+@pytest.mark.parametrize("after", [2, 14])
+def test_an_identification_goes_on_where_it_was(after: int) -> None:
+    """Six starts among the periods of a sine, of which one settles at the delay of 0.2 s that made the recording."""
+    whole = Memory()
+    result = identify(DELAYED, rng=np.random.default_rng(0), monitor=whole)
+    first = Memory(most=after)
+    with pytest.raises(CutError):
+        identify(DELAYED, rng=np.random.default_rng(0), monitor=first)
+    assert first.state is not None
+    reached = json.loads(first.state)
+    assert 0 < reached["evaluations"] < result.evaluations
+    second = Memory(first.state)
+    resumed = identify(DELAYED, rng=np.random.default_rng(0), monitor=second)
+    found = resumed.parameters["transport.time"].value
+    assert found == pytest.approx(0.2, rel=1e-6)
+    assert found == pytest.approx(result.parameters["transport.time"].value, rel=1e-6)
+    # Starts that were done are not gone through again, and evaluations count from where it was.
+    starts = [state["start"] for state in second.states]
+    assert starts[0] >= reached["start"]
+    assert starts == sorted(starts)
+    assert starts[-1] == DELAYED.starts
+    assert second.states[0]["evaluations"] > reached["evaluations"]
+
+
+def test_a_minimum_that_was_reached_is_asked_for_once_again() -> None:
+    asked: list[float] = []
+
+    def valleys(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(float(x[0]))
+        return np.array([x[0] - 3.0, 0.1]), np.array([[1.0], [0.0]])
+
+    bounds = {"lower": np.array([-np.inf]), "upper": np.array([np.inf])}
+    told: list[Reached] = []
+    starts = np.array([[0.0], [10.0]])
+    found = minimize_squares(valleys, starts, **bounds, tell=told.append)
+    assert found is not None
+    assert found.x == pytest.approx([3.0])
+    assert told[-1].start == 2
+    asked.clear()
+    again = minimize_squares(valleys, starts, **bounds, reached=told[-1])
+    assert again is not None
+    assert (again.x, again.residuals, again.converged) == (found.x, pytest.approx(found.residuals), found.converged)
+    assert asked == [found.x[0]]
 
 
 def test_searches_beside_each_other_keep_their_states_apart() -> None:
