@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections.abc import Awaitable, Callable
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -26,11 +27,10 @@ from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
 from api.problems import Problem
 from api.rates import Allowance, Rates
-from api.services.installation import Caller
+from api.services.installation import Caller, Installation
 from api.services.keys import caller_of
 from api.services.sign_ins import holder_of, visitor_of
 from storage.audit import ACTOR, Actor
-from storage.session import Database
 
 PROTECTED = "/v1"
 COOKIE = "servotune_sign_in"
@@ -78,9 +78,9 @@ class Authentication:
         state["caller"] = caller
         acting = ACTOR.set(Actor(principal=caller.principal, request_id=state.get("request_id")))
         try:
-            database: Database = scope["app"].state.installation.database
+            service: Installation = scope["app"].state.installation
             answer = send if allowance is None else _telling(allowance, send)
-            await Stay(database, caller, answer).serve(self.app, scope, receive)
+            await Stay(service.callers, caller, answer).serve(self.app, scope, receive)
         finally:
             ACTOR.reset(acting)
 
@@ -88,7 +88,7 @@ class Authentication:
         address, secret = _address(scope), _secret(scope)
         self._guesses.check(address, secret)
         try:
-            caller = await run_in_threadpool(_caller, scope["app"].state.installation.database, scope)
+            caller = await _caller(scope["app"].state.installation, scope)
         except Problem as error:
             if error.status == HTTPStatus.UNAUTHORIZED and secret:
                 self._guesses.failed(address)
@@ -109,26 +109,28 @@ def _secret(scope: Scope) -> str:
     return headers.get("authorization") or cookie_of(headers) or ticket
 
 
-def _caller(database: Database, scope: Scope) -> Caller:
+async def _caller(service: Installation, scope: Scope) -> Caller:
     headers = Headers(scope=scope)
     given = headers.get("authorization")
     if given is not None:
         scheme, _, token = given.partition(" ")
         if scheme.lower() != "bearer" or not token.strip():
             raise _unauthorized("the header Authorization must be Bearer <key>, got another scheme")
-        caller = caller_of(database, token.strip())
+        token = token.strip()
+        caller = await service.callers.find(_hash("key", token), partial(caller_of, service.database, token))
         if caller is None:
             raise _unauthorized("the key must be one that exists and is neither revoked nor expired, got another")
         return caller
     if scope["type"] == "websocket":
-        caller = holder_of(database, QueryParams(scope["query_string"]).get("ticket", ""))
+        ticket = QueryParams(scope["query_string"]).get("ticket", "")
+        caller = await run_in_threadpool(holder_of, service.database, ticket)
         if caller is None:
             raise _unauthorized("the ticket must be a fresh one of POST /v1/tickets, got another or none")
         return caller
     cookie = cookie_of(headers)
     if cookie is None:
         raise _unauthorized("the header Authorization: Bearer <key> must be sent, got none")
-    caller = visitor_of(database, cookie)
+    caller = await service.callers.find(_hash("cookie", cookie), partial(visitor_of, service.database, cookie))
     if caller is None:
         raise _unauthorized("the browser must have signed in and not out again, got a sign-in that is over")
     if scope["method"] not in _SAFE and not hmac.compare_digest(
@@ -138,6 +140,11 @@ def _caller(database: Database, scope: Scope) -> Caller:
             403, "csrf", f"a browser must send the header {CSRF_HEADER} with the csrf_token of GET /v1/session"
         )
     return caller
+
+
+def _hash(kind: str, token: str) -> bytes:
+    """Return what stands for a token in memory; the same text as a cookie is another one."""
+    return hashlib.sha256(f"{kind}:{token}".encode(errors="surrogatepass")).digest()
 
 
 def cookie_of(headers: Headers) -> str | None:

@@ -44,6 +44,8 @@ Systems are diagrams of blocks; their responses, metrics and elasticities are ex
 written. Everything under `/v1` needs a key: `Authorization: Bearer <key>`. Errors are RFC 9457 problem documents."""
 
 _log = logging.getLogger("servotune.api")
+#: s between two writings of when keys were used.
+_USES = 1.0
 _SCHEMAS = "#/components/schemas/"
 _PROBLEMS = {
     401: "no key, or one that opens nothing",
@@ -83,6 +85,13 @@ async def _keep_time(service: Installation) -> None:
                 _log.warning("schedules and leases have to wait for the database: %s", error)
             away = True
         await asyncio.sleep(TICK)
+
+
+async def _write_uses(service: Installation) -> None:
+    while True:
+        await asyncio.sleep(_USES)
+        if service.callers.uses.due:
+            await run_in_threadpool(service.callers.uses.write)
 
 
 class Application(FastAPI):
@@ -135,7 +144,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
         metrics.read_from(database)
         app.state.metrics = metrics
         courier = Courier(service)
-        loops = (_keep_house(service), _keep_time(service), courier.run())
+        loops = (_keep_house(service), _keep_time(service), _write_uses(service), courier.run())
         tasks = [asyncio.create_task(loop) for loop in loops]
         try:
             yield
@@ -144,6 +153,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             await courier.close()
+            service.callers.uses.write()
             queue.close()
             database.dispose()
             send_last_traces()

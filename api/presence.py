@@ -6,14 +6,12 @@ import asyncio
 import logging
 from contextlib import suppress
 
-from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.services.callers import Callers
 from api.services.installation import Caller
-from api.services.sign_ins import is_in
 from storage.errors import UNAVAILABLE
-from storage.session import Database
 
 #: s between two looks at a caller's key or sign-in.
 INTERVAL = 1.0
@@ -26,8 +24,8 @@ _log = logging.getLogger("servotune.api")
 class Stay:
     """One request of a caller, cut off when its key is revoked, expires, or its browser signs out."""
 
-    def __init__(self, database: Database, caller: Caller, send: Send) -> None:
-        self._database = database
+    def __init__(self, callers: Callers, caller: Caller, send: Send) -> None:
+        self._callers = callers
         self._caller = caller
         self._send = send
         self._over = False
@@ -64,7 +62,7 @@ class Stay:
         while True:
             await asyncio.sleep(INTERVAL)
             try:
-                if await run_in_threadpool(is_in, self._database, self._caller):
+                if await self._callers.opens(self._caller.principal):
                     continue
             except UNAVAILABLE as error:  # whoever was let in stays while nobody can be asked
                 _log.debug("whether %s may stay cannot be asked: %s", self._caller.principal, error)

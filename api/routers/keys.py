@@ -30,6 +30,7 @@ def create(request: KeyRequest, caller: Admin, creation: CreationDep) -> Respons
 @router.get("", response_model=Page[KeyReply], summary="List the keys")
 def page(caller: Admin, service: InstallationDep, cursor: Cursor = None, limit: Limit = 100) -> Response:
     """Newest first, those that do not open any more among them."""
+    service.callers.uses.write()
     with service.database.session() as session:
         return respond(answer(keys.page(session, caller, cursor=cursor, limit=limit)))
 
@@ -37,24 +38,30 @@ def page(caller: Admin, service: InstallationDep, cursor: Cursor = None, limit: 
 @router.get("/{identifier}", response_model=KeyReply, summary="Get a key")
 def get(identifier: str, caller: Admin, service: InstallationDep) -> Response:
     """Return what it may do, when it was last used and when it ends."""
+    service.callers.uses.write()
     with service.database.session() as session:
         return respond(answer(keys.get(session, caller, identifier)))
 
 
 @router.post("/{identifier}/rotate", status_code=201, response_model=NewKeyReply, summary="Replace a key")
-def rotate(identifier: str, request: RotationRequest, caller: Admin, creation: CreationDep) -> Response:
+def rotate(
+    identifier: str, request: RotationRequest, caller: Admin, creation: CreationDep, service: InstallationDep
+) -> Response:
     """Make a key that may the same; the old one ends after the overlap."""
 
     def work(session: Session) -> Answer:
         body, token = keys.rotate(session, caller, identifier, request)
         return shown_once(body, secret={"key": token}, status=201, headers={"Location": f"/v1/keys/{body['id']}"})
 
-    return creation.create(work)
+    response = creation.create(work)
+    service.callers.forget()
+    return response
 
 
 @router.delete("/{identifier}", status_code=204, summary="Revoke a key")
 def revoke(identifier: str, caller: Admin, service: InstallationDep) -> Response:
-    """Let it open nothing any more, at once; browsers that signed in with it are out, too."""
+    """Let it open nothing any more: at once, and within a second where other processes serve; browsers that signed in with it are out, too."""
     with service.database.session() as session:
         keys.revoke(session, caller, identifier)
+    service.callers.forget()
     return Response(status_code=204)

@@ -42,6 +42,7 @@ def sign_out(caller: Reader, service: InstallationDep) -> Response:
     """Let the cookie open nothing any more, here or where it was copied to."""
     with service.database.session() as session:
         sign_ins.sign_out(session, caller)
+    service.callers.forget()
     response = Response(status_code=204)
     response.delete_cookie(COOKIE, path="/", secure=service.settings.encrypted, httponly=True, samesite="lax")
     return response

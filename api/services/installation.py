@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from api.beside import WorkerBeside
+from api.services.callers import Callers
 from api.services.computing import Computing
 from api.services.openid import Provider
 from api.settings import Settings
@@ -49,3 +50,7 @@ class Installation:
     openid: Provider | None = None
     beside: WorkerBeside | None = None
     vault: Vault = field(default_factory=Vault)
+    callers: Callers = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "callers", Callers(self.database))

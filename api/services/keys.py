@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from api.problems import invalid
 from api.schemas.access import KeyRequest, RotationRequest
+from api.services.callers import Found
 from api.services.installation import Caller
 from storage.errors import NotFoundError
 from storage.models import DEFAULT_WORKSPACE, ApiKey
@@ -17,18 +18,19 @@ from storage.repositories import ApiKeyRepository, WorkspaceRepository, authenti
 from storage.session import Database
 
 
-def caller_of(database: Database, token: str) -> Caller | None:
+def caller_of(database: Database, token: str) -> Found | None:
     """Return who calls with this token, None when it opens nothing."""
     with database.session() as session:
         key = authenticate(session, token)
         if key is None:
             return None
-        return Caller(
+        caller = Caller(
             principal=key.id,
             workspace=key.workspace_id,
             scopes=frozenset(str(scope) for scope in key.scopes),
             name=key.name,
         )
+        return Found(caller=caller, key=key.id)
 
 
 def bootstrap(database: Database, token: str | None) -> str | None:

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.problems import Problem
+from api.services.callers import Found
 from api.services.installation import Caller, Installation
 from api.services.openid import Person
 from storage.errors import NotFoundError
@@ -18,27 +19,21 @@ from storage.session import Database
 TICKET_LASTS = timedelta(seconds=30)
 
 
-def visitor_of(database: Database, cookie: str) -> Caller | None:
+def visitor_of(database: Database, cookie: str) -> Found | None:
     """Return who has this cookie, None when its sign-in is over."""
     with database.session() as session:
-        return _caller(SignInRepository(session).visitor(cookie), ends=True)
+        visitor = SignInRepository(session).visitor(cookie)
+    return None if visitor is None else Found(caller=_caller(visitor, ends=True), key=visitor.key_id)
 
 
 def holder_of(database: Database, ticket: str) -> Caller | None:
     """Return who may open a WebSocket with this ticket, which it may do once; None when nobody may."""
     with database.session() as session:
-        return _caller(SignInRepository(session).redeem(ticket), ends=False)
+        visitor = SignInRepository(session).redeem(ticket)
+    return None if visitor is None else _caller(visitor, ends=False)
 
 
-def is_in(database: Database, caller: Caller) -> bool:
-    """Return whether a caller who was let in would be let in again."""
-    with database.session() as session:
-        return SignInRepository(session).is_in(caller.principal)
-
-
-def _caller(visitor: Visitor | None, *, ends: bool) -> Caller | None:
-    if visitor is None:
-        return None
+def _caller(visitor: Visitor, *, ends: bool) -> Caller:
     return Caller(
         principal=visitor.principal,
         workspace=visitor.workspace_id,

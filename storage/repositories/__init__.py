@@ -6,7 +6,7 @@ from storage.repositories.acquisition_templates import AcquisitionTemplateReposi
 from storage.repositories.acquisitions import AcquisitionRepository
 from storage.repositories.agents import AgentRepository
 from storage.repositories.alerts import AlertRepository
-from storage.repositories.api_keys import ApiKeyRepository, authenticate
+from storage.repositories.api_keys import ApiKeyRepository, authenticate, note_uses
 from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
 from storage.repositories.jobs import JobRepository
@@ -14,7 +14,7 @@ from storage.repositories.lineage import LineageRepository
 from storage.repositories.processings import ProcessingRepository
 from storage.repositories.results import ResultRepository
 from storage.repositories.schedules import ScheduleRepository
-from storage.repositories.sign_ins import SignInRepository, Visitor
+from storage.repositories.sign_ins import SignInRepository, Visitor, open_principals
 from storage.repositories.systems import SystemRepository
 from storage.repositories.webhooks import WebhookRepository
 from storage.repositories.workers import WorkerRepository
@@ -42,4 +42,6 @@ __all__ = [
     "WorkerRepository",
     "WorkspaceRepository",
     "authenticate",
+    "note_uses",
+    "open_principals",
 ]

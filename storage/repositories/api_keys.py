@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -22,24 +22,25 @@ from storage.pagination import Page, paginate
 #: Characters of a token that lists show.
 PREFIX_LENGTH = 10
 
-#: ``last_used_at`` is written at most this often, so that reads stay reads.
+#: ``last_used_at`` is written at most this often, also where several processes notice the use.
 _LAST_USED_RESOLUTION = timedelta(minutes=1)
 
 
 def authenticate(session: Session, token: str) -> ApiKey | None:
     """Return the key that ``token`` belongs to, in any workspace, or None when there is none that opens."""
-    return used(session, session.scalar(select(ApiKey).where(ApiKey.sha256 == sha256_of(token.encode()), *opens())))
+    return session.scalar(select(ApiKey).where(ApiKey.sha256 == sha256_of(token.encode()), *opens()))
 
 
-def used(session: Session, key: ApiKey | None) -> ApiKey | None:
-    """Write down that a key is used now."""
-    if key is None:
-        return None
+def note_uses(session: Session, identifiers: Iterable[str]) -> None:
+    """Write down that keys are used now, where that was not done within the last minute."""
     now = utc_now()
-    if key.last_used_at is None or now - key.last_used_at > _LAST_USED_RESOLUTION:
-        key.last_used_at = now
-        session.flush()
-    return key
+    long_ago = or_(ApiKey.last_used_at.is_(None), ApiKey.last_used_at < now - _LAST_USED_RESOLUTION)
+    session.execute(
+        update(ApiKey)
+        .where(ApiKey.id.in_(list(identifiers)), long_ago)
+        .values(last_used_at=now)
+        .execution_options(synchronize_session=False)
+    )
 
 
 def opens() -> tuple[ColumnElement[bool], ...]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from sqlalchemy import delete, select
+from sqlalchemy import and_, delete, or_, select, union_all
 from sqlalchemy.orm import Session
 
 from storage.audit import record
@@ -15,18 +15,19 @@ from storage.blobs import sha256_of
 from storage.ids import new_id
 from storage.models import ApiKey, SignIn, Ticket
 from storage.models.base import utc_now
-from storage.repositories.api_keys import opens, used
+from storage.repositories.api_keys import opens
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visitor:
-    """Who came in by a cookie or a ticket; ``expires_at`` is the end of that."""
+    """Who came in by a cookie or a ticket; ``expires_at`` is the end of that, ``key_id`` the key behind a cookie."""
 
     principal: str
     workspace_id: str
     scopes: frozenset[str]
     name: str
     expires_at: datetime
+    key_id: str | None = None
 
 
 class SignInRepository:
@@ -69,7 +70,7 @@ class SignInRepository:
             return None
         scopes = row.scopes
         if row.key_id is not None:
-            key = used(self._session, self._session.scalar(select(ApiKey).where(ApiKey.id == row.key_id, *opens())))
+            key = self._session.scalar(select(ApiKey).where(ApiKey.id == row.key_id, *opens()))
             if key is None:
                 return None
             scopes = key.scopes
@@ -79,19 +80,8 @@ class SignInRepository:
             scopes=frozenset(str(scope) for scope in scopes or ()),
             name=row.name,
             expires_at=row.expires_at,
+            key_id=row.key_id,
         )
-
-    def is_in(self, principal: str) -> bool:
-        """Return whether a sign-in or a key, by its id, (still) opens."""
-        key_id: str | None = principal
-        row = self._session.get(SignIn, principal, populate_existing=True)
-        if row is not None:
-            if row.expires_at <= utc_now():
-                return False
-            key_id = row.key_id
-            if key_id is None:
-                return True
-        return self._session.scalar(select(ApiKey.id).where(ApiKey.id == key_id, *opens())) is not None
 
     def close(self, identifier: str) -> None:
         """Sign a browser out; nothing happens when it is out."""
@@ -141,3 +131,15 @@ class SignInRepository:
         now = utc_now()
         self._session.execute(delete(SignIn).where(SignIn.expires_at <= now))
         self._session.execute(delete(Ticket).where(Ticket.expires_at <= now))
+
+
+def open_principals(session: Session, principals: Iterable[str]) -> frozenset[str]:
+    """Return which keys and sign-ins of these, by their ids, (still) open, in whatever workspace."""
+    among = list(principals)
+    keys = select(ApiKey.id).where(ApiKey.id.in_(among), *opens())
+    sign_ins = (
+        select(SignIn.id)
+        .outerjoin(ApiKey, ApiKey.id == SignIn.key_id)
+        .where(SignIn.id.in_(among), SignIn.expires_at > utc_now(), or_(SignIn.key_id.is_(None), and_(*opens())))
+    )
+    return frozenset(session.scalars(union_all(keys, sign_ins)))

@@ -1,0 +1,133 @@
+"""Who may come in, known for a second: two hundred callers a second are one question to the database, not two hundred.
+
+What a caller shows belongs to one key or sign-in for ever, and what that may do never changes; only whether it still opens
+does. So all who came lately are asked for together, and nobody is let in on an answer older than `FRESH`. What is revoked
+in this process is out at once; what another process of the service revokes, within that second.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from api.services.uses import Uses
+from storage.repositories import open_principals
+from storage.session import Database
+
+if TYPE_CHECKING:  # an installation has its callers
+    from api.services.installation import Caller
+
+#: s for which an answer of the database counts: the longest time that a key opens here after it was revoked elsewhere.
+FRESH = 1.0
+#: s after which somebody who does not come any more is not asked for any more.
+_IDLE = 60.0
+#: Callers of whom the hash of what they showed is kept.
+_MOST_KNOWN = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Who showed something that opens, and the key behind it where there is one."""
+
+    caller: Caller
+    key: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Answer:
+    """Who was asked for, and who of those may come in."""
+
+    among: frozenset[str]
+    opening: frozenset[str]
+
+
+class Callers:
+    """The callers of one process of the service; but for `forget`, everything happens in its event loop.
+
+    Parameters
+    ----------
+    database : Database
+    clock : callable
+        The time in s.
+    """
+
+    def __init__(self, database: Database, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self.uses = Uses(database, clock=clock)
+        self._database = database
+        self._clock = clock
+        self._known: dict[bytes, Found] = {}  # by the hash of what they showed
+        self._came: dict[str, float] = {}  # principal -> when it came last
+        self._confirmed: dict[str, float] = {}  # principal -> when the question was asked that was answered with yes
+        self._asking: asyncio.Task[_Answer] | None = None
+
+    async def find(self, shown: bytes, look_up: Callable[[], Found | None]) -> Caller | None:
+        """Return who shows something with this hash, None when it does not open (any more).
+
+        Raises
+        ------
+        storage.errors.UNAVAILABLE
+            When the database must be asked and does not answer.
+        """
+        found = self._known.get(shown)
+        if found is None:
+            confirmed, now = self._confirmed, self._clock()
+            found = await asyncio.to_thread(look_up)
+            if found is None:
+                return None
+            confirmed[found.caller.principal] = self._came[found.caller.principal] = now
+            self._known[shown] = found
+            if len(self._known) > _MOST_KNOWN:
+                del self._known[next(iter(self._known))]
+        elif not await self.opens(found.caller.principal):
+            self._known.pop(shown, None)
+            return None
+        if found.key is not None:
+            self.uses.note(found.key)
+        return found.caller
+
+    async def opens(self, principal: str) -> bool:
+        """Return whether a key or a sign-in, by its id, (still) opens; raises as `find` does."""
+        self._came[principal] = self._clock()
+        while self._clock() - self._confirmed.get(principal, -math.inf) > FRESH:
+            if self._asking is None or self._asking.done():
+                self._asking = asyncio.create_task(self._ask())
+                self._asking.add_done_callback(_heard)
+            answer = await asyncio.shield(self._asking)
+            if principal in answer.among:  # not so when that question was already on its way
+                return principal in answer.opening
+        return True
+
+    def forget(self) -> None:
+        """Ask for everybody anew: somebody may not come in any more. Safe in any thread."""
+        # In this order: who sees that nothing is confirmed must not wait for an answer to an older question.
+        self._asking = None
+        self._confirmed = {}
+
+    async def _ask(self) -> _Answer:
+        confirmed, now = self._confirmed, self._clock()
+        self._came = {principal: came for principal, came in self._came.items() if now - came <= _IDLE}
+        for principal in confirmed.keys() - self._came.keys():
+            del confirmed[principal]
+        among = frozenset(self._came)
+        opening = await asyncio.to_thread(self._open_among, among)
+        for principal in among:
+            if principal in opening:
+                confirmed[principal] = now
+            else:
+                confirmed.pop(principal, None)
+                self._came.pop(principal, None)
+        return _Answer(among=among, opening=opening)
+
+    def _open_among(self, principals: frozenset[str]) -> frozenset[str]:
+        with self._database.session() as session:
+            return open_principals(session, principals)
+
+
+def _heard(asked: asyncio.Task[_Answer]) -> None:
+    """Take an error that nobody waits for any more; who waits gets it, too."""
+    if not asked.cancelled():
+        asked.exception()
