@@ -28,7 +28,7 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
     Raises
     ------
     DiagramError
-        If the denominator is zero or the quotient improper.
+        If the denominator is zero, the numerator empty or the quotient improper.
 
     References
     ----------
@@ -37,6 +37,8 @@ def rational(numerator: Sequence[Scalar], denominator: Sequence[Scalar]) -> Real
     top, bottom = _without_leading_zeros(numerator), _without_leading_zeros(denominator)
     if not bottom:
         raise DiagramError("denominator must have a coefficient other than 0", at=("denominator",))
+    if not numerator:
+        raise DiagramError("numerator must have a coefficient, got none", at=("numerator",))
     order = len(bottom) - 1
     excess = top[: max(0, len(top) - len(bottom))]
     if not all(isinstance(coefficient, np.ndarray) for coefficient in excess):
