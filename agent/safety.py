@@ -49,7 +49,10 @@ class Drive:
         soft = _half_cosine(k / rise) if rise > 0 else np.ones(k.size)
         # The last sample is the safe value, whatever the signal says.
         soft = soft * (_half_cosine((driven - 1 - k) / fall) if fall > 0 else np.where(k < driven - 1, 1.0, 0.0))
-        return np.where(k >= 0, self.output.safe + soft * (plain - self.output.safe), self.output.safe)
+        played = np.where(k >= 0, self.output.safe + soft * (plain - self.output.safe), self.output.safe)
+        # What rounding puts beyond a limit that the signal just reaches: the driver would refuse the whole run.
+        limit = self.output.amplitude
+        return np.where(np.abs(played) <= limit * (1 + _ROUNDING), np.clip(played, -limit, limit), played)
 
     def blocks(self, size: int = _BLOCK) -> Iterator[Samples]:
         """Give all samples, block by block."""

@@ -69,3 +69,12 @@ def test_the_way_home_is_no_faster_than_allowed() -> None:
     assert np.abs(np.diff(way, prepend=3.0)).max() * 1000 <= 20.0 * (1 + 1e-6)
     # 4 V at 20 V/s, of a half cosine whose middle is pi/2 times steeper than its mean.
     assert way.size == pytest.approx(4 / 20 * np.pi / 2 * 1000, abs=5)
+
+
+def test_a_drive_that_just_reaches_its_limit_is_not_refused_for_its_rounding() -> None:
+    """From a safe value near -1.0025 V, 3 V come out of the soft start as the next number above 3: a driver refuses that."""
+    safe = -1.002506561347571
+    assert safe + 1.0 * (3.0 - safe) > 3.0
+    made = drive(lambda t: np.full_like(t, 3.0), amplitude=3.0, safe=safe, soft_start=0.02, soft_stop=0.02)
+    made.check()
+    assert made.block(0, made.samples).max() == 3.0
