@@ -1,4 +1,4 @@
-"""How a diagram of 300 blocks moves: the times between frames while it is panned and while a block is dragged."""
+"""How a diagram of 300 blocks moves: the times between frames while it is panned, zoomed, and while a block is dragged."""
 
 from __future__ import annotations
 
@@ -46,6 +46,7 @@ def measured(page: Page, client: httpx.Client, *, moves: int = MOVES) -> dict[st
     was = page.evaluate(_PLACE, "b150")
     found = {
         "panning": _moved(page, pane["x"] + 20, pane["y"] + 10, moves),
+        "zooming": _zoomed(page, pane["x"] + pane["width"] / 2, pane["y"] + pane["height"] / 2, moves),
     }
     block = node.bounding_box()
     assert block is not None
@@ -55,12 +56,27 @@ def measured(page: Page, client: httpx.Client, *, moves: int = MOVES) -> dict[st
 
 
 def _moved(page: Page, x: float, y: float, moves: int) -> list[float]:
+    """Move the mouse with its button down."""
     page.mouse.move(x, y)
     page.mouse.down()
     page.evaluate(_WATCH)
     for i in range(moves):
         page.mouse.move(x + 2 * (i % 60), y + (i % 40))
+    times = _seen(page, moves)
+    page.mouse.up()
+    return times
+
+
+def _zoomed(page: Page, x: float, y: float, moves: int) -> list[float]:
+    """Turn the wheel in and out again, so that as much is in sight at the end as was at the beginning."""
+    page.mouse.move(x, y)
+    page.evaluate(_WATCH)
+    for i in range(moves):
+        page.mouse.wheel(0, -20 if i % 20 < 10 else 20)
+    return _seen(page, moves)
+
+
+def _seen(page: Page, moves: int) -> list[float]:
     page.wait_for_function("count => window.__frames.length >= count", arg=min(moves, 10))
     times: list[float] = page.evaluate("() => { window.__watching = false; return window.__frames; }")
-    page.mouse.up()
     return times

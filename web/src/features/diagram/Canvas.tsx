@@ -37,6 +37,7 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
   const flow = useReactFlow();
   const [nodes, setNodes] = useState<Node[]>(built);
   const last = useRef(built);
+  const holder = useRef<HTMLDivElement>(null);
   // What is measured and dragged is React Flow's; the document's part of each node is renewed around it.
   useEffect(() => {
     const was = new Map(last.current.map((node) => [node.id, node]));
@@ -68,6 +69,7 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
   };
   return (
     <div
+      ref={holder}
       className={classes.canvas}
       onDragOver={(event) => {
         if (!fixed && event.dataTransfer.types.includes(DRAGGED)) event.preventDefault();
@@ -106,6 +108,8 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
           const over = (event.target as Element | null)?.classList.contains("react-flow__pane");
           if (!isValid && over && to && fromHandle?.type === "source" && fromHandle.id) onWanted(flow.screenToFlowPosition(pointOf(event)), { block: fromHandle.nodeId, port: fromHandle.id });
         }}
+        onMoveStart={() => holder.current?.setAttribute("data-moving", "")}
+        onMoveEnd={() => holder.current?.removeAttribute("data-moving")}
         nodesDraggable={!fixed}
         nodesConnectable={!fixed}
         deleteKeyCode={null}
