@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
 import pytest
 
 from storage import Database, open_database
-from storage.errors import UNAVAILABLE
+from storage.errors import UNAVAILABLE, StateError
 from storage.jobs import worker as workers
 from storage.jobs.worker import Worker
 from storage.repositories import WorkerRepository
@@ -20,57 +16,56 @@ from tests.support.desk import COMPUTE, wait_for
 from tests.support.postgres import Server, create_database
 
 
+def _nowhere(tmp_path: Path) -> str:
+    return f"postgresql+psycopg://nobody@/none?host={tmp_path}"
+
+
 def at_work(database: Database) -> bool:
     with database.session() as session:
         return len(WorkerRepository(session).alive()) == 1
 
 
-def started(url: str, log: Path) -> subprocess.Popen[bytes]:
-    with log.open("wb") as written:
-        return subprocess.Popen(
-            [sys.executable, "-m", "servotune", "worker"],
-            env=os.environ | {"SERVOTUNE_DATABASE_URL": url},
-            stderr=written,
-        )
-
-
-def test_it_waits_works_when_the_database_is_there_and_stops_when_told_to(tmp_path: Path) -> None:
-    server = Server()
+def test_it_waits_works_when_the_database_is_there_and_stops_when_told_to(caplog: pytest.LogCaptureFixture) -> None:
+    server = Server(synchronous_commit="on")  # it is stopped at once, and must know its tables again
     server.start()
-    log = tmp_path / "log.txt"
+    stop = threading.Event()
     try:
         url = create_database(server.url, "late")
         database = open_database(url)
         database.migrate()
         server.stop()
-        worker = started(url, log)
-        try:
-            wait_for(lambda: log.read_text().count("the worker waits for the database") >= 2, "two lines", timeout=120)
-            assert worker.poll() is None
-            assert "Traceback" not in log.read_text()
-            server.start()
-            wait_for(lambda: at_work(database), "the worker", timeout=120)
-            worker.send_signal(signal.SIGTERM)
-            assert worker.wait(timeout=120) == 0, log.read_text()
-        finally:
-            worker.kill()
-            worker.wait()
+        worker = threading.Thread(target=Worker(url, compute=COMPUTE).run, args=[stop])
+        worker.start()
+        wait_for(lambda: caplog.text.count("the worker waits for the database") >= 2, "two lines")
+        assert worker.is_alive()
+        server.start()
+        wait_for(lambda: at_work(database), "the worker")
+        stop.set()
+        worker.join()
         database.dispose()
     finally:
+        stop.set()
         server.stop()
         server.remove()
 
 
+def test_it_stops_when_told_to_while_it_waits(tmp_path: Path) -> None:
+    stop = threading.Event()
+    worker = threading.Thread(target=Worker(_nowhere(tmp_path), compute=COMPUTE).run, args=[stop])
+    worker.start()
+    stop.set()
+    worker.join(timeout=90)
+    assert not worker.is_alive()
+
+
 def test_it_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(workers, "_LONGEST_WAIT", 0.0)
-    worker = Worker(f"postgresql+psycopg://nobody@/none?host={tmp_path}", compute=COMPUTE)
+    worker = Worker(_nowhere(tmp_path), compute=COMPUTE)
     with pytest.raises(UNAVAILABLE):
         worker.run(threading.Event())
 
 
-def test_a_database_that_is_not_migrated_is_refused_in_a_sentence(tmp_path: Path) -> None:
-    log = tmp_path / "log.txt"
-    worker = started(f"sqlite:///{tmp_path}/empty.db", log)
-    assert worker.wait(timeout=120) == 1
-    assert log.read_text().splitlines()[-1] == "the database must be migrated before a worker starts"
-    assert "Traceback" not in log.read_text()
+def test_a_database_that_is_not_migrated_is_refused_at_once(tmp_path: Path) -> None:
+    worker = Worker(f"sqlite:///{tmp_path}/empty.db", compute=COMPUTE)
+    with pytest.raises(StateError, match="the database must be migrated before a worker starts"):
+        worker.run(threading.Event())
