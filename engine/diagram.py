@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.described import describe
 from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
 from engine.elements._base import Values
@@ -24,21 +25,16 @@ from engine.nonlinear.channels import Channels
 from engine.nonlinear.linearize import joined, small_signal
 from engine.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.nonlinear.system import NonlinearSystem
-from engine.numbers import Numbers
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
-from engine.scopes import Port, listed, trace
-from engine.scopes import Traced as TracedSignal
+from engine.scopes import listed
 from engine.traced import Graph, Traced
+from engine.wires import LOOP, Wires
 
-__all__ = ["Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
+__all__ = ["LOOP", "Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
 
 MAX_STATES: Final = 200
 MAX_DELAYS: Final = 50
-LOOP: Final = "loop"
-"""Name of the input and the output that `Diagram.realize` adds where a loop is cut open."""
-
-_SILENT: Final = -1  # the signal that is always 0, whose final number depends on how many inputs there are
 _REMEMBERED: Final = 64
 
 
@@ -100,9 +96,10 @@ class Diagram:
     def __init__(self, system: System, flat: Flat, constants: Mapping[str, float] | None = None) -> None:
         root = flat.root
         self.system = system
-        self.inputs = tuple(name for name, entry in root.entries.items() if entry.role is not None)
+        self._wires = Wires(flat)
+        self.inputs = self._wires.inputs
         self.input_roles: Mapping[str, str] = {name: str(root.entries[name].role) for name in self.inputs}
-        self.outputs = tuple(root.outputs)
+        self.outputs = self._wires.outputs
         self.output_units: Mapping[str, str] = {
             name: scope.unit_of(block, port) or "" for name, (scope, block, port) in root.outputs.items()
         }
@@ -110,12 +107,9 @@ class Diagram:
         self._bindings = flat.numbers.bindings
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)
-        self._consumers, unconnected = self._connect()
-        self._reads = tuple(self._signal(trace(*end, at=("outputs", name))) for name, end in root.outputs.items())
-        self._wirings: dict[str | None, Wiring] = {}
         self._systems: dict[str | None, LinearSystem] = {}
-        self.parameters: Mapping[str, ParameterInfo] = _describe(flat.numbers)
-        self.warnings = (*unconnected, *flat.warnings)
+        self.parameters: Mapping[str, ParameterInfo] = describe(flat.numbers)
+        self.warnings = (*self._wires.warnings, *flat.warnings)
         self.constants: Mapping[str, float] = dict(constants or {})
         self._realizations = self._realize_base()
 
@@ -178,7 +172,7 @@ class Diagram:
         found = self._linearized(realizations, self._laws(realizations, values))
         number = next(n for n in self._channels.numbers if self._flat.blocks[n].path == law)
         found[number] = Realization.static(np.ones((1, 1)))
-        return self._assemble(found, self._wiring(law))
+        return self._assemble(found, self._wires.wiring(law))
 
     def realize(
         self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
@@ -204,10 +198,12 @@ class Diagram:
         IllPosedError
             If an algebraic loop has no solution.
         """
-        wiring = self._wiring(open_at)
+        wiring = self._wires.wiring(open_at)
         if not overrides:
             system = self._systems.get(open_at)
             if system is None:
+                if len(self._systems) >= _REMEMBERED:
+                    self._systems.clear()
                 realizations = self._realizations
                 if self.nonlinear:
                     realizations = self._linearized(realizations, self.laws())
@@ -260,7 +256,7 @@ class Diagram:
         values: list[Scalar],
         admitted: npt.NDArray[np.bool_] | None = None,
     ) -> NonlinearSystem:
-        closed = self._wiring(None)
+        closed = self._wires.wiring(None)
         wiring = self._channels.wiring(closed, self._interconnection.outputs)
         linear = self._channels.without(realizations)
         assembled = self._interconnection.assemble(linear, wiring, admitted=admitted)
@@ -310,7 +306,7 @@ class Diagram:
         (count,) = next(iter(sizes))
         slots: dict[int, Scalar] = {self._slot(path): value * 1.0 for path, value in batch.items()}
         change = self._bindings.change(frozenset(slots))
-        wiring = self._wiring(open_at)
+        wiring = self._wires.wiring(open_at)
         with np.errstate(all="ignore"):
             values = self._bindings.override_many(slots, change)
             admitted = self._bindings.admitted(values, change, count)
@@ -392,12 +388,12 @@ class Diagram:
             bounds=tuple((param, value) for param, value in bounds if param is not None and isinstance(value, Traced)),
             interconnection=self._interconnection,
             laws=tuple(self._bindings.blocks[number].fill(values) for number in self._channels.numbers),
-            opened=self._channels.wiring(self._wiring(None), self._interconnection.outputs),
+            opened=self._channels.wiring(self._wires.wiring(None), self._interconnection.outputs),
         )
 
     def wiring(self, open_at: str | None = None) -> Wiring:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
-        return self._wiring(open_at)
+        return self._wires.wiring(open_at)
 
     def _lanes(self, steps: Mapping[str, float], overrides: Mapping[str, float]) -> dict[str, npt.NDArray[Any]]:
         """Return values by path, (lanes,), lane k carrying the infinitesimal of parameter k."""
@@ -449,118 +445,10 @@ class Diagram:
             raise DiagramError(f"{path} must not be varied: the expression '{given}' gives its value", at=(path,))
         return index
 
-    def _wiring(self, open_at: str | None) -> Wiring:
-        wiring = self._wirings.get(open_at)
-        if wiring is None:
-            if len(self._wirings) >= _REMEMBERED:
-                self._wirings.clear()
-                self._systems.clear()
-            wiring = self._wirings[open_at] = self._wire(open_at)
-        return wiring
-
-    def _wire(self, open_at: str | None) -> Wiring:
-        if open_at is None:
-            cut, inputs, outputs, reads = None, self.inputs, self.outputs, self._reads
-        else:
-            if LOOP in self.inputs or LOOP in self.outputs:
-                raise DiagramError(f"no input or output must be called {LOOP} where a loop is opened, got one",
-                                   at=("open_at",))  # fmt: skip
-            scope, block, port = self._flat.root.find_output(open_at, at=("open_at",))
-            cut = (*scope.path, block, port)
-            true_output = self._signal(trace(scope, block, port, at=("open_at",)))
-            inputs, outputs, reads = (*self.inputs, LOOP), (*self.outputs, LOOP), (*self._reads, true_output)
-        total = self._interconnection.outputs
-        silent = total + len(inputs)
-        sources = [total + len(self.inputs) if cut in passed else source for passed, source in self._consumers]
-        return Wiring(
-            sources=tuple(silent if source == _SILENT else source for source in sources),
-            inputs=inputs,
-            outputs=outputs,
-            reads=tuple(silent if read == _SILENT else read for read in reads),
-        )
-
-    def _signal(self, traced: TracedSignal) -> int:
-        """Return the number of a signal: block outputs first, then inputs."""
-        if traced.entry is None:
-            return _SILENT
-        if traced.entry.number is None:
-            return self._interconnection.outputs + self.inputs.index(traced.block)
-        block = self._flat.blocks[traced.entry.number]
-        return block.first_output + block.ports.outputs.index(traced.port)
-
-    def _connect(self) -> tuple[list[tuple[frozenset[Port], int]], list[Remark]]:
-        """Return for every block input which ports its signal passes and where it comes from, and what is not connected."""
-        consumers: list[tuple[frozenset[Port], int]] = [(frozenset(), _SILENT)] * self._interconnection.inputs
-        warnings: list[Remark] = []
-        used: set[str] = set()
-        for scope in self._flat.scopes:
-            for name, entry in scope.entries.items():
-                at = (*scope.at, "blocks", name)
-                for j, port in enumerate(entry.ports.inputs):
-                    source = scope.driven.get((name, port))
-                    if source is None:
-                        if entry.role is None:
-                            label = scope.label(name, port)
-                            warnings.append(Remark(at=at, detail=f"input {label} is not connected and stays 0"))
-                    elif entry.number is not None:
-                        traced = trace(scope, *source, at=at)
-                        if traced.entry is not None and traced.entry.number is None:
-                            used.add(traced.block)
-                        place = self._flat.blocks[entry.number].first_input + j
-                        consumers[place] = (frozenset(traced.passed), self._signal(traced))
-        warnings.extend(
-            Remark(at=("blocks", name), detail=f"input {name} drives nothing")
-            for name in self.inputs
-            if name not in used
-        )
-        return consumers, warnings
-
 
 def _restored(system: System, constants: Mapping[str, float]) -> Diagram:
     made = compile_system(system)
     return made.about(constants) if constants else made
-
-
-def _describe(numbers: Numbers) -> dict[str, ParameterInfo]:
-    """Return what is known of every addressable scalar.
-
-    A system parameter that is itself the value of an element's parameter (``"=m"``) takes over its unit, bounds and scale
-    where it has none of its own.
-    """
-    slots = numbers.bindings.slots
-    named: dict[int, list[int]] = {}
-    for index, slot in enumerate(slots):
-        if slot.expression is not None and slot.expression.is_name:
-            named.setdefault(slot.operands[0], []).append(index)
-
-    def elements(index: int) -> list[Param]:
-        found: list[Param] = []
-        for user in named.get(index, ()):
-            param = slots[user].param
-            found.extend(elements(user) if user in numbers.declared else [param] if param is not None else [])
-        return found
-
-    described: dict[str, ParameterInfo] = {}
-    for path, index in numbers.paths.items():
-        slot, value = slots[index], numbers.bindings.base[index].real
-        if index in numbers.declared:
-            parameter, own = numbers.declared[index].parameter, numbers.declared[index].bounds
-            heirs = elements(index)
-            lowest = max([own, *heirs], key=lambda p: (p.lower, p.lower_open))
-            described[path] = ParameterInfo(
-                path=path, value=float(value), lower=lowest.lower, lower_open=lowest.lower_open,
-                upper=min(p.upper for p in (own, *heirs)), bound=slot.expression is not None, doc=parameter.doc,
-                unit=next((p.unit for p in (own, *heirs) if p.unit), ""),
-                scale=parameter.scale or (heirs[0].scale if heirs else "linear"),
-            )  # fmt: skip
-        else:
-            assert slot.param is not None  # a named slot belongs to an element or to the system
-            described[path] = ParameterInfo(
-                path=path, value=float(value), unit=slot.param.unit, lower=slot.param.lower, upper=slot.param.upper,
-                lower_open=slot.param.lower_open, scale=slot.param.scale, doc=slot.param.doc,
-                bound=slot.expression is not None,
-            )  # fmt: skip
-    return described
 
 
 def _single(path: str, value: complex) -> Scalar:
