@@ -19,6 +19,7 @@ from storage.repositories import WorkerRepository
 from tests.integration.api.conftest import serving
 from tests.integration.api.rigs import AGENT, MEASUREMENT
 from tests.integration.api.test_schedules import NIGHTLY, NOON
+from tests.integration.faults.conftest import FULL
 from tests.support.desk import COMPUTE, Desk, wait_for
 
 HOUR = timedelta(hours=1)
@@ -68,7 +69,7 @@ def heartbeats(database: Database) -> dict[int, object]:
         return {row.pid: row.seen_at for row in WorkerRepository(session).all()}
 
 
-@JUMPS
+@pytest.mark.parametrize("jump", [HOUR, -HOUR] if FULL else [-HOUR])
 def test_jobs_go_on_where_they_are_and_nobody_dies(
     fresh_database: Database, database_url: str, tmp_path: Path, jump: timedelta
 ) -> None:
@@ -102,7 +103,7 @@ def test_jobs_go_on_where_they_are_and_nobody_dies(
         desk.queue.close()
 
 
-@JUMPS
+@pytest.mark.parametrize("jump", [HOUR, -HOUR] if FULL else [HOUR])
 def test_a_job_of_a_killed_worker_goes_on_at_one_whose_clock_is_wrong(
     fresh_database: Database, database_url: str, tmp_path: Path, jump: timedelta
 ) -> None:
