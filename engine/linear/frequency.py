@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigvals, schur
 
+from engine.linear.roots import SAME, roots
 from engine.linear.tangent import INFINITESIMAL, solve
 
 if TYPE_CHECKING:
@@ -34,9 +35,6 @@ _STRAIGHT = 0.01
 _NEAR = 0.03
 """Part of the magnitude within which a curve that is so straight may touch a level between two points of its scan."""
 _SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
-_SAME = 4e-16
-"""Two frequencies that are nearer than this, relative to themselves, are one."""
-
 _MOST_POINTS = 40_000
 _FEW_STATES = 40
 _MOST_NUMBERS = 2_000_000
@@ -148,7 +146,7 @@ class FrequencyResponse:
         try:
             inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole: beside it, where nothing is infinite
-            return self._slope(shape, frequencies * (1 + _SAME))
+            return self._slope(shape, frequencies * (1 + SAME))
         outer = np.linalg.solve(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]
         tau = s.delays[0].real
         rate = np.concatenate(
@@ -332,7 +330,7 @@ class FrequencyResponse:
             g = self(w)
             return np.asarray(shape(g.real, g.imag) - base)
 
-        found = _roots(height, omega[where], omega[where + 1])
+        found = roots(height, omega[where], omega[where + 1])
         # at a pole on the axis the sign changes through infinity
         passes = np.abs(height(found)) <= np.minimum(np.abs(level_of[where]), np.abs(level_of[where + 1]))
         found = found[passes]
@@ -356,7 +354,7 @@ class FrequencyResponse:
         ends = np.unique(np.concatenate([left, left + 1]))
         away = self.slope(shape, omega[ends]) * np.where(level_of[ends] < 0, -1.0, 1.0)
         left = left[(away[np.searchsorted(ends, left)] < 0) & (away[np.searchsorted(ends, left + 1)] > 0)]
-        turns = _roots(lambda w: self.slope(shape, w), omega[left], omega[left + 1])
+        turns = roots(lambda w: self.slope(shape, w), omega[left], omega[left + 1])
         between = self(turns)
         heights = np.asarray(shape(between.real, between.imag) - base)
         return (
@@ -387,46 +385,9 @@ class FrequencyResponse:
             # the scan is straight to one percent: a summit rises above its point by less than that falls to the neighbours
             fall = heights[inner] - np.minimum(heights[inner - 1], heights[inner + 1])
             inner = inner[heights[inner] + fall >= heights[inner].max()]
-            tops = _roots(lambda w: self.slope(shape, w), omega[inner - 1], omega[inner + 1])
+            tops = roots(lambda w: self.slope(shape, w), omega[inner - 1], omega[inner + 1])
             summits = self(tops)
             at = int(np.argmax(shape(summits.real, summits.imag)))
             height = float(shape(summits.real, summits.imag)[at])
             best = max(best, (height, float(tops[at])))
         return self.shape(shape, np.asarray(best[1])), best[1]
-
-
-def _roots(function: Callable[[Real], Real], a: Real, b: Real) -> Real:
-    """Return the root between each pair of ``a`` and ``b``, by Ridders' method to rounding.
-
-    Where there is no change of sign between them: that one of the two at which the function is nearer to 0.
-
-    References
-    ----------
-    C. Ridders, "A new algorithm for computing a single root of a real continuous function", IEEE Trans. Circuits and
-    Systems 26 (1979) 979-980.
-    """
-    if not len(a):
-        return a
-    low, high, f_low, f_high = a.copy(), b.copy(), function(a), function(b)
-    found = np.where(np.abs(f_low) <= np.abs(f_high), low, high)
-    active = np.flatnonzero((f_low < 0) & (f_high > 0) | (f_low > 0) & (f_high < 0))
-    for _ in range(100):
-        if not len(active):
-            break
-        middle = 0.5 * (low[active] + high[active])
-        f = function(middle)
-        root = np.sqrt(f * f - f_low[active] * f_high[active])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            new = middle + (middle - low[active]) * np.sign(f_low[active] - f_high[active]) * f / root
-        new = np.where(np.isfinite(new), new, middle)
-        f_new = function(new)
-        last, found[active] = found[active], new
-        for x, value in ((middle, f), (new, f_new)):
-            inside = (x > low[active]) & (x < high[active])
-            below = inside & ((value < 0) == (f_low[active] < 0))
-            above = inside & ~below
-            low[active[below]], f_low[active[below]] = x[below], value[below]
-            high[active[above]], f_high[active[above]] = x[above], value[above]
-        same = np.abs(new - last) <= _SAME * new
-        active = active[(f_new != 0) & ~same & (high[active] - low[active] > _SAME * new)]
-    return found

@@ -13,7 +13,7 @@ are exact too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
@@ -23,28 +23,20 @@ import numpy.typing as npt
 
 from engine.errors import UnresolvedError
 from engine.linear.breaking import gaps
-from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, interior, weights
+from engine.linear.chebyshev import DEGREE, NODES, differentiation_matrix, interior, weights
 from engine.linear.curve import Curve
 from engine.linear.propagate import Collocation, DelayedCollocation, Exponential, Propagator, stride
+from engine.linear.resolution import Resolution
 
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
     from engine.signals import Signal
-
-RESOLUTION = 1e-13
-"""What the two last Chebyshev coefficients may be, relative to the largest value of the signal so far."""
 
 MAX_SEGMENTS = 1_000_000
 MAX_STEPS = 30_000
 """So many segments may be computed one by one: some 10 s."""
 
 MOST_AT_ONCE = 8192
-
-_GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
-_ROUNDING = 4e-15
-_NOISE = 5e-11  # what rounding may leave of a mode that has died away in a long segment
-_CANCELLED = 1e-15  # what rounding leaves of the terms that an output is the sum of
-
 
 Propagators: TypeAlias = dict[tuple[tuple[float, ...], int, bool], Propagator]
 """Propagators by the key of their segments, and whether commands are straight there."""
@@ -313,7 +305,7 @@ def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.compl
 def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Trajectory:
     """Return the real response on segments placed so that it is resolved."""
     run = _Run(system, signals, 64)
-    watch = _Resolution(run)
+    watch = Resolution(system)
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0
     plan: list[_Segment] = []
@@ -333,7 +325,9 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
             count = min(round((1.0 - position) / width), most) if straight else 1
             segment = _Segment(start=a + position * gap, width=gap * width, key=(tuple(gap), level), count=count)
             nodes = run.step(segment)
-            held, roomy = watch.judge(nodes, partial(run.terms, segment, nodes), states=not straight)
+            held, roomy = watch.judge(
+                nodes.x, nodes.y, nodes.z, partial(run.terms, segment, nodes), states=not straight
+            )
             good = count if held.all() or (straight and width * whole <= smallest) else int(held.argmin())
             if not good:
                 level, most = level + 1, 1
@@ -362,48 +356,3 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
 
 def _unresolved(why: str, horizon: float) -> UnresolvedError:
     return UnresolvedError(f"a response must be resolved by at most {MAX_STEPS} steps over {horizon:.3g} s, but {why}")
-
-
-class _Resolution:
-    """Judges whether the polynomial through the nodes holds every signal that matters."""
-
-    def __init__(self, run: _Run) -> None:
-        s = run.s
-        self._rows = np.abs(np.concatenate([s.c1[0], s.c2[0]]))
-        self._largest: Array = np.zeros(s.n_out + s.m)
-        self._largest_state: Array = np.zeros(s.n)
-        self._seen: tuple[Array, Array] = self._largest[None], self._largest_state[None]
-
-    def judge(
-        self, nodes: _Nodes, terms: Callable[[], Array], *, states: bool
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Return (held, so well held that a segment of twice the length would be held too), each of shape (segments,)."""
-        signals = np.concatenate([nodes.y[:, 0].real, nodes.z[:, 0].real], axis=-1)  # (segments, N + 1, signals)
-        x = nodes.x[:, 0].real
-        largest = np.maximum(self._largest, np.maximum.accumulate(np.abs(signals).max(axis=1, initial=0.0)))
-        largest_state = np.maximum(self._largest_state, np.maximum.accumulate(np.abs(x).max(axis=1, initial=0.0)))
-        self._seen = largest, largest_state
-        floor = _ROUNDING * (largest_state @ self._rows.T)
-        scale = np.maximum(largest, floor / RESOLUTION)
-        if states:
-            signals = np.concatenate([signals, x], axis=-1)
-            whole = 1e-8 * largest_state.max(axis=1, keepdims=True, initial=0.0)
-            scale = np.concatenate([scale, np.maximum(largest_state, whole)], axis=-1)
-        coefficients = np.abs(coefficient_matrix() @ signals)
-        scale = np.maximum(scale, 1e-300)
-        tail = coefficients[:, -2:].sum(axis=1)
-        resolved = tail <= 2 * RESOLUTION * scale
-        held = resolved.all(axis=1)
-        if not held.all():
-            # coefficients that do not fall any more are rounding, which a shorter segment would not make less
-            level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
-            noise, cancelled = _NOISE * scale, _CANCELLED * terms()
-            outputs = noise[:, : cancelled.shape[1]]
-            np.maximum(outputs, cancelled, out=outputs)
-            held = np.all(resolved | (level & (tail <= noise)), axis=1)
-        roomy = np.all(coefficients[:, 8:10].max(axis=1) <= _GROWTH * scale, axis=1)
-        return held, roomy
-
-    def accept(self, count: int) -> None:
-        """Remember the largest values of the first ``count`` segments judged last."""
-        self._largest, self._largest_state = self._seen[0][count - 1], self._seen[1][count - 1]
