@@ -1,12 +1,17 @@
-"""Many clients and workers at once: no error of the service, no lock that anybody notices. `make bench-load` measures the times."""
+"""Many clients and workers at once: no error of the service, no lock that anybody notices. `make bench-service` measures the times."""
 
 from __future__ import annotations
 
+import asyncio
 import time
 from pathlib import Path
 
 import httpx
+import pytest
 
+from bench.service.load import load
+from bench.service.process import KEY
+from bench.service.process import serving as process
 from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG
 from tests.integration.faults.conftest import FULL
@@ -42,3 +47,23 @@ def test_four_workers_and_twenty_clients_on_one_sqlite_file(
     assert load.cut_off == 0
     assert load.done > CLIENTS
     assert "lock" not in log.read_text(), log.read_text()
+
+
+@pytest.mark.skipif(not FULL, reason="a minute on a machine at rest: make faults")
+def test_two_hundred_clients_wait_less_than_150_ms(database_url: str, tmp_path: Path) -> None:
+    with process(database_url, tmp_path / "service.txt") as url:
+        outcome = asyncio.run(load(url, KEY, clients=200, seconds=60))
+    assert not outcome.failures
+    assert outcome.statuses.keys() <= {200, 201}, outcome.statuses
+    assert outcome.statuses.total() == 200 * 60
+    assert outcome.percentile(0.99) < 0.150
+
+
+def test_two_hundred_clients_are_all_answered(sqlite_template: Path, tmp_path: Path) -> None:
+    path = tmp_path / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    with serving(f"sqlite:///{path}", requests_per_minute=0) as service:
+        outcome = asyncio.run(load(service.url, service.keys["admin"], clients=200, seconds=2))
+    assert not outcome.failures
+    assert outcome.statuses.keys() <= {200, 201}, outcome.statuses
+    assert outcome.statuses.total() == 200 * 2
