@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -22,24 +21,19 @@ from scipy.stats import qmc
 from engine.parameters import Param
 from engine.verdicts import Measured
 from optimizers.blocks import in_blocks
+from optimizers.candidates import Candidates, packed, unpacked
 from optimizers.certificate import TOLERANCE, certificate_of, number_of, worst_scenario
-from optimizers.cloud import search_around
-from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
+from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
 from optimizers.fronts import hypervolume, knee, undominated
-from optimizers.methods._base import Method, Quiet
-from optimizers.problem import Across, Problem, ProblemError, Sense, Vector
+from optimizers.methods._base import Method
+from optimizers.problem import Problem, ProblemError, Sense, Vector
 from optimizers.report import conclude, unstable_advice
-from optimizers.result import Front, FrontPoint, Monitor, Result, Status
-from optimizers.search import SAFETY, Descent, Stopped, Tracker
+from optimizers.result import Front, FrontPoint, Keeper, Monitor, Result, Status, kept_by
+from optimizers.search import Stopped, Tracker
 
 _MOST_POINTS = 200
 _SAMPLE = 1024
-_ARCHIVE = 400
-"""More undominated points than this are thinned out to half of it: each new point is compared with all."""
-_WORST = 1e30
-"""Stands for an objective that has no value."""
-_ROUNDS, _CLOUD, _DESCENT = 12, 128, 15
-"""Evaluations that move one point onto the front: rounds of a cloud of so many points, and those with slopes."""
 _SPENT = "the budget of evaluations is used up: raise max_evaluations, or ask for fewer points or generations."
 
 
@@ -87,21 +81,24 @@ class Pareto(Method):
             )
         budget = int(options["max_evaluations"])
         tracker = Tracker(Evaluator(problem), monitor, budget)
-        candidates = _Candidates(problem)
+        candidates = Candidates(problem)
+        search = _Search(tracker, candidates, rng)
         status, advice = Status.CONVERGED, ""
         try:
             # Moving every point must still be affordable after the evolution.
             sweeps = len(problem.objectives) if tracker.evaluator.compiled else 0
-            cost = _DESCENT + sweeps * _ROUNDS * _CLOUD
+            cost = DESCENT + sweeps * ROUNDS * CLOUD
             tracker.budget = budget - min(int(options["points"]) * cost, budget // 2)
             try:
-                _evolve(tracker, candidates, options, rng)
+                search.evolve(options)
             except Stopped as stop:
                 if stop.cancelled:
                     raise
+                search.spent = True
+            if search.spent:
                 status, advice = Status.BUDGET, _SPENT
             tracker.budget = budget
-            _refine(tracker, candidates, int(options["points"]), rng)
+            search.refine(int(options["points"]))
         except Stopped as stop:
             status = Status.CANCELLED if stop.cancelled else Status.BUDGET
             advice = "cancelled: this is the front until then." if stop.cancelled else _SPENT
@@ -117,93 +114,114 @@ class Pareto(Method):
         return conclude(tracker, best, status, advice or _summary(front), front=front)
 
 
-class _Candidates:
-    """The undominated among all points that met every goal: ``positions`` (B, V) and ``values`` (B, m), minimised."""
+class _Search:
+    """A search for a front. What an evolution was told makes it again without a single evaluation, and so goes on from there."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.positions = np.empty((0, len(problem.axes)))
-        self.values = np.empty((0, len(problem.objectives)))
+    def __init__(self, tracker: Tracker, candidates: Candidates, rng: np.random.Generator) -> None:
+        self._tracker, self._candidates, self._rng = tracker, candidates, rng
+        #: Whether the evolution has used all that it may.
+        self.spent = False
+        self._seed: int | None = None
+        self._first = np.empty((0, len(candidates.problem.axes)))
+        self._told: list[str] = []
+        self._refinement: Refinement | None = None
+        kept = kept_by(tracker.monitor, Pareto.kind)
+        if kept is not None:
+            self._restore(kept)
 
-    def minimised(self, metrics: Matrix) -> Matrix:
-        """Return the objectives (B, m), smaller is better, of metric values (B, S, G) over all scenarios."""
-        signs = [-1.0 if self.problem.goals[g].sense is Sense.MAXIMIZE else 1.0 for g in self.problem.objectives]
-        signed = metrics[:, :, list(self.problem.objectives)] * np.array(signs)
-        together = signed.mean(axis=1) if self.problem.across is Across.MEAN else signed.max(axis=1)
-        return np.asarray(np.nan_to_num(together, nan=_WORST, posinf=_WORST, neginf=-_WORST))
-
-    def offer(self, positions: Matrix, found: Assessment) -> None:
-        """Take note of points; only those that meet every goal and are not dominated stay."""
-        values = self.minimised(found.values)
-        good = (found.violation <= TOLERANCE) & ~np.isnan(found.objective)
-        positions, values = positions[good], values[good]
-        fresh = ~(self.values[:, None] <= values).all(axis=2).any(axis=0)
-        positions, values = positions[fresh], values[fresh]
-        fresh = undominated(values)
-        positions, values = positions[fresh], values[fresh]
-        stay = ~(values[:, None] <= self.values).all(axis=2).any(axis=0)
-        self.positions = np.vstack([self.positions[stay], positions])
-        self.values = np.vstack([self.values[stay], values])
-        if len(self.values) > _ARCHIVE:
-            self.thin(_ARCHIVE // 2)
-
-    def replace(self, old: Vector, position: Vector, found: Assessment) -> None:
-        """Put a better point in the place of one of these; it stays where the new one breaks a goal."""
-        stay = ~(self.positions == old).all(axis=1)
-        if found.violation[0] <= TOLERANCE and not np.isnan(found.objective[0]):
-            self.positions, self.values = self.positions[stay], self.values[stay]
-            self.offer(position[None], found)
-
-    def thin(self, count: int) -> None:
-        """Keep at most ``count`` points, spread evenly: the ends, the knee, then always the one furthest from the others."""
-        if len(self.values) <= count:
+    def evolve(self, options: Mapping[str, Any]) -> None:
+        """Let a population find the front; the candidates take note of every good point."""
+        if self._refinement is not None:
             return
-        low, high = self.values.min(axis=0), self.values.max(axis=0)
-        places = (self.values - low) / np.where(high > low, high - low, 1.0)
-        kept = list(dict.fromkeys([*self.values.argmin(axis=0).tolist(), knee(self.values)]))[:count]
-        distance = np.min([np.abs(places - places[k]).max(axis=1) for k in kept], axis=0)
-        while len(kept) < count:
-            kept.append(int(distance.argmax()))
-            distance = np.minimum(distance, np.abs(places - places[kept[-1]]).max(axis=1))
-        self.positions, self.values = self.positions[kept], self.values[kept]
+        # Its import takes a second, and nothing else needs it.
+        from pymoo.core.evaluator import Evaluator as Assigning  # noqa: PLC0415
+        from pymoo.core.problem import Problem as Shape  # noqa: PLC0415
+        from pymoo.problems.static import StaticProblem  # noqa: PLC0415
+
+        tracker, objectives = self._tracker, len(self._candidates.problem.objectives)
+        generations = int(options["generations"])
+        if self._seed is None:
+            self._seed = int(self._rng.integers(2**31))
+            self._first = _sample(tracker, self._candidates, int(options["population"]), self._rng)
+        algorithm = _algorithm(self._first, int(options["population"]), objectives)
+        shape = Shape(n_var=self._first.shape[1], n_obj=objectives, n_ieq_constr=1, xl=0.0, xu=1.0)
+        algorithm.setup(shape, termination=("n_gen", generations), seed=self._seed, verbose=False)
+        for generation in range(generations):
+            tracker.monitor.progress(
+                0.1 + 0.4 * generation / generations, f"generation {generation + 1} of {generations}"
+            )
+            asked = algorithm.ask()
+            fresh = generation == len(self._told)
+            if fresh:
+                positions = np.clip(np.asarray(asked.get("X"), dtype=float), 0.0, 1.0)
+                values, violation = _assessed(tracker, self._candidates, positions)
+                self._told.append(packed(np.column_stack([values, violation])))
+            told = unpacked(self._told[generation], objectives + 1)
+            excess = np.maximum(told[:, -1:] - TOLERANCE, 0.0)
+            Assigning().eval(StaticProblem(shape, F=told[:, :-1], G=excess), asked)
+            algorithm.tell(infills=asked)
+            if fresh:
+                self._keep()
+
+    def refine(self, points: int) -> None:
+        """Move the front onto its true place."""
+        if self._refinement is None:
+            self._refinement = Refinement()
+        self._refinement.run(self._tracker, self._candidates, points, self._rng, keep=self._keep)
+
+    def _keep(self) -> None:
+        """Let a monitor that keeps states remember where the search is."""
+        tracker = self._tracker
+        if tracker.best is None or not isinstance(tracker.monitor, Keeper):
+            return
+        stage: dict[str, Any] = {"seed": self._seed, "first": packed(self._first), "told": self._told}
+        if self._refinement is not None:
+            stage = {"refinement": self._refinement.document()}
+        tracker.monitor.keep(
+            {
+                "kind": Pareto.kind,
+                "spent": self.spent,
+                "candidates": self._candidates.document(),
+                "randomness": self._rng.bit_generator.state,
+                "best": tracker.best.tolist(),
+                "rank": [number if math.isfinite(number) else None for number in tracker.rank],
+                "evaluations": tracker.evaluator.evaluations,
+                **stage,
+            }
+        )
+
+    def _restore(self, kept: Mapping[str, Any]) -> None:
+        """Be where a state says."""
+        tracker, problem = self._tracker, self._candidates.problem
+        self.spent = bool(kept["spent"])
+        self._candidates.restore(kept["candidates"])
+        self._rng.bit_generator.state = kept["randomness"]
+        tracker.evaluator.evaluations = int(kept["evaluations"])
+        violation, objective = (math.inf if number is None else float(number) for number in kept["rank"])
+        tracker.offer(np.array(kept["best"], dtype=float), objective, violation)
+        if "refinement" in kept:
+            self._refinement = Refinement.of(kept["refinement"], problem)
+        else:
+            self._seed, self._told = int(kept["seed"]), list(kept["told"])
+            self._first = unpacked(kept["first"], len(problem.axes))
 
 
-def _evolve(
-    tracker: Tracker, candidates: _Candidates, options: Mapping[str, Any], rng: np.random.Generator
-) -> None:  # fmt: skip
-    """Let a population find the front; ``candidates`` takes note of every good point."""
-    # Its import takes a second, and nothing else needs it.
-    from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
+def _algorithm(first: Matrix, size: int, objectives: int) -> Any:
+    """Return the evolution that suits so many objectives, with its first population."""
+    from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415 - as above
     from pymoo.algorithms.moo.nsga3 import NSGA3  # noqa: PLC0415
-    from pymoo.core.evaluator import Evaluator as Assigning  # noqa: PLC0415
-    from pymoo.core.problem import Problem as Shape  # noqa: PLC0415
-    from pymoo.problems.static import StaticProblem  # noqa: PLC0415
     from pymoo.util.ref_dirs import get_reference_directions  # noqa: PLC0415
 
-    variables, objectives = len(candidates.problem.axes), len(candidates.problem.objectives)
-    size, generations = int(options["population"]), int(options["generations"])
-    seed = int(rng.integers(2**31))
-    keywords = {"pop_size": size, "sampling": _sample(tracker, candidates, size, rng)}
     if objectives == 2:
-        algorithm = NSGA2(**keywords)
-    else:
-        partitions = max(
-            n for n in range(1, size) if math.comb(n + objectives - 1, objectives - 1) <= max(size, objectives)
-        )
-        algorithm = NSGA3(get_reference_directions("das-dennis", objectives, n_partitions=partitions), **keywords)
-    shape = Shape(n_var=variables, n_obj=objectives, n_ieq_constr=1, xl=0.0, xu=1.0)
-    algorithm.setup(shape, termination=("n_gen", generations), seed=seed, verbose=False)
-    for generation in range(generations):
-        tracker.monitor.progress(0.1 + 0.4 * generation / generations, f"generation {generation + 1} of {generations}")
-        asked = algorithm.ask()
-        positions = np.clip(np.asarray(asked.get("X"), dtype=float), 0.0, 1.0)
-        values, violation = _assessed(tracker, candidates, positions)
-        known = StaticProblem(shape, F=values, G=np.maximum(violation - TOLERANCE, 0.0)[:, None])
-        Assigning().eval(known, asked)
-        algorithm.tell(infills=asked)
+        return NSGA2(pop_size=size, sampling=first)
+    partitions = max(
+        n for n in range(1, size) if math.comb(n + objectives - 1, objectives - 1) <= max(size, objectives)
+    )
+    directions = get_reference_directions("das-dennis", objectives, n_partitions=partitions)
+    return NSGA3(directions, pop_size=size, sampling=first)
 
 
-def _assessed(tracker: Tracker, candidates: _Candidates, positions: Matrix) -> tuple[Matrix, Vector]:
+def _assessed(tracker: Tracker, candidates: Candidates, positions: Matrix) -> tuple[Matrix, Vector]:
     """Return the objectives, minimised, and the violation of points, and let the candidates know them."""
     values = np.empty((len(positions), len(candidates.problem.objectives)))
     violation = np.empty(len(positions))
@@ -213,7 +231,7 @@ def _assessed(tracker: Tracker, candidates: _Candidates, positions: Matrix) -> t
     return values, violation
 
 
-def _sample(tracker: Tracker, candidates: _Candidates, size: int, rng: np.random.Generator) -> Matrix:
+def _sample(tracker: Tracker, candidates: Candidates, size: int, rng: np.random.Generator) -> Matrix:
     """Return the first population: of the start and a Sobol sequence the undominated, then those that break goals least."""
     tracker.monitor.progress(0.0, "sampling")
     problem = candidates.problem
@@ -226,89 +244,6 @@ def _sample(tracker: Tracker, candidates: _Candidates, size: int, rng: np.random
     chosen = positions[np.lexsort((places.min(axis=1), rank))[:size]]
     chosen[: len(candidates.positions)] = candidates.positions[:size]
     return np.asarray(chosen)
-
-
-def _refine(tracker: Tracker, candidates: _Candidates, points: int, rng: np.random.Generator) -> None:
-    """Move the front onto its true place; the points that are met on the way are taken note of."""
-    objectives = range(len(candidates.problem.objectives))
-    if not len(candidates.positions):
-        return
-    if tracker.evaluator.compiled:
-        # The ends first, then along the front and back again: each point begins at its refined neighbour.
-        free = np.full(len(objectives), np.inf)
-        for i in objectives:
-            start = candidates.positions[candidates.values[:, i].argmin()]
-            _search(tracker, candidates, _Aim(i, free), start, rng)
-        for i in objectives:
-            candidates.thin(points)
-            order = np.argsort(candidates.values[:, i])
-            positions, limits = candidates.positions[order], candidates.values[order]
-            last = positions[0]
-            for k in range(1, len(order)):
-                share = (i + k / len(order)) / len(objectives)
-                tracker.monitor.progress(0.5 + 0.2 * share, f"following the front, point {k + 1} of {len(order)}")
-                last = _search(tracker, candidates, _Aim(i, limits[k]), last, rng)
-    candidates.thin(points)
-    positions, limits = candidates.positions.copy(), candidates.values.copy()
-    for k in range(len(positions)):
-        tracker.monitor.progress(0.7 + 0.2 * k / len(positions), f"polishing point {k + 1} of {len(positions)}")
-        polished = _descend(tracker, candidates, _Aim(k % len(objectives), limits[k]), positions[k])
-        if polished is not None:
-            candidates.replace(positions[k], polished, tracker.assess(polished[None]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Aim:
-    """Minimise objective ``lead`` while the others stay within ``limits`` (m,)."""
-
-    lead: int
-    limits: Vector
-
-    def excess(self, values: Matrix) -> Vector:
-        """Return by how much rows of objectives (B, m) leave the limits, relative to them."""
-        others = [i for i in range(values.shape[1]) if i != self.lead and np.isfinite(self.limits[i])]
-        sizes = np.where(self.limits[others] == 0.0, 1.0, np.abs(self.limits[others]))
-        return np.asarray(((values[:, others] - self.limits[others]) / sizes).max(axis=1, initial=0.0))
-
-    def problem(self, problem: Problem) -> Problem:
-        """Return the problem with one objective, the limits of the others among its bounds."""
-        goals = []
-        for g, goal in enumerate(problem.goals):
-            i = problem.objectives.index(g) if g in problem.objectives else self.lead
-            limit = math.inf if i == self.lead else float(self.limits[i])
-            if i == self.lead:
-                goals.append(goal)
-            elif math.isfinite(limit) and goal.sense is Sense.MAXIMIZE:
-                lower = -limit if goal.lower is None else max(-limit, goal.lower)
-                goals.append(replace(goal, sense=None, lower=lower))
-            elif math.isfinite(limit):
-                upper = limit if goal.upper is None else min(limit, goal.upper)
-                goals.append(replace(goal, sense=None, upper=upper))
-            elif goal.bounded:
-                goals.append(replace(goal, sense=None))
-        return replace(problem, goals=tuple(goals))
-
-
-def _search(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector, rng: np.random.Generator) -> Vector:
-    """Return the best point for an aim around ``start``, found without slopes."""
-
-    def ranking(positions: Matrix, found: Assessment) -> tuple[Vector, Vector]:
-        candidates.offer(positions, found)
-        values = candidates.minimised(found.values)
-        return np.maximum(found.violation, aim.excess(values)), values[:, aim.lead]
-
-    return search_around(tracker, start, rng, rounds=_ROUNDS, size=_CLOUD, ranking=ranking)
-
-
-def _descend(tracker: Tracker, candidates: _Candidates, aim: _Aim, start: Vector) -> Vector | None:
-    """Return a point improved for an aim by slopes."""
-    alone = aim.problem(candidates.problem)
-    inner = Tracker(Evaluator(alone), Quiet(tracker.monitor), tracker.budget - tracker.evaluator.evaluations)
-    try:
-        Descent(inner, np.full(len(alone.goals), SAFETY)).run(start, evaluations=_DESCENT)
-    finally:
-        tracker.evaluator.evaluations += inner.evaluator.evaluations
-    return inner.best
 
 
 def _measured(evaluator: Evaluator, positions: Matrix) -> Front | None:

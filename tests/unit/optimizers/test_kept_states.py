@@ -25,6 +25,11 @@ VALLEYS = landscape(
 )
 
 
+FRONT = landscape(
+    {"near": "21 + x*x + y*y", "far": "21 + (x-2)*(x-2) + (y-1)*(y-1)"},
+    {"x": (-5.0, 4.0), "y": (-4.0, 5.0)},
+    minimise=["near", "far"],
+)
 STEP = 0.002
 TIME = STEP * np.arange(1000)
 
@@ -94,6 +99,25 @@ def test_a_search_goes_on_where_it_was(method, options, after) -> None:
     resumed = solve(method, VALLEYS, options, monitor=second)
     assert resumed.best == result.best
     assert resumed.objective == result.objective
+    assert resumed.evaluations == result.evaluations
+    assert second.count == whole.count - after
+
+
+@pytest.mark.parametrize("after", [3, 7, 12])
+def test_a_search_for_a_front_goes_on_where_it_was(after: int) -> None:
+    """Cut off in the evolution of 6 generations, on the way along the front, and while its points are polished."""
+    options = {"seed": 1, "population": 16, "generations": 6, "points": 4, "max_evaluations": 20_000}
+    whole = Memory()
+    result = solve("pareto", FRONT, options, monitor=whole)
+    assert whole.count >= after, "it must get so far"
+    first = Memory(most=after)
+    with pytest.raises(CutError):
+        solve("pareto", FRONT, options, monitor=first)
+    second = Memory(first.state)
+    resumed = solve("pareto", FRONT, options, monitor=second)
+    assert result.front is not None
+    assert resumed.front is not None
+    assert resumed.front.points == result.front.points
     assert resumed.evaluations == result.evaluations
     assert second.count == whole.count - after
 
