@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import threading
+
     from api.settings import Settings
 
 
@@ -27,9 +29,7 @@ def serve(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        prog="servotune serve", description="Start the service. Settings are environment variables SERVOTUNE_*."
-    )
+    parser = parser_of("serve", "Start the service. Settings are environment variables SERVOTUNE_*.")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     parser.add_argument("--port", type=int, default=8000, help="port to listen on (default: %(default)s)")
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
@@ -63,29 +63,25 @@ def worker(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        prog="servotune worker", description="Compute jobs. Settings are environment variables SERVOTUNE_*."
-    )
+    parser = parser_of("worker", "Compute jobs. Settings are environment variables SERVOTUNE_*.")
     parser.add_argument("--slots", type=int, help="jobs at the same time (default: SERVOTUNE_WORKER_SLOTS)")
     parser.add_argument("--with-parent", action="store_true", help="stop when standard input closes")
     given = parser.parse_args(argv)
 
-    import signal
     import threading
 
     from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
     from storage.jobs.worker import Worker
 
     settings = read_settings()
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stopped_by_signals()
     if given.with_parent:
         threading.Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
     slots = settings.worker_slots if given.slots is None else given.slots
+    unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
         Worker(settings.database_url, compute="api.worker:run", slots=slots).run(stop)
-    except (*UNAVAILABLE, DatabaseUrlError) as error:
+    except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {error}") from error
     except StateError as error:
         raise SystemExit(str(error)) from error
@@ -105,12 +101,38 @@ def openapi(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    argparse.ArgumentParser(prog="servotune openapi", description="Print the OpenAPI document.").parse_args(argv)
+    parser_of("openapi", "Print the OpenAPI document.").parse_args(argv)
 
     from api.export_openapi import render
 
     sys.stdout.write(render())
     return 0
+
+
+def parser_of(command: str, description: str, **more: Any) -> argparse.ArgumentParser:
+    """Return what reads the arguments of ``servotune <command>``.
+
+    Parameters
+    ----------
+    command : str
+        The name under which its entry point is registered.
+    description : str
+        What it does, in a sentence.
+    **more
+        Further arguments of `argparse.ArgumentParser`.
+    """
+    return argparse.ArgumentParser(prog=f"servotune {command}", description=description, **more)
+
+
+def stopped_by_signals() -> threading.Event:
+    """Return what is set when somebody wants this process to stop: SIGTERM, or Ctrl-C."""
+    import signal
+    import threading
+
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
 
 
 def read_settings() -> Settings:
@@ -158,9 +180,6 @@ def _prepare(settings: Settings) -> None:
         sys.stdout.flush()
 
 
-def _wait_for_end_of_input(stop: object) -> None:
-    import threading
-
-    assert isinstance(stop, threading.Event)
+def _wait_for_end_of_input(stop: threading.Event) -> None:
     sys.stdin.buffer.read()
     stop.set()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api.commands import read_settings
+from api.commands import parser_of, read_settings
 
 if TYPE_CHECKING:
     from storage.checking import Findings
@@ -32,7 +31,7 @@ def backup(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = _parser("backup", "Write everything in the database into one file, verified; the service may run.")
+    parser = parser_of("backup", "Write everything in the database into one file, verified; the service may run.")
     parser.add_argument("file", type=Path, help="a new file")
     given = parser.parse_args(argv)
 
@@ -64,7 +63,9 @@ def restore(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = _parser("restore", "Fill the empty database of SERVOTUNE_DATABASE_URL with a backup, SQLite or Postgres.")
+    parser = parser_of(
+        "restore", "Fill the empty database of SERVOTUNE_DATABASE_URL with a backup, SQLite or Postgres."
+    )
     parser.add_argument("file", type=Path, help="what `servotune backup` wrote")
     given = parser.parse_args(argv)
 
@@ -95,7 +96,7 @@ def check(argv: Sequence[str]) -> int:
     int
         Exit code; 1 when something is wrong.
     """
-    parser = _parser("check", "Read everything in the database, or in a backup, and say what is wrong with it.")
+    parser = parser_of("check", "Read everything in the database, or in a backup, and say what is wrong with it.")
     parser.add_argument("file", type=Path, nargs="?", help="a backup; the database by default")
     given = parser.parse_args(argv)
 
@@ -128,7 +129,7 @@ def move(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = _parser(
+    parser = parser_of(
         "move",
         "Copy the database of SERVOTUNE_DATABASE_URL into another, empty one, count and verify every row. "
         "Stop the service and its workers first; the old database stays as it is.",
@@ -160,10 +161,6 @@ def move(argv: Sequence[str]) -> int:
         _say(f"{total(copied)} rows moved and verified; {waiting} unfinished jobs queued")
         _say(f"From now on: SERVOTUNE_DATABASE_URL={shown}")
         return 0
-
-
-def _parser(name: str, description: str) -> argparse.ArgumentParser:
-    return argparse.ArgumentParser(prog=f"servotune {name}", description=description)
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from api.commands import parser_of, stopped_by_signals
+
 if TYPE_CHECKING:
     from rig_simulator.bench import Bench
 
@@ -35,9 +37,9 @@ def rig_simulator(argv: Sequence[str]) -> int:
     int
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        prog="servotune rig-simulator",
-        description="Serve a simulated rig in place of an NI gRPC Device Server. It stands in for hardware.",
+    parser = parser_of(
+        "rig-simulator",
+        "Serve a simulated rig in place of an NI gRPC Device Server. It stands in for hardware.",
         epilog=_FAULTS,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -46,7 +48,6 @@ def rig_simulator(argv: Sequence[str]) -> int:
     parser.add_argument("--port", type=int, default=31763, help="port, 0: a free one (default: %(default)s)")
     given = parser.parse_args(argv)
 
-    import signal
     import threading
 
     from rig_simulator.description import DescriptionError, read
@@ -58,9 +59,7 @@ def rig_simulator(argv: Sequence[str]) -> int:
     except (DescriptionError, OSError) as error:
         sys.stderr.write(f"servotune rig-simulator: {error}\n")
         return 2
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stopped_by_signals()
     _say(f"simulated rig on {given.host}:{server.port} (it stands in for hardware)")
     threading.Thread(target=_listen, args=(bench,), daemon=True).start()
     stop.wait()
