@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from api.arguments import parser_of, stopped_by_signals
 
 if TYPE_CHECKING:
     import threading
@@ -107,32 +108,6 @@ def openapi(argv: Sequence[str]) -> int:
 
     sys.stdout.write(render())
     return 0
-
-
-def parser_of(command: str, description: str, **more: Any) -> argparse.ArgumentParser:
-    """Return what reads the arguments of ``servotune <command>``.
-
-    Parameters
-    ----------
-    command : str
-        The name under which its entry point is registered.
-    description : str
-        What it does, in a sentence.
-    **more
-        Further arguments of `argparse.ArgumentParser`.
-    """
-    return argparse.ArgumentParser(prog=f"servotune {command}", description=description, **more)
-
-
-def stopped_by_signals() -> threading.Event:
-    """Return what is set when somebody wants this process to stop: SIGTERM, or Ctrl-C."""
-    import signal
-    import threading
-
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
 
 
 def read_settings() -> Settings:

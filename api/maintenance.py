@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api.commands import parser_of, read_settings
+from api.arguments import parser_of
+from api.commands import read_settings
 
 if TYPE_CHECKING:
     from storage.checking import Findings

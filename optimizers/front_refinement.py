@@ -15,8 +15,8 @@ import numpy as np
 from optimizers.candidates import Candidates, packed, unpacked
 from optimizers.cloud import search_around
 from optimizers.evaluate import Assessment, Evaluator, Matrix
-from optimizers.methods._base import Quiet
 from optimizers.problem import Problem, Sense, Vector
+from optimizers.result import Quiet
 from optimizers.search import SAFETY, Descent, Tracker
 
 ROUNDS, CLOUD, DESCENT = 12, 128, 15

@@ -209,6 +209,23 @@ class Unwatched:
         return False
 
 
+class Quiet:
+    """The monitor of a search inside another one: only a cancel goes through."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+
+    def progress(self, fraction: float, message: str) -> None:
+        """Leave the progress to the search outside."""
+
+    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
+        """Leave the best point to the search outside: what is best here may be none of its problem."""
+
+    def cancelled(self) -> bool:
+        """Return whether to stop."""
+        return self._monitor.cancelled()
+
+
 class Share:
     """A monitor that sees a part of the work as a share of the whole: from ``first``, ``size`` wide.
 

@@ -5,31 +5,13 @@ from __future__ import annotations
 import abc
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar
 
 import numpy as np
 
 from engine.parameters import Param
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Monitor, Result
-
-
-@final
-class Quiet:
-    """The monitor of a search inside another one: only a cancel goes through."""
-
-    def __init__(self, monitor: Monitor) -> None:
-        self._monitor = monitor
-
-    def progress(self, fraction: float, message: str) -> None:
-        """Leave the progress to the search outside."""
-
-    def best(self, evaluation: int, objective: float, violation: float, variables: Mapping[str, float]) -> None:
-        """Leave the best point to the search outside: what is best here may be none of its problem."""
-
-    def cancelled(self) -> bool:
-        """Return whether to stop."""
-        return self._monitor.cancelled()
 
 
 class Method(abc.ABC):

@@ -19,9 +19,9 @@ from optimizers.certificate import TOLERANCE
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.evaluate import Evaluator
-from optimizers.methods._base import Method, Quiet
+from optimizers.methods._base import Method
 from optimizers.problem import Problem
-from optimizers.result import Monitor, Result
+from optimizers.result import Monitor, Quiet, Result
 from optimizers.search import Stopped, Tracker
 
 _SAMPLE = 1024

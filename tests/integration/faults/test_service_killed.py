@@ -62,9 +62,11 @@ class Service:
 @pytest.fixture
 def service(database_url, tmp_path):
     running = Service(database_url, tmp_path / "log.txt")
-    running.start()
-    yield running
-    running.kill()
+    try:
+        running.start()
+        yield running
+    finally:
+        running.kill()
 
 
 def counted(database: Database) -> tuple[int, int]:

@@ -1,0 +1,31 @@
+"""What every command of this software does alike: reads its arguments, and hears when it is to stop."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+from typing import Any
+
+
+def parser_of(command: str, description: str, **more: Any) -> argparse.ArgumentParser:
+    """Return what reads the arguments of ``servotune <command>``.
+
+    Parameters
+    ----------
+    command : str
+        The name under which its entry point is registered.
+    description : str
+        What it does, in a sentence.
+    **more
+        Further arguments of `argparse.ArgumentParser`.
+    """
+    return argparse.ArgumentParser(prog=f"servotune {command}", description=description, **more)
+
+
+def stopped_by_signals() -> threading.Event:
+    """Return what is set when somebody wants this process to stop: SIGTERM, or Ctrl-C."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
