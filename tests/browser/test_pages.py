@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -60,6 +61,17 @@ def test_an_optimum_is_shown_and_opened_on_the_panel(page: Page, job, client) ->
     expect(page.get_by_test_id("goals").get_by_role("row")).to_have_count(1 + len(result["goals"]))
     after = result["goals"][1]["after"]["value"]
     expect(page.get_by_test_id("goals")).to_contain_text(f"{100 * after:.4g}")
+    # An earlier step of the search: its metrics are computed as it is looked at, and the address holds it.
+    page.get_by_role("slider", name="Drag to see").focus()
+    page.keyboard.press("Home")
+    expect(page).to_have_url(re.compile(r"step=0"))
+    asked = client.get(f"/v1/jobs/{job}/request").json()
+    first = next(entry["variables"] for entry in result["history"] if entry["variables"])
+    body = {"system": asked["system"], "input": asked["experiments"][0]["input"], "variants": [first]}
+    exact = client.post("/v1/simulations", json=body).json()["variants"][0]["metrics"]["velocity"]["overshoot"]["value"]
+    expect(page.get_by_test_id("between").nth(1)).to_contain_text(f"{100 * exact:.4g}")
+    page.keyboard.press("End")
+    expect(page.get_by_test_id("between")).to_have_count(0)
     page.get_by_role("link", name="Open on the panel").click()
     page.locator("[data-testid=plots][data-frame]").wait_for()
     expect(page.get_by_role("textbox", name="Value of law.kp")).to_have_value(f"{result['best']['law.kp']:.6g}")

@@ -1,5 +1,6 @@
+import forms from "./en.forms.json";
 import laboratory from "./en.laboratory.json";
 import general from "./en.json";
 
 /** Every text in English: it comes with the first load, since it stands in where a translation is missing. */
-export const english = { ...general, ...laboratory };
+export const english = { ...general, ...laboratory, ...forms };

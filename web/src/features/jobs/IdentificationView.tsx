@@ -3,9 +3,8 @@ import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
-import { api, must } from "@/shared/api/client";
-import { createSystem, systemQuery, systemsKey } from "@/shared/api/systems";
-import type { SystemDocument, WireSystem } from "@/shared/api/types";
+import { createSystem, saveSystem, systemQuery, systemsKey } from "@/shared/api/systems";
+import type { SystemDocument } from "@/shared/api/types";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisSpec } from "@/shared/charts/analysis";
 import { withValues } from "@/shared/systems/apply";
@@ -204,7 +203,7 @@ function Actions({ id, result, values }: { id: string; result: IdentificationRes
     mutationFn: async () => {
       const { document, etag } = stored.data!;
       const changed = withValues(document, Object.fromEntries(Object.entries(result.parameters).map(([name, { value, unit }]) => [name, { value, unit }])));
-      return must(api.PUT("/v1/systems/{identifier}", { params: { path: { identifier: system! }, query: { derived_from: id }, header: { "If-Match": etag } }, body: changed as unknown as WireSystem }));
+      return (await saveSystem(system!, changed, etag, id)).data;
     },
     onSuccess: () => queries.invalidateQueries({ queryKey: ["system", system] }),
   });

@@ -69,7 +69,7 @@ export function JobPage() {
         {running && followed.best.length > 1 && <Convergence points={followed.best} />}
         {result.data !== undefined &&
           (isOptimization(kind, result.data) ? (
-            <OptimizationView result={result.data} />
+            <OptimizationView id={id} result={result.data} />
           ) : isIdentification(kind, result.data) ? (
             <IdentificationView id={id} result={result.data} />
           ) : isValidation(kind, result.data) ? (

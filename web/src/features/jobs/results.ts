@@ -11,6 +11,8 @@ export interface GoalResult {
   after: Metric;
   met: boolean;
   active: boolean;
+  /** The scenario that counted, by its place in the request. */
+  scenario?: number | null;
 }
 export interface Curves {
   time: (number | null)[];

@@ -37,9 +37,9 @@ export async function createSystem(document: SystemDocument): Promise<string> {
   return (await must(api.POST("/v1/systems", { body: document as unknown as WireSystem }))).id;
 }
 
-/** Appends a revision to the one that `etag` names; 412 when somebody else was faster. */
-export async function saveSystem(id: string, document: SystemDocument, etag: string) {
-  return mustWithTag(api.PUT("/v1/systems/{identifier}", { params: { path: { identifier: id }, header: { "If-Match": etag } }, body: document as unknown as WireSystem }));
+/** Appends a revision to the one that `etag` names, with the job whose values it takes; 412 when somebody else was faster. */
+export async function saveSystem(id: string, document: SystemDocument, etag: string, derivedFrom?: string) {
+  return mustWithTag(api.PUT("/v1/systems/{identifier}", { params: { path: { identifier: id }, query: { derived_from: derivedFrom }, header: { "If-Match": etag } }, body: document as unknown as WireSystem }));
 }
 
 export async function deleteSystem(id: string, revision: number): Promise<void> {

@@ -7,23 +7,34 @@ import type { PlotSpec } from "@/shared/plots/types";
 import { words } from "@/shared/units/format";
 import { numbersOf, type Curves } from "../results";
 
-/** Every output of every experiment, before and after. */
-export function BeforeAfter({ before, after }: { before: Record<string, Curves>; after: Record<string, Curves> }) {
+interface Props {
+  before: Record<string, Curves>;
+  after: Record<string, Curves>;
+  /** A step of the search or a point of the front between the two. */
+  between?: { label: string; curves: Record<string, Curves> } | null;
+}
+
+/** Every output of every experiment, before and after, and at the step that is looked at. */
+export function BeforeAfter({ before, after, between = null }: Props) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const plots = useMemo(
     () =>
       Object.entries(after).flatMap(([experiment, curves]) =>
         Object.keys(curves.outputs).map((output) => {
-          const spec: PlotSpec = { title: `${words(output)} (${experiment})`, x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, series: [{ label: t("revisions.before"), ...stroke(1, dark) }, { label: t("revisions.after"), ...stroke(0, dark), width: 2.4 }], dark };
-          const old = before[experiment];
+          const drawn = [
+            { label: t("revisions.before"), curves: before[experiment], ...stroke(1, dark), width: 1.4 },
+            ...(between ? [{ label: between.label, curves: between.curves[experiment], ...stroke(2, dark), width: 2.4 }] : []),
+            { label: t("revisions.after"), curves, ...stroke(0, dark), width: between ? 1.4 : 2.4 },
+          ];
+          const spec: PlotSpec = { title: `${words(output)} (${experiment})`, x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, series: drawn.map(({ label, color, dash, width }) => ({ label, color, dash, width })), dark };
           const x = numbersOf(curves.time);
-          const y = numbersOf(curves.outputs[output]!);
-          // Both on the times of the second: uPlot's series share theirs.
-          return { spec, curves: [{ x, y: old?.outputs[output] ? resampled(numbersOf(old.time), numbersOf(old.outputs[output]), x) : new Float64Array(x.length).fill(NaN) }, { x, y }] };
+          // All on the times of the last: uPlot's series share theirs.
+          const at = (own: Curves | undefined) => (own === curves ? numbersOf(own.outputs[output]!) : own?.outputs[output] ? resampled(numbersOf(own.time), numbersOf(own.outputs[output]), x) : new Float64Array(x.length).fill(NaN));
+          return { spec, curves: drawn.map((one) => ({ x, y: at(one.curves) })) };
         }),
       ),
-    [before, after, dark, t],
+    [before, after, between, dark, t],
   );
   return (
     <SimpleGrid cols={{ base: 1, md: 2 }}>

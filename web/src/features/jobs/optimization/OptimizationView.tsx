@@ -1,22 +1,23 @@
-import { Alert, Badge, Button, Group, Slider, Stack, Table, Text, Title } from "@mantine/core";
+import { Alert, Badge, Button, Group, Slider, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
-import { useMemo, useState } from "react";
+import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
-import { Link, useNavigate } from "react-router";
+import { Link, useNavigate, useSearchParams } from "react-router";
 import { saveSystem, systemQuery } from "@/shared/api/systems";
-import type { Metric } from "@/shared/api/types";
 import { withValues } from "@/shared/systems/apply";
 import { describedQuery } from "@/shared/systems/described";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { formatMetric, formatNumber, withUnit, words } from "@/shared/units/format";
+import { formatNumber, withUnit } from "@/shared/units/format";
 import { panelAt, type OptimizationResult } from "../results";
 import { BeforeAfter } from "./BeforeAfter";
 import { Convergence } from "./Convergence";
 import { FrontView } from "./FrontView";
+import { GoalTable } from "./GoalTable";
 import { MapView } from "./MapView";
+import { useCandidate } from "./useCandidate";
 
 /** What came out: the values, every goal before and after, the curves, the certificate; and what to do with it. */
-export function OptimizationView({ result }: { result: OptimizationResult }) {
+export function OptimizationView({ id, result }: { id: string; result: OptimizationResult }) {
   const { t } = useTranslation();
   const navigate = useNavigate();
   const queries = useQueryClient();
@@ -24,25 +25,26 @@ export function OptimizationView({ result }: { result: OptimizationResult }) {
   const system = useQuery({ ...systemQuery(found?.id ?? ""), enabled: found !== null });
   const described = useQuery({ ...describedQuery(found?.id ?? "", system.data?.revision ?? 0), enabled: system.isSuccess });
   const steps = result.history.filter((step) => step.variables);
-  const [step, setStep] = useState<number | null>(null);
-  const [point, setPoint] = useState<number | null>(null);
+  const [query, setQuery] = useSearchParams();
+  const step = placeIn(query.get("step"), steps.length);
+  const point = placeIn(query.get("point"), result.front?.length ?? 0);
+  const look = (key: "step" | "point", place: number | null) => setQuery(place === null ? {} : { [key]: String(place) }, { replace: true });
+  const between = point !== null ? { label: t("jobs.point", { number: point + 1 }) } : step !== null ? { label: t("jobs.after", { evaluation: steps[step]!.evaluation }) } : null;
   const values = (point === null ? undefined : result.front?.[point]?.parameters) ?? (step === null ? undefined : steps[step]?.variables) ?? result.best;
   const path = useMemo(() => result.history.slice(0, step === null ? undefined : result.history.indexOf(steps[step]!) + 1).flatMap((past) => (past.variables ? [past.variables] : [])), [result, step]);
+  const { candidate, stale, error } = useCandidate(id, result.goals, between && values);
+  const label = between?.label ?? "";
+  const drawn = useMemo(() => (candidate && label ? { label, curves: candidate.curves } : null), [candidate, label]);
   const units = useMemo(() => new Map((described.data?.parameters ?? []).map((p) => [p.path, p.unit])), [described.data]);
   const infos = new Map((described.data?.parameters ?? []).map((p) => [p.path, p]));
   const save = useMutation({
-    mutationFn: () => saveSystem(found!.id, withValues(system.data!.document, Object.fromEntries(Object.entries(values).filter(([path]) => infos.has(path)).map(([path, value]) => [path, { value, unit: infos.get(path)!.unit }]))), system.data!.etag),
+    mutationFn: () => saveSystem(found!.id, withValues(system.data!.document, Object.fromEntries(Object.entries(values).filter(([path]) => infos.has(path)).map(([path, value]) => [path, { value, unit: infos.get(path)!.unit }]))), system.data!.etag, id),
     onSuccess: async () => {
       await queries.invalidateQueries({ queryKey: ["system", found!.id] });
       void navigate(`/systems/${found!.id}/revisions`);
     },
   });
   const good = result.status === "converged";
-  const shown = (metric: string, m: Metric) => {
-    if (m.value === null) return t(`verdicts.${m.verdict}`, m.verdict);
-    const text = formatMetric(metric, m.value, m.unit);
-    return `${text.text} ${text.unit}`;
-  };
   return (
     <Stack gap="lg" data-testid="optimum">
       <Alert color={good ? "green" : "orange"} variant="outline" title={t(`jobs.outcome.${result.status}`, result.status)}>
@@ -75,41 +77,13 @@ export function OptimizationView({ result }: { result: OptimizationResult }) {
         <Title order={2} mb="xs">
           {t("jobs.goals")}
         </Title>
-        <Table.ScrollContainer minWidth={520}>
-          <Table maw={900} data-testid="goals">
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>{t("influence.metric")}</Table.Th>
-                <Table.Th>{t("optimise.of")}</Table.Th>
-                <Table.Th ta="right">{t("revisions.before")}</Table.Th>
-                <Table.Th ta="right">{t("revisions.after")}</Table.Th>
-                <Table.Th>{t("jobs.met")}</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {result.goals.map((goal, i) => (
-                <Table.Tr key={i}>
-                  <Table.Td>{t(`metrics.${goal.metric}`, words(goal.metric))}</Table.Td>
-                  <Table.Td>{goal.output ?? ""}</Table.Td>
-                  <Table.Td ta="right" className="numbers">
-                    {shown(goal.metric, goal.before)}
-                  </Table.Td>
-                  <Table.Td ta="right" className="numbers" fw={600}>
-                    {shown(goal.metric, goal.after)}
-                  </Table.Td>
-                  <Table.Td>
-                    {goal.met ? "✓" : "✗"} {goal.active && t("jobs.active")}
-                  </Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        </Table.ScrollContainer>
+        <GoalTable goals={result.goals} between={between && { label: between.label, goals: candidate?.goals ?? [], stale }} />
+        <ProblemAlert error={error} />
         <Text fz="sm" mt="xs">
           {result.certificate.valid ? t("jobs.certified") : t("jobs.notCertified", { violation: formatNumber(result.certificate.worst_violation ?? Infinity, 3) })} {t("jobs.effort", { evaluations: result.evaluations, seconds: formatNumber(result.seconds, 3) })}
         </Text>
       </section>
-      <BeforeAfter before={result.curves.before} after={result.curves.after} />
+      <BeforeAfter before={result.curves.before} after={result.curves.after} between={drawn} />
       {steps.length > 1 && (
         <section>
           <Title order={2} mb="xs">
@@ -119,14 +93,17 @@ export function OptimizationView({ result }: { result: OptimizationResult }) {
           <Text fz="xs" mt="xs">
             {step === null ? t("jobs.scrub") : t("jobs.atStep", { evaluation: steps[step]!.evaluation, objective: formatNumber(steps[step]!.objective ?? NaN, 4) })}
           </Text>
-          <Slider min={0} max={steps.length - 1} value={step ?? steps.length - 1} onChange={(next) => {
-              setPoint(null);
-              setStep(next === steps.length - 1 ? null : next);
-            }} thumbLabel={t("jobs.scrub")} maw={600} label={(v) => steps[v]?.evaluation} />
+          <Slider min={0} max={steps.length - 1} value={step ?? steps.length - 1} onChange={(next) => look("step", next === steps.length - 1 ? null : next)} thumbLabel={t("jobs.scrub")} maw={600} label={(v) => steps[v]?.evaluation} />
         </section>
       )}
       {result.map && Object.keys(result.map.axes).length > 1 && <MapView map={result.map} values={values} path={path} units={units} />}
-      {result.front && result.front.length > 0 && <FrontView front={result.front} goals={result.goals} variables={Object.keys(result.best)} knee={result.knee ?? null} units={units} selected={point} onSelect={setPoint} />}
+      {result.front && result.front.length > 0 && <FrontView front={result.front} goals={result.goals} variables={Object.keys(result.best)} knee={result.knee ?? null} units={units} selected={point} onSelect={(place) => look("point", place)} />}
     </Stack>
   );
+}
+
+/** A place in a list as the address holds it, if it is one. */
+function placeIn(text: string | null, count: number): number | null {
+  const place = Number(text);
+  return text !== null && text !== "" && Number.isInteger(place) && place >= 0 && place < count ? place : null;
 }
