@@ -129,9 +129,36 @@ def test_a_key_is_made_shown_once_used_and_revoked(page: Page, service) -> None:
         assert client.get("/v1/systems").status_code == 200
         page.reload()
         expect(page.get_by_test_id("new-key")).to_have_count(0)
-        page.get_by_role("button", name="Revoke lab PC").click()
-        expect(page.get_by_role("row").filter(has_text="lab PC")).to_contain_text("revoked")
+        # Replaced: the old key opens no more, the new one does.
+        page.get_by_role("button", name="Rotate lab PC").click()
+        page.get_by_role("textbox", name="The old one opens").fill("0")
+        page.get_by_role("button", name="Make the new key").click()
+        second = page.get_by_test_id("new-key").inner_text()
         assert client.get("/v1/systems").status_code == 401
+        client.headers["Authorization"] = f"Bearer {second}"
+        assert client.get("/v1/systems").status_code == 200
+        page.get_by_role("button", name="Revoke lab PC").click()
+        expect(page.get_by_role("button", name="Revoke lab PC")).to_have_count(0)
+        assert client.get("/v1/systems").status_code == 401
+
+
+def test_a_workspace_is_made_and_given_a_limit(page: Page, client) -> None:
+    page.goto("/access")
+    page.get_by_role("textbox", name="New workspace").fill("bench 3")
+    page.get_by_role("button", name="Make a workspace").click()
+    page.wait_for_url("**/access?workspace=ws_*")
+    room = page.url.rsplit("=", 1)[1]
+    limit = page.get_by_role("textbox", name="Limit: Stored bytes")
+    limit.fill("-5")
+    limit.press("Enter")
+    page.get_by_role("button", name="Keep the limits").click()
+    expect(page.get_by_test_id("quotas").get_by_role("row").filter(has_text="Stored bytes")).to_contain_text("0")
+    limit.fill("5G")
+    limit.press("Enter")
+    page.get_by_role("button", name="Keep the limits").click()
+    expect(page.get_by_test_id("quotas").get_by_role("row").filter(has_text="Stored bytes")).to_contain_text("5 GB")
+    assert client.get(f"/v1/workspaces/{room}").json()["document"]["limits"] == {"stored_bytes": 5_000_000_000}
+    assert faults(page) == []
 
 
 def test_the_service_tells_how_it_is(page: Page) -> None:

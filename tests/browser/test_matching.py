@@ -110,3 +110,56 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     page.get_by_role("button", name="Validate").click()
     page.wait_for_url(lambda url: "/jobs/" in url and not url.endswith(job))
     expect(page.get_by_text(re.compile("^Passed"))).to_be_visible(timeout=90_000)
+
+
+def test_a_recording_is_processed_and_a_model_made_of_it_alone(page: Page, client, system, recording) -> None:
+    page.goto(f"/datasets/{recording}")
+    page.get_by_role("link", name="Process").click()
+    page.get_by_role("textbox", name="Name of the new").fill("cut and filtered")
+    page.get_by_role("button", name="Cut", exact=True).click()
+    page.get_by_role("textbox", name="From").fill("1")
+    page.get_by_role("textbox", name="From").press("Tab")
+    page.get_by_role("button", name="Filter", exact=True).click()
+    page.get_by_role("button", name="Make the recording").click()
+    # What must be said and is not is told at its field, and so is what the service finds wrong.
+    expect(page.get_by_test_id("step").nth(1)).to_contain_text("must not be empty")
+    page.get_by_role("combobox", name="Band").select_option("low_pass")
+    page.get_by_role("textbox", name="Edge").fill("900 Hz")
+    page.get_by_role("textbox", name="Edge").press("Tab")
+    page.get_by_role("button", name="Make the recording").click()
+    expect(page.get_by_test_id("step").nth(1)).to_contain_text("must be < 1570.8 rad/s")
+    assert faults(page) == []
+    page.get_by_role("textbox", name="Edge").fill("100 Hz")
+    page.get_by_role("textbox", name="Edge").press("Tab")
+    page.get_by_role("button", name="Make the recording").click()
+    page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
+    made = page.url.rsplit("/", 1)[1]
+    expect(page.get_by_text("2500 samples")).to_be_visible()
+    steps = client.get(f"/v1/datasets/{made}").json()["processing"]["steps"]
+    assert [step["kind"] for step in steps] == ["cut", "filter"]
+
+    page.get_by_role("link", name="Identify").click()
+    # Several recordings at once: the second is one more experiment.
+    page.get_by_role("combobox", name="System").fill("lag to be found")
+    page.get_by_role("option", name="lag to be found").click()
+    page.get_by_role("button", name="Add a recording").click()
+    page.get_by_test_id("further").get_by_role("combobox", name="Recording").fill("lag on")
+    page.get_by_role("option", name="lag on the bench").click()
+    expect(page.get_by_test_id("further").get_by_role("combobox", name="Channel of y")).to_have_value("y")
+    expect(page).to_have_url(re.compile("more="))
+    page.get_by_role("button", name="Find the values").click()
+    page.wait_for_url("**/jobs/job_*")
+    asked = client.get(f"/v1/jobs/{page.url.rsplit('/', 1)[1]}/request").json()
+    assert [experiment["dataset"] for experiment in asked["experiments"]] == [made, recording]
+
+    page.goto(f"/identify?dataset={recording}&method=transfer_function")
+    page.get_by_role("combobox", name="Inputs").fill("u")
+    page.get_by_role("option", name="u", exact=True).click()
+    page.get_by_role("combobox", name="Outputs").fill("y")
+    page.get_by_role("option", name="y", exact=True).click()
+    page.get_by_role("textbox", name="Orders").fill("1; 2")
+    page.get_by_role("textbox", name="Orders").press("Tab")
+    assert faults(page) == []
+    page.get_by_role("button", name="Find the values").click()
+    page.wait_for_url("**/jobs/job_*")
+    expect(page.get_by_role("button", name="Keep the model as a system")).to_be_visible(timeout=90_000)

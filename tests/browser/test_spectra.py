@@ -28,7 +28,19 @@ def recording(client) -> str:
     return send(client, "hammer", {"force": ("N", force), "x": ("m", x)}, RATE)
 
 
-def test_a_resonance_is_found_with_its_bounds(page: Page, recording) -> None:
+@pytest.fixture(scope="module")
+def model(client) -> str:
+    mode = {"kind": "transfer_function", "numerator": [1], "denominator": [1, 2 * DAMPING * NATURAL, NATURAL**2]}
+    document = {
+        "name": "one mode",
+        "blocks": {"f": {"kind": "input"}, "mode": mode},
+        "connections": [{"from": "f", "to": "mode"}],
+        "outputs": {"x": "mode"},
+    }
+    return str(client.post("/v1/systems", json=document).json()["id"])
+
+
+def test_a_resonance_is_found_with_its_bounds(page: Page, client, recording, model) -> None:
     page.goto(f"/datasets/{recording}")
     page.get_by_role("link", name="Frequency response").click()
     page.get_by_role("button", name="Estimate").wait_for()
@@ -49,6 +61,18 @@ def test_a_resonance_is_found_with_its_bounds(page: Page, recording) -> None:
     assert lower < float(found) < upper
     expect(page.get_by_test_id("frf").locator("[role=img] svg")).to_have_count(3)
     assert faults(page) == []
+    # A model on the same lines, and how far it is from the measurement.
+    page.get_by_role("combobox", name="Against a model").select_option(model)
+    page.get_by_role("combobox", name="From").select_option("f")
+    page.get_by_role("combobox", name="To", exact=True).select_option("x")
+    page.get_by_role("button", name="Estimate").click()
+    expect(page).to_have_url(re.compile(f"system={model}"))
+    told = page.get_by_test_id("against-model")
+    expect(told).to_be_visible(timeout=60_000)
+    body = {"dataset": recording, "input": "force", "output": "x", "segment": 16, "window": "hann"}
+    held = client.post("/v1/frfs", json=body | {"system": model, "from": "f", "to": "x"}).json()
+    within = held["outputs"]["x"]["simulated"]["within_percent"]
+    assert float(re.search(r"on ([0-9.]+) %", told.inner_text())[1]) == pytest.approx(within, rel=0.01)
     page.get_by_role("button", name="Keep for export").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="Universal file").click()

@@ -28,6 +28,7 @@ export const router = createBrowserRouter([
       { path: "jobs/:id", lazy: async () => ({ Component: (await import("@/features/jobs/JobPage")).JobPage }) },
       { path: "datasets", lazy: async () => ({ Component: (await import("@/features/datasets/DatasetsPage")).DatasetsPage }) },
       { path: "datasets/:id/frf", lazy: async () => ({ Component: (await import("@/features/datasets/FrfPage")).FrfPage }) },
+      { path: "datasets/:id/process", lazy: async () => ({ Component: (await import("@/features/datasets/processing/ProcessPage")).ProcessPage }) },
       { path: "datasets/:id/import", lazy: async () => ({ Component: (await import("@/features/datasets/ImportPage")).ImportPage }) },
       { path: "datasets/:id", lazy: async () => ({ Component: (await import("@/features/datasets/DatasetPage")).DatasetPage }) },
       { path: "lineage/:id", lazy: async () => ({ Component: (await import("@/features/lineage/LineagePage")).LineagePage }) },

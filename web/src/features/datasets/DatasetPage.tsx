@@ -76,6 +76,11 @@ export function DatasetPage() {
     <div className="page">
       <PageHead title={dataset.data.name} doc={ready ? t("datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
         <StatusBadge status={dataset.data.status} />
+        {ready && (
+          <Button component={Link} to={`/datasets/${id}/process`} variant="default">
+            {t("process.open")}
+          </Button>
+        )}
         {ready && names.length > 1 && (
           <Button component={Link} to={`/datasets/${id}/frf`} variant="default">
             {t("spectra.frf")}

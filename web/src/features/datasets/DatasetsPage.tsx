@@ -1,9 +1,9 @@
-import { Button, FileButton, Stack, Table, Text } from "@mantine/core";
+import { Button, FileButton, Stack } from "@mantine/core";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { Link } from "react-router";
 import { api, must } from "@/shared/api/client";
+import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -34,34 +34,18 @@ export function DatasetsPage() {
         {file && <UploadPanel key={`${file.name}${file.lastModified}`} file={file} onClose={() => setFile(null)} />}
         {datasets.isSuccess && rows.length === 0 && !file && <Empty title={t("datasets.none")}>{t("datasets.noneDoc")}</Empty>}
         {rows.length > 0 && (
-          <Table highlightOnHover>
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>{t("systems.name")}</Table.Th>
-                <Table.Th>{t("importing.format")}</Table.Th>
-                <Table.Th>{t("jobs.status")}</Table.Th>
-                <Table.Th>{t("datasets.kept")}</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {rows.map((row) => (
-                <Table.Tr key={row.id}>
-                  <Table.Td>
-                    <Text component={Link} to={`/datasets/${row.id}`} c="var(--mantine-color-anchor)" fz="sm" fw={500}>
-                      {row.name}
-                    </Text>
-                  </Table.Td>
-                  <Table.Td>{t(`importing.formats.${row.format}`, row.format)}</Table.Td>
-                  <Table.Td>
-                    <StatusBadge status={row.status} />
-                  </Table.Td>
-                  <Table.Td>
-                    <When at={row.created_at} />
-                  </Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
+          <DataTable
+            testId="datasets"
+            highlight
+            rows={rows}
+            keyOf={(row) => row.id}
+            columns={[
+              { title: t("systems.name"), cell: (row) => <NameLink to={`/datasets/${row.id}`}>{row.name}</NameLink> },
+              { title: t("importing.format"), cell: (row) => t(`importing.formats.${row.format}`, row.format) },
+              { title: t("jobs.status"), cell: (row) => <StatusBadge status={row.status} /> },
+              { title: t("datasets.kept"), cell: (row) => <When at={row.created_at} /> },
+            ]}
+          />
         )}
         {datasets.hasNextPage && (
           <Button variant="default" onClick={() => void datasets.fetchNextPage()}>

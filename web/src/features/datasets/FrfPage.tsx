@@ -1,8 +1,8 @@
 import { zodResolver } from "@hookform/resolvers/zod";
-import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, NumberInput, Paper, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, Paper, SimpleGrid, Stack, Text, TextInput, Title } from "@mantine/core";
 import { useMutation, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
-import { Controller, useForm } from "react-hook-form";
+import { Controller, useForm, type UseFormRegister } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
@@ -10,18 +10,23 @@ import { isProblem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisLine, AnalysisSpec } from "@/shared/charts/analysis";
+import { systemQuery } from "@/shared/api/systems";
+import { NumberField } from "@/shared/forms/NumberField";
+import { describedQuery } from "@/shared/systems/described";
+import { DataTable } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
-import { ESTIMATORS, FORMS, frfRequest, frfSchema, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
+import { ESTIMATORS, FORMS, frfRequest, frfSchema, isPeriodic, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
 import { datasetQuery } from "./recording";
 
 type Reply = components["schemas"]["FrfReply"];
 type FrfRequest = components["schemas"]["FrfRequest"];
 
 const ask = (body: Record<string, unknown>): Promise<Reply> => must(api.POST("/v1/frfs", { body: body as unknown as FrfRequest }));
-const SHOWN = ["/input", "/output", "/estimator", "/segment", "/window", "/confidence", "/form", "/period"];
+const SHOWN = ["/input", "/output", "/estimator", "/segment", "/window", "/confidence", "/form", "/period", "/steps", "/settle", "/system", "/from", "/to"];
+const number = (value: number | null | undefined) => (value == null ? "–" : formatNumber(value, 3));
 const plain = (values: (number | null)[] | null | undefined): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
 
 /** Measured frequency responses with their coherence and the bounds that hold the truth, natural frequencies, and the doubts. */
@@ -56,8 +61,9 @@ function Form({ id, channels, asked, fields }: { id: string; channels: string[];
     const own = formState.errors[field]?.message;
     return own ? t(own) : problem?.at(pointer);
   };
-  const periodic = watch("estimator") === "multisine";
-  const amount = (name: "segment" | "period" | "confidence", unit: string, doc: string) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={170} label={t(`spectra.${name}`)} description={doc} hideControls suffix={unit} value={field.value ?? ""} onChange={(value) => field.onChange(value === "" ? undefined : Number(value))} error={wrong(name)} />} />;
+  const asking = watch();
+  const periodic = isPeriodic(asking);
+  const amount = (name: "segment" | "period" | "confidence" | "dwell" | "begin" | "settle", unit = "s") => <NumberField control={control} name={name} w={150} label={t(`spectra.${name}`)} description={t(`spectra.${name}Doc`)} unit={unit} optional error={wrong(name)} />;
   return (
     <Stack gap="md">
       <Paper withBorder p="md">
@@ -66,11 +72,20 @@ function Form({ id, channels, asked, fields }: { id: string; channels: string[];
             <NativeSelect size="xs" label={t("spectra.input")} description={t("spectra.inputDoc")} {...register("input")} data={channels} error={wrong("input")} />
             <Controller control={control} name="outputs" render={({ field }) => <MultiSelect label={t("spectra.outputs")} description={t("spectra.outputsDoc")} data={channels} value={field.value} onChange={field.onChange} error={wrong("outputs", "/output")} miw={180} maw={320} />} />
             <NativeSelect size="xs" label={t("spectra.estimator")} description={t("spectra.estimatorDoc")} {...register("estimator")} data={ESTIMATORS.map((value) => ({ value, label: t(`spectra.estimators.${value}`) }))} error={wrong("estimator")} />
-            {periodic ? amount("period", " s", t("spectra.periodDoc")) : amount("segment", " s", t("spectra.segmentDoc"))}
+            {asking.estimator === "multisine" && amount("period")}
+            {asking.estimator === "stepped_sine" && (
+              <>
+                <TextInput w={260} label={t("spectra.frequencies")} description={t("spectra.frequenciesDoc")} placeholder="5 Hz; 10 Hz; 20 Hz" {...register("frequencies")} error={wrong("frequencies", "/steps")} classNames={{ input: "numbers" }} />
+                {amount("dwell")}
+                {amount("begin")}
+              </>
+            )}
+            {periodic ? amount("settle") : amount("segment")}
             {!periodic && <NativeSelect size="xs" label={t("spectra.window")} description={t("spectra.windowDoc")} {...register("window")} data={WINDOWS.map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} error={wrong("window")} />}
-            {amount("confidence", "", t("spectra.confidenceDoc"))}
+            {amount("confidence", "")}
             <NativeSelect size="xs" label={t("spectra.form")} description={t("spectra.formDoc")} {...register("form")} data={FORMS.map((value) => ({ value, label: t(`spectra.forms.${value || "own"}`) }))} error={wrong("form")} />
           </Group>
+          <ModelFields system={asking.system} register={register} wrong={wrong} />
           <Checkbox size="xs" mt="sm" label={t("spectra.modes")} {...register("modes")} />
           <Button type="submit" mt="sm" loading={found.isFetching}>
             {t("spectra.estimate")}
@@ -80,6 +95,22 @@ function Form({ id, channels, asked, fields }: { id: string; channels: string[];
       <ProblemAlert error={found.error} shown={SHOWN} />
       {found.data && <Result reply={found.data} body={body} />}
     </Stack>
+  );
+}
+
+/** A model that is held against the measurement: its system, and the path that was measured. */
+function ModelFields({ system, register, wrong }: { system: string; register: UseFormRegister<FrfFields>; wrong(field: keyof FrfFields): string | undefined }) {
+  const { t } = useTranslation();
+  const systems = useQuery({ queryKey: ["systems", "choices"], queryFn: async () => (await must(api.GET("/v1/systems", { params: { query: { limit: 200 } } }))).items });
+  const stored = useQuery({ ...systemQuery(system), enabled: system !== "" });
+  const opened = useQuery({ ...describedQuery(system, stored.data?.revision ?? 0), enabled: system !== "" && stored.data !== undefined }).data;
+  const choice = (names: string[]) => [{ value: "", label: t("forms.choose") }, ...names];
+  return (
+    <Group align="flex-start" mt="sm">
+      <NativeSelect size="xs" label={t("spectra.model")} description={t("spectra.modelDoc")} {...register("system")} data={[{ value: "", label: t("spectra.noModel") }, ...(systems.data ?? []).map((row) => ({ value: row.id, label: row.name || row.id }))]} error={wrong("system")} />
+      {system && opened && <NativeSelect size="xs" label={t("spectra.modelFrom")} description={t("spectra.modelFromDoc")} {...register("from")} data={choice(opened.inputs)} error={wrong("from")} />}
+      {system && opened && <NativeSelect size="xs" label={t("spectra.modelTo")} description={t("spectra.modelToDoc")} {...register("to")} data={choice(opened.outputs.map(({ name }) => name))} error={wrong("to")} />}
+    </Group>
   );
 }
 
@@ -94,10 +125,11 @@ function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }
     const units = [...new Set(outputs.map(([, found]) => prettyUnit(found.unit)))];
     const lines = (pick: (found: Reply["outputs"][string]) => Omit<AnalysisLine, "label" | "x">): AnalysisLine[] => outputs.map(([output, found]) => ({ label: words(output), x, ...pick(found) }));
     const band = (lower: (number | null)[] | null | undefined, upper: (number | null)[] | null | undefined) => (lower && upper ? { band: { lower: plain(lower), upper: plain(upper) } } : {});
+    const models = outputs.flatMap(([output, { simulated }], i) => (simulated ? [{ simulated, label: t("spectra.modelOf", { output: words(output) }), x, color: i + outputs.length }] : []));
     const marks = (reply.modes?.modes ?? []).flatMap((mode) => (mode.frequency === null ? [] : [{ x: mode.frequency, label: "" }]));
     return {
-      magnitude: { title: t("spectra.magnitude"), x: axis, y: { label: "|G|", unit: units.length === 1 ? units[0]! : "", log: true }, lines: lines((found) => ({ y: plain(found.magnitude), ...band(found.magnitude_lower, found.magnitude_upper) })), marks } as AnalysisSpec,
-      phase: { title: t("panel.phase"), x: axis, y: { label: t("panel.phase"), unit: "rad" }, lines: lines((found) => ({ y: plain(found.phase), ...band(found.phase_lower, found.phase_upper) })), marks } as AnalysisSpec,
+      magnitude: { title: t("spectra.magnitude"), x: axis, y: { label: "|G|", unit: units.length === 1 ? units[0]! : "", log: true }, lines: [...lines((found) => ({ y: plain(found.magnitude), ...band(found.magnitude_lower, found.magnitude_upper) })), ...models.map(({ simulated, ...line }) => ({ ...line, y: plain(simulated.magnitude) }))], marks } as AnalysisSpec,
+      phase: { title: t("panel.phase"), x: axis, y: { label: t("panel.phase"), unit: "rad" }, lines: [...lines((found) => ({ y: plain(found.phase), ...band(found.phase_lower, found.phase_upper) })), ...models.map(({ simulated, ...line }) => ({ ...line, y: plain(simulated.phase) }))], marks } as AnalysisSpec,
       coherence: { title: t("spectra.coherence"), x: axis, y: { label: "γ²", unit: "", min: 0, max: 1 }, lines: lines((found) => ({ y: plain(found.coherence) })) } as AnalysisSpec,
     };
   }, [reply, t]);
@@ -118,6 +150,13 @@ function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }
         </Group>
       </Group>
       <ProblemAlert error={keep.error} />
+      {outputs.map(([output, { simulated }]) =>
+        simulated ? (
+          <Text key={output} fz="sm" data-testid="against-model">
+            {t("spectra.against", { output: words(output), within: number(simulated.within_percent), median: number(simulated.median_deviation_db), worst: number(simulated.worst_deviation_db), frequency: number(simulated.worst_frequency), error: number(simulated.relative_error_percent) })}
+          </Text>
+        ) : null,
+      )}
       {(doubts.length > 0 || reply.warnings.length > 0) && (
         <Alert color="orange" variant="outline" title={t("spectra.doubts")}>
           <List size="sm">
@@ -153,42 +192,21 @@ function Modes({ modes }: { modes: NonNullable<Reply["modes"]>["modes"] }) {
       {modes.length === 0 ? (
         <Text fz="sm">{t("spectra.noModes")}</Text>
       ) : (
-        <Table.ScrollContainer minWidth={640}>
-          <Table maw={960} data-testid="modes">
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th ta="right">{t("spectra.natural")} [rad/s]</Table.Th>
-                <Table.Th ta="right">[Hz]</Table.Th>
-                <Table.Th ta="right">{t("found.interval")} [rad/s]</Table.Th>
-                <Table.Th ta="right">{t("spectra.damping")}</Table.Th>
-                <Table.Th ta="right">{t("found.interval")}</Table.Th>
-                <Table.Th>{t("spectra.doubts")}</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {modes.map((mode, i) => (
-                <Table.Tr key={i}>
-                  <Table.Td ta="right" className="numbers" fw={600}>
-                    {mode.frequency === null ? "–" : formatNumber(mode.frequency, 5)}
-                  </Table.Td>
-                  <Table.Td ta="right" className="numbers">
-                    {mode.frequency === null ? "–" : formatNumber(mode.frequency / (2 * Math.PI), 5)}
-                  </Table.Td>
-                  <Table.Td ta="right" className="numbers">
-                    {range(mode.frequency_lower, mode.frequency_upper)}
-                  </Table.Td>
-                  <Table.Td ta="right" className="numbers" fw={600}>
-                    {mode.damping_ratio === null ? "–" : formatNumber(mode.damping_ratio)}
-                  </Table.Td>
-                  <Table.Td ta="right" className="numbers">
-                    {range(mode.damping_ratio_lower, mode.damping_ratio_upper)}
-                  </Table.Td>
-                  <Table.Td>{mode.doubt}</Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        </Table.ScrollContainer>
+        <DataTable
+          testId="modes"
+          minWidth={640}
+          maxWidth={960}
+          rows={modes}
+          keyOf={(_, i) => String(i)}
+          columns={[
+            { title: `${t("spectra.natural")} [rad/s]`, numeric: true, strong: true, cell: (mode) => (mode.frequency === null ? "–" : formatNumber(mode.frequency, 5)) },
+            { title: "[Hz]", numeric: true, cell: (mode) => (mode.frequency === null ? "–" : formatNumber(mode.frequency / (2 * Math.PI), 5)) },
+            { title: `${t("found.interval")} [rad/s]`, numeric: true, cell: (mode) => range(mode.frequency_lower, mode.frequency_upper) },
+            { title: t("spectra.damping"), numeric: true, strong: true, cell: (mode) => (mode.damping_ratio === null ? "–" : formatNumber(mode.damping_ratio)) },
+            { title: t("found.interval"), numeric: true, cell: (mode) => range(mode.damping_ratio_lower, mode.damping_ratio_upper) },
+            { title: t("spectra.doubts"), cell: (mode) => mode.doubt },
+          ]}
+        />
       )}
     </section>
   );

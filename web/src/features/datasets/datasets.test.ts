@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { frfRequest, readFrf, writeFrf } from "./frf";
+import { frfRequest, frfSchema, readFrf, writeFrf } from "./frf";
 import { fieldsOf, formatOf, importOf, importSchema, layoutOf, type Look } from "./importing";
 
 const look: Look = {
@@ -42,4 +42,23 @@ it("keeps what is estimated in the address", () => {
   const fields = { ...readFrf(new URLSearchParams(), ["force", "a"]), segment: 2, modes: true };
   expect(readFrf(writeFrf(fields), ["force", "a"])).toEqual(fields);
   expect(frfRequest("ds_1", fields)).toEqual({ dataset: "ds_1", input: "force", output: ["a"], estimator: "H1", window: "hann", segment: 2, confidence: 0.95, modes: {} });
+});
+
+it("asks for stepped sines one after the other, and holds a model against them", () => {
+  const fields = { ...readFrf(new URLSearchParams(), ["force", "a"]), estimator: "stepped_sine" as const, frequencies: "5 Hz; 62.8", dwell: 2, begin: 1, settle: 0.5, system: "sys_1", from: "u", to: "y" };
+  expect(readFrf(writeFrf(fields), ["force", "a"])).toEqual(fields);
+  expect(frfRequest("ds_1", fields)).toEqual({
+    dataset: "ds_1",
+    input: "force",
+    output: ["a"],
+    estimator: "stepped_sine",
+    steps: [{ frequency: { value: 5, unit: "Hz" }, start: 1, end: 3 }, { frequency: 62.8, start: 3, end: 5 }],
+    settle: 0.5,
+    confidence: 0.95,
+    system: "sys_1",
+    from: "u",
+    to: "y",
+  });
+  const faults = (changed: object) => (frfSchema.safeParse({ ...fields, ...changed }).error?.issues ?? []).map((issue) => issue.path.join("."));
+  expect([faults({}), faults({ frequencies: "five" }), faults({ dwell: undefined }), faults({ to: "" })]).toEqual([[], ["frequencies"], ["dwell"], ["to"]]);
 });

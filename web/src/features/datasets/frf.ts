@@ -1,9 +1,19 @@
 import { z } from "zod";
+import type { Scalar } from "@/shared/api/types";
+import { readEntry } from "@/shared/units/number";
 
-export const ESTIMATORS = ["H1", "H2", "Hv", "multisine"] as const;
+export const ESTIMATORS = ["H1", "H2", "Hv", "multisine", "stepped_sine"] as const;
 export const FORMS = ["", "receptance", "mobility", "accelerance"] as const;
 export const WINDOWS = ["hann", "flat_top", "none"] as const;
 
+/** Frequencies with semicolons between them, rad/s unless they say otherwise: `5 Hz; 10 Hz`; undefined where one cannot be read. */
+export function readFrequencies(text: string): Scalar[] | undefined {
+  const entries = text.split(";").filter((part) => part.trim() !== "").map((part) => readEntry(part, "rad/s"));
+  const found = entries.flatMap((entry): Scalar[] => (entry.kind === "number" ? [entry.value] : entry.kind === "quantity" ? [{ value: entry.value, unit: entry.unit }] : []));
+  return found.length === entries.length && found.length > 0 ? found : undefined;
+}
+
+const notNegative = z.number("forms.number").min(0, "forms.notNegative").optional();
 const optional = z.number("forms.number").positive("forms.positive").optional();
 export const frfSchema = z
   .object({
@@ -16,9 +26,22 @@ export const frfSchema = z
     form: z.enum(FORMS),
     period: optional,
     modes: z.boolean(),
+    /** Of stepped sines: one frequency after the other, each for the same time. */
+    frequencies: z.string(),
+    dwell: optional,
+    begin: notNegative,
+    settle: notNegative,
+    /** A model to be held against the measurement. */
+    system: z.string(),
+    from: z.string(),
+    to: z.string(),
   })
   .refine(({ input, outputs }) => !outputs.includes(input), { path: ["outputs"], message: "spectra.itself" })
-  .refine(({ estimator, period }) => estimator !== "multisine" || period !== undefined, { path: ["period"], message: "forms.required" });
+  .refine(({ estimator, period }) => estimator !== "multisine" || period !== undefined, { path: ["period"], message: "forms.required" })
+  .refine(({ estimator, dwell }) => estimator !== "stepped_sine" || dwell !== undefined, { path: ["dwell"], message: "forms.required" })
+  .refine(({ estimator, frequencies }) => estimator !== "stepped_sine" || readFrequencies(frequencies) !== undefined, { path: ["frequencies"], message: "spectra.frequenciesWrong" })
+  .refine(({ system, from }) => system === "" || from !== "", { path: ["from"], message: "forms.required" })
+  .refine(({ system, to }) => system === "" || to !== "", { path: ["to"], message: "forms.required" });
 export type FrfFields = z.infer<typeof frfSchema>;
 
 /** The form as the address holds it. */
@@ -36,6 +59,13 @@ export function readFrf(query: URLSearchParams, channels: string[]): FrfFields {
     form: one("form", FORMS),
     period: number("period"),
     modes: query.get("modes") === "1",
+    frequencies: query.get("frequencies") ?? "",
+    dwell: number("dwell"),
+    begin: number("begin"),
+    settle: number("settle"),
+    system: query.get("system") ?? "",
+    from: query.get("from") ?? "",
+    to: query.get("to") ?? "",
   };
 }
 
@@ -43,9 +73,23 @@ export function writeFrf(fields: FrfFields): URLSearchParams {
   const query = new URLSearchParams({ input: fields.input, outputs: fields.outputs.join(","), estimator: fields.estimator, window: fields.window, confidence: String(fields.confidence) });
   if (fields.segment !== undefined) query.set("segment", String(fields.segment));
   if (fields.period !== undefined && fields.estimator === "multisine") query.set("period", String(fields.period));
+  for (const key of ["dwell", "begin"] as const) if (fields[key] !== undefined && fields.estimator === "stepped_sine") query.set(key, String(fields[key]));
+  if (fields.estimator === "stepped_sine") query.set("frequencies", fields.frequencies);
+  if (fields.settle !== undefined && isPeriodic(fields)) query.set("settle", String(fields.settle));
+  if (fields.system) for (const key of ["system", "from", "to"] as const) query.set(key, fields[key]);
   if (fields.form) query.set("form", fields.form);
   if (fields.modes) query.set("modes", "1");
   return query;
+}
+
+/** Whether whole periods are fitted, which need neither segments nor a window. */
+export function isPeriodic({ estimator }: Pick<FrfFields, "estimator">): boolean {
+  return estimator === "multisine" || estimator === "stepped_sine";
+}
+
+/** Stepped sines one after the other. */
+function stepsOf({ frequencies, dwell = 0, begin = 0 }: FrfFields) {
+  return (readFrequencies(frequencies) ?? []).map((frequency, i) => ({ frequency, start: begin + i * dwell, end: begin + (i + 1) * dwell }));
 }
 
 /** The request that an address stands for. */
@@ -55,9 +99,11 @@ export function frfRequest(dataset: string, fields: FrfFields): Record<string, u
     input: fields.input,
     output: fields.outputs,
     estimator: fields.estimator,
-    // Whole periods need no window, and have no segments.
-    ...(fields.estimator === "multisine" ? { period: fields.period } : { window: fields.window, ...(fields.segment !== undefined ? { segment: fields.segment } : {}) }),
+    ...(fields.estimator === "multisine" ? { period: fields.period } : {}),
+    ...(fields.estimator === "stepped_sine" ? { steps: stepsOf(fields) } : {}),
+    ...(isPeriodic(fields) ? (fields.settle !== undefined ? { settle: fields.settle } : {}) : { window: fields.window, ...(fields.segment !== undefined ? { segment: fields.segment } : {}) }),
     confidence: fields.confidence,
+    ...(fields.system ? { system: fields.system, from: fields.from, to: fields.to } : {}),
     ...(fields.form ? { form: fields.form } : {}),
     ...(fields.modes ? { modes: {} } : {}),
   };

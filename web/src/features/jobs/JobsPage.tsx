@@ -1,8 +1,9 @@
-import { Button, Group, NativeSelect, Progress, Table, Text } from "@mantine/core";
+import { Button, Group, NativeSelect, Progress, Text } from "@mantine/core";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
-import { Link, useSearchParams } from "react-router";
+import { useSearchParams } from "react-router";
 import { ENDED, jobsQuery } from "@/shared/api/jobs";
+import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -37,48 +38,30 @@ export function JobsPage() {
       </Group>
       {jobs.isSuccess && rows.length === 0 && <Empty title={t("jobs.none")}>{t("jobs.noneDoc")}</Empty>}
       {rows.length > 0 && (
-        <Table.ScrollContainer minWidth={560}>
-          <Table highlightOnHover data-testid="jobs">
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>{t("jobs.kind")}</Table.Th>
-                <Table.Th>{t("jobs.status")}</Table.Th>
-                <Table.Th w={180}>{t("jobs.progress")}</Table.Th>
-                <Table.Th>{t("jobs.begun")}</Table.Th>
-                <Table.Th>{t("jobs.ended")}</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {rows.map((job) => (
-                <Table.Tr key={job.id}>
-                  <Table.Td>
-                    <Text component={Link} to={`/jobs/${job.id}`} c="var(--mantine-color-anchor)" fz="sm" fw={500}>
-                      {t(`jobs.kinds.${job.kind}`, words(job.kind))}
-                    </Text>
-                  </Table.Td>
-                  <Table.Td>
-                    <StatusBadge status={job.status} />
-                  </Table.Td>
-                  <Table.Td>
-                    {ENDED.has(job.status) ? (
-                      <Text fz="xs" c="dimmed" lineClamp={1}>
-                        {job.message}
-                      </Text>
-                    ) : (
-                      <Progress value={100 * job.progress} aria-label={t("jobs.progress")} />
-                    )}
-                  </Table.Td>
-                  <Table.Td>
-                    <When at={job.created_at} />
-                  </Table.Td>
-                  <Table.Td>
-                    <When at={job.finished_at} />
-                  </Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        </Table.ScrollContainer>
+        <DataTable
+          testId="jobs"
+          highlight
+          rows={rows}
+          keyOf={(job) => job.id}
+          columns={[
+            { title: t("jobs.kind"), cell: (job) => <NameLink to={`/jobs/${job.id}`}>{t(`jobs.kinds.${job.kind}`, words(job.kind))}</NameLink> },
+            { title: t("jobs.status"), cell: (job) => <StatusBadge status={job.status} /> },
+            {
+              title: t("jobs.progress"),
+              width: 180,
+              cell: (job) =>
+                ENDED.has(job.status) ? (
+                  <Text fz="xs" c="dimmed" lineClamp={1}>
+                    {job.message}
+                  </Text>
+                ) : (
+                  <Progress value={100 * job.progress} aria-label={t("jobs.progress")} />
+                ),
+            },
+            { title: t("jobs.begun"), cell: (job) => <When at={job.created_at} /> },
+            { title: t("jobs.ended"), cell: (job) => <When at={job.finished_at} /> },
+          ]}
+        />
       )}
       {jobs.hasNextPage && (
         <Button variant="default" onClick={() => void jobs.fetchNextPage()}>

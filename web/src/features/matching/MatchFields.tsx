@@ -1,4 +1,4 @@
-import { Anchor, Button, Group, Select, Stack, Table, Text } from "@mantine/core";
+import { Button, Group, Select, Stack } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
@@ -8,9 +8,9 @@ import type { Opened } from "@/shared/live/protocol";
 import { describedQuery } from "@/shared/systems/described";
 import { Empty } from "@/shared/ui/Empty";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { prettyUnit } from "@/shared/units/format";
 import { readMatch, writeMatch, type Match } from "./address";
-import { channelsOf, choicesQuery, datasetQuery, likely, type Dataset } from "./sources";
+import { RecordingFields } from "./RecordingFields";
+import { choicesQuery, datasetQuery, guessed, type Dataset } from "./sources";
 
 export interface Matched {
   match: Match;
@@ -33,10 +33,8 @@ export function useMatch(): Matched {
   const untouched = Object.keys(match.inputs).length + Object.keys(match.outputs).length === 0;
   useEffect(() => {
     if (!opened || !recording || !untouched) return;
-    const channels = channelsOf(recording);
-    const inputs = Object.fromEntries(opened.inputs.map((port) => [port, likely(port, channels)]));
-    const outputs = Object.fromEntries(opened.outputs.map(({ name }) => [name, likely(name, channels)]));
-    if (Object.values({ ...inputs, ...outputs }).some((channel) => channel !== "")) change({ inputs, outputs });
+    const ports = guessed(opened, recording);
+    if (ports) change(ports);
   });
   return { match, change, opened, dataset: recording, error: system.error ?? described.error ?? dataset.error };
 }
@@ -67,52 +65,11 @@ export function MatchFields({ match, change, opened, dataset, error, wrong }: Ma
       </Empty>
     );
   }
-  const channels = channelsOf(dataset);
-  const data = [{ value: "", label: t("matching.nothing") }, ...channels.map(({ name, unit }) => ({ value: name, label: unit ? `${name} [${prettyUnit(unit)}]` : name }))];
   return (
     <Stack gap="sm">
-      <Group grow preventGrowOverflow={false} align="flex-start">
-        <Select label={t("matching.system")} data={systems.map((row) => ({ value: row.id, label: row.name || row.id }))} value={match.system || null} onChange={(value) => value && change({ system: value, inputs: {}, outputs: {} })} searchable error={wrong("/system")} />
-        <Select label={t("matching.dataset")} data={datasets.map((row) => ({ value: row.id, label: row.name }))} value={match.dataset || null} onChange={(value) => value && change({ dataset: value, inputs: {}, outputs: {} })} searchable error={wrong("/dataset")} />
-      </Group>
+      <Select label={t("matching.system")} data={systems.map((row) => ({ value: row.id, label: row.name || row.id }))} value={match.system || null} onChange={(value) => value && change({ system: value, inputs: {}, outputs: {} })} searchable error={wrong("/system")} maw={420} />
+      <RecordingFields recorded={match} change={change} opened={opened} dataset={dataset} datasets={datasets} wrong={wrong} />
       <ProblemAlert error={error} />
-      {opened && dataset && (
-        <Table maw={640} withRowBorders={false} data-testid="mapping">
-          <Table.Thead>
-            <Table.Tr>
-              <Table.Th>{t("matching.signal")}</Table.Th>
-              <Table.Th>{t("matching.channel")}</Table.Th>
-            </Table.Tr>
-          </Table.Thead>
-          <Table.Tbody>
-            {opened.inputs.map((port) => (
-              <Table.Tr key={`in.${port}`}>
-                <Table.Td>{t("matching.input", { name: port })}</Table.Td>
-                <Table.Td>
-                  <Select aria-label={t("matching.channelOf", { name: port })} data={data} value={match.inputs[port] ?? ""} onChange={(value) => change({ inputs: { ...match.inputs, [port]: value ?? "" } })} error={wrong(`/inputs/${port}`)} />
-                </Table.Td>
-              </Table.Tr>
-            ))}
-            {opened.outputs.map(({ name, unit }) => (
-              <Table.Tr key={`out.${name}`}>
-                <Table.Td>
-                  {t("matching.output", { name })} {prettyUnit(unit) && `[${prettyUnit(unit)}]`}
-                </Table.Td>
-                <Table.Td>
-                  <Select aria-label={t("matching.channelOf", { name })} data={data} value={match.outputs[name] ?? ""} onChange={(value) => change({ outputs: { ...match.outputs, [name]: value ?? "" } })} error={wrong(`/outputs/${name}`)} />
-                </Table.Td>
-              </Table.Tr>
-            ))}
-          </Table.Tbody>
-        </Table>
-      )}
-      {match.dataset && (
-        <Text fz="xs">
-          <Anchor component={Link} to={`/datasets/${match.dataset}`} fz="xs">
-            {t("matching.look")}
-          </Anchor>
-        </Text>
-      )}
     </Stack>
   );
 }

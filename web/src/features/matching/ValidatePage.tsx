@@ -1,17 +1,19 @@
 import { zodResolver } from "@hookform/resolvers/zod";
-import { Button, Group, NativeSelect, NumberInput, Paper, Stack, Text, TextInput } from "@mantine/core";
+import { Group, NativeSelect, Paper, Stack, Text, TextInput } from "@mantine/core";
 import { useMutation, useQueryClient } from "@tanstack/react-query";
-import { Controller, useForm } from "react-hook-form";
+import { useForm } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { useNavigate, useSearchParams } from "react-router";
 import { z } from "zod";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
+import { NumberField } from "@/shared/forms/NumberField";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { given } from "./address";
 import { MatchFields, useMatch } from "./MatchFields";
+import { OffsetsSelect, StartButtons } from "./parts";
 
 const second = z.number("forms.number").min(0, "forms.notNegative").optional();
 const schema = z
@@ -77,7 +79,7 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
     const message = formState.errors[field]?.message;
     return message ? t(message) : wrong(pointer);
   };
-  const seconds = (name: "from" | "to", label: string, error: string | undefined) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={110} label={label} suffix=" s" hideControls value={field.value ?? ""} onChange={(value) => field.onChange(value === "" ? undefined : Number(value))} error={error} />} />;
+  const seconds = (name: "from" | "to", label: string, error: string | undefined) => <NumberField control={control} name={name} w={110} label={label} unit="s" optional error={error} />;
   return (
     <form onSubmit={(event) => void handleSubmit((fields) => start.mutate(fields))(event)} noValidate>
       <Stack gap="sm">
@@ -85,8 +87,8 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
         {found.opened && found.dataset && (
           <>
             <Group align="flex-start">
-              <Controller control={control} name="limit" render={({ field }) => <NumberInput size="xs" w={190} label={t("matching.limit")} description={t("matching.limitDoc")} suffix=" %" hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={own("limit", "/limit_percent")} />} />
-              <NativeSelect size="xs" w={190} label={t("matching.offsets")} description={t("matching.offsetsDoc")} {...register("offsets")} data={[{ value: "none", label: t("matching.no") }, { value: "estimate", label: t("matching.estimate") }]} />
+              <NumberField control={control} name="limit" w={190} label={t("matching.limit")} description={t("matching.limitDoc")} unit="%" error={own("limit", "/limit_percent")} />
+              <OffsetsSelect {...register("offsets")} />
               <NativeSelect size="xs" w={190} label={t("matching.diagnose")} description={t("matching.diagnoseDoc")} {...register("diagnose")} data={(["failed", "always", "never"] as const).map((value) => ({ value, label: t(`matching.diagnoses.${value}`) }))} />
             </Group>
             <Group align="flex-start">
@@ -98,14 +100,7 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
               {t("matching.windowDoc")}
             </Text>
             <ProblemAlert error={start.error} shown={SHOWN} />
-            <Group>
-              <Button type="submit" loading={start.isPending}>
-                {t("matching.judge")}
-              </Button>
-              <Button variant="default" onClick={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.validate"), { kind: "validation", body: bodyOf(fields) })))()}>
-                {t("schedules.new")}
-              </Button>
-            </Group>
+            <StartButtons go={t("matching.judge")} busy={start.isPending} onSchedule={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.validate"), { kind: "validation", body: bodyOf(fields) })))()} />
           </>
         )}
       </Stack>

@@ -1,9 +1,24 @@
-/** What both forms are about, in the address: `system`, `dataset`, `in.<port>` and `out.<output>` with their channels. */
-export interface Match {
-  system: string;
+import type { Scalar } from "@/shared/api/types";
+import { readScenarios } from "@/shared/systems/scenarios";
+
+/** A recording, and which of its channels is which signal. */
+export interface Recorded {
   dataset: string;
   inputs: Record<string, string>;
   outputs: Record<string, string>;
+}
+
+/** What both forms are about, in the address: `system`, `dataset`, `in.<port>` and `out.<output>` with their channels. */
+export interface Match extends Recorded {
+  system: string;
+}
+
+/** One of several recordings, with what is known of it alone. */
+export interface Experiment extends Recorded {
+  /** The share that estimates: 1 all of it, 0 none. */
+  split: number;
+  /** Parameters that had another value: `load = 25 kg; current = 0.5`. */
+  known: string;
 }
 
 export function readMatch(query: URLSearchParams): Match {
@@ -24,7 +39,41 @@ export function writeMatch(query: URLSearchParams, match: Match): URLSearchParam
   return next;
 }
 
+/** Further recordings beside the first one, which stand in the address as `more`. */
+export function readMore(query: URLSearchParams): Experiment[] {
+  const text = (value: unknown) => (typeof value === "string" ? value : "");
+  const ports = (value: unknown) => Object.fromEntries(Object.entries(typeof value === "object" && value !== null ? value : {}).map(([port, channel]) => [port, text(channel)]));
+  try {
+    const found: unknown = JSON.parse(query.get("more") ?? "[]");
+    if (!Array.isArray(found)) return [];
+    return (found as Partial<Experiment>[]).map((one) => ({ dataset: text(one.dataset), inputs: ports(one.inputs), outputs: ports(one.outputs), split: typeof one.split === "number" ? one.split : 0.5, known: text(one.known) }));
+  } catch {
+    return [];
+  }
+}
+
+export function writeMore(query: URLSearchParams, more: Experiment[]): URLSearchParams {
+  const next = new URLSearchParams(query);
+  if (more.length > 0) next.set("more", JSON.stringify(more));
+  else next.delete("more");
+  return next;
+}
+
 /** Only the ports that have a channel: what a request names. */
 export function given(ports: Record<string, string>): Record<string, string> {
   return Object.fromEntries(Object.entries(ports).filter(([, channel]) => channel !== ""));
+}
+
+/** What is known of one recording alone; undefined where it cannot be read. */
+export function readKnown(text: string): Record<string, Scalar> | undefined {
+  const lines = readScenarios(text.replaceAll("\n", ";"));
+  return lines === undefined ? undefined : (lines[0] ?? {});
+}
+
+/** Where the recordings stand in a request: one beside its system, several as experiments. */
+export function recordingsOf(match: Match, first: { split: number; known: string }, more: Experiment[]): Record<string, unknown> {
+  const one = ({ dataset, inputs, outputs }: Recorded) => ({ dataset, inputs: given(inputs), outputs: given(outputs) });
+  if (more.length === 0 && first.known.trim() === "") return { ...one(match), split: first.split };
+  const experiments = [{ ...match, ...first }, ...more].map((each) => ({ ...one(each), split: each.split, parameters: readKnown(each.known) ?? {} }));
+  return { experiments };
 }

@@ -1,5 +1,8 @@
 import { expect, it } from "vitest";
-import { given, readMatch, writeMatch } from "./address";
+import contract from "../../../../openapi/openapi.json";
+import type { Schemas } from "@/shared/forms/schema";
+import { given, readMatch, readMore, recordingsOf, writeMatch, writeMore, type Experiment } from "./address";
+import { directFields, methodIn, readValues } from "./direct";
 import { likely } from "./sources";
 
 it("keeps what is matched in the address, and what else is there", () => {
@@ -15,4 +18,33 @@ it("asks only for what has a channel", () => expect(given({ y: "position", x: ""
 it("takes names that agree for the same", () => {
   const channels = [{ name: "Motor_Speed", unit: "rad/s" }];
   expect([likely("motor speed", channels), likely("force", channels)]).toEqual(["Motor_Speed", ""]);
+});
+
+const first = { system: "sys_1", dataset: "ds_1", inputs: { u: "valve" }, outputs: { y: "position" } };
+const laden: Experiment = { dataset: "ds_2", inputs: { u: "valve" }, outputs: { y: "position", x: "" }, split: 0, known: "load = 25 kg; current = 0.5" };
+
+it("keeps further recordings in the address", () => {
+  expect(readMore(writeMore(new URLSearchParams("p=k"), [laden]))).toEqual([laden]);
+  expect(writeMore(new URLSearchParams("more=x"), []).has("more")).toBe(false);
+  expect(readMore(new URLSearchParams("more={"))).toEqual([]);
+});
+
+it("asks for one recording beside its system, and for several as experiments", () => {
+  expect(recordingsOf(first, { split: 0.5, known: "" }, [])).toEqual({ dataset: "ds_1", inputs: { u: "valve" }, outputs: { y: "position" }, split: 0.5 });
+  expect(recordingsOf(first, { split: 1, known: "" }, [laden])).toEqual({
+    experiments: [
+      { dataset: "ds_1", inputs: { u: "valve" }, outputs: { y: "position" }, split: 1, parameters: {} },
+      { dataset: "ds_2", inputs: { u: "valve" }, outputs: { y: "position" }, split: 0, parameters: { load: { value: 25, unit: "kg" }, current: 0.5 } },
+    ],
+  });
+});
+
+it("offers what each method of the contract asks", () => {
+  const schemas = contract.components.schemas as unknown as Schemas;
+  const names = (method: Parameters<typeof directFields>[1]) => directFields(schemas, method).map(({ name, kind }) => `${name}:${kind}`);
+  expect(names("subspace")).toEqual(["inputs:ports", "outputs:ports", "estimation:window", "offsets:choice", "orders:integers", "split:number", "validation:window"]);
+  expect(names("transfer_function")).toContain("largest_delay:quantity");
+  expect(names("static_curve")).toEqual(["input:channel", "output:channel", "degree:integer"]);
+  expect(names("inverse_dynamics")).toEqual(expect.arrayContaining(["force:channel", "position:channel", "velocity:channel", "further:ports", "low_pass:quantity", "asymmetric:flag"]));
+  expect([methodIn(new URLSearchParams("method=subspace")), methodIn(new URLSearchParams("method=x")), readValues(new URLSearchParams("f=[]"))]).toEqual(["subspace", "grey_box", {}]);
 });

@@ -1,6 +1,7 @@
 import { queryOptions } from "@tanstack/react-query";
 import { api, must } from "@/shared/api/client";
 import type { components } from "@/shared/api/schema";
+import type { Opened } from "@/shared/live/protocol";
 
 export type Dataset = components["schemas"]["DatasetReply"];
 
@@ -32,4 +33,12 @@ export function channelsOf(dataset: Dataset | undefined): Channel[] {
 export function likely(port: string, channels: Channel[]): string {
   const plain = (text: string) => text.toLowerCase().replace(/[^a-z0-9]/g, "");
   return channels.find((channel) => plain(channel.name) === plain(port))?.name ?? "";
+}
+
+/** Channels for all ports by their names; null where no name agrees. */
+export function guessed(opened: Opened, dataset: Dataset): { inputs: Record<string, string>; outputs: Record<string, string> } | null {
+  const channels = channelsOf(dataset);
+  const inputs = Object.fromEntries(opened.inputs.map((port) => [port, likely(port, channels)]));
+  const outputs = Object.fromEntries(opened.outputs.map(({ name }) => [name, likely(name, channels)]));
+  return [...Object.values(inputs), ...Object.values(outputs)].some((channel) => channel !== "") ? { inputs, outputs } : null;
 }

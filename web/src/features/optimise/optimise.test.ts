@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { bodyOf, curlOf, pythonOf, readScenarios } from "./problem";
+import { readScenarios } from "@/shared/systems/scenarios";
+import { bodyOf, curlOf, pythonOf } from "./problem";
 import { fieldOf, search, shape } from "./schema";
 import type { ProblemForm } from "@/shared/systems/search";
 

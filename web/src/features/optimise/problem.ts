@@ -1,6 +1,5 @@
-import type { Scalar } from "@/shared/api/types";
 import type { ProblemForm } from "@/shared/systems/search";
-import { readEntry } from "@/shared/units/number";
+import { readScenarios } from "@/shared/systems/scenarios";
 
 export interface Domains {
   /** What a metric needs: "time", "path", "loop" or "system". */
@@ -23,22 +22,6 @@ export function bodyOf(form: ProblemForm, system: string, domains: Domains): Rec
     ...(scenarios && scenarios.length > 0 ? { scenarios: [{}, ...scenarios] } : {}),
     method: { kind: form.method, ...form.options },
   };
-}
-
-/** One scenario a line, values separated by semicolons; undefined where a line cannot be read. */
-export function readScenarios(text: string): Record<string, Scalar>[] | undefined {
-  const found: Record<string, Scalar>[] = [];
-  for (const line of text.split("\n").filter((l) => l.trim() !== "")) {
-    const scenario: Record<string, Scalar> = {};
-    for (const part of line.split(";").filter((p) => p.trim() !== "")) {
-      const [name = "", ...rest] = part.split("=");
-      const entry = readEntry(rest.join("="));
-      if (name.trim() === "" || (entry.kind !== "number" && entry.kind !== "quantity")) return undefined;
-      scenario[name.trim()] = entry.kind === "number" ? entry.value : { value: entry.value, unit: entry.unit };
-    }
-    found.push(scenario);
-  }
-  return found;
 }
 
 /** A script that asks the same through the client library. */

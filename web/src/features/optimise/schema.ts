@@ -1,5 +1,5 @@
 import { z } from "zod";
-import { readScenarios } from "./problem";
+import { readScenarios } from "@/shared/systems/scenarios";
 
 const scalar = z.union([z.number(), z.string(), z.object({ value: z.number(), unit: z.string() })]).optional();
 

@@ -1,42 +1,24 @@
-import { Table, Text } from "@mantine/core";
 import { useTranslation } from "react-i18next";
-import { Link } from "react-router";
 import type { components } from "@/shared/api/schema";
+import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { When } from "@/shared/ui/When";
 
+/** Measurements, each with the way to its page. */
 export function AcquisitionTable({ rows }: { rows: components["schemas"]["AcquisitionHead"][] }) {
   const { t } = useTranslation();
   return (
-    <Table.ScrollContainer minWidth={560}>
-      <Table highlightOnHover data-testid="measurements">
-        <Table.Thead>
-          <Table.Tr>
-            <Table.Th>{t("systems.name")}</Table.Th>
-            <Table.Th>{t("rigs.rig")}</Table.Th>
-            <Table.Th>{t("jobs.status")}</Table.Th>
-            <Table.Th>{t("jobs.begun")}</Table.Th>
-          </Table.Tr>
-        </Table.Thead>
-        <Table.Tbody>
-          {rows.map((row) => (
-            <Table.Tr key={row.id}>
-              <Table.Td>
-                <Text component={Link} to={`/acquisitions/${row.id}`} c="var(--mantine-color-anchor)" fz="sm" fw={500}>
-                  {row.name}
-                </Text>
-              </Table.Td>
-              <Table.Td>{row.rig}</Table.Td>
-              <Table.Td>
-                <StatusBadge status={row.status} />
-              </Table.Td>
-              <Table.Td>
-                <When at={row.created_at} />
-              </Table.Td>
-            </Table.Tr>
-          ))}
-        </Table.Tbody>
-      </Table>
-    </Table.ScrollContainer>
+    <DataTable
+      testId="measurements"
+      highlight
+      rows={rows}
+      keyOf={(row) => row.id}
+      columns={[
+        { title: t("systems.name"), cell: (row) => <NameLink to={`/acquisitions/${row.id}`}>{row.name}</NameLink> },
+        { title: t("rigs.rig"), cell: (row) => row.rig },
+        { title: t("jobs.status"), cell: (row) => <StatusBadge status={row.status} /> },
+        { title: t("jobs.begun"), cell: (row) => <When at={row.created_at} /> },
+      ]}
+    />
   );
 }

@@ -1,13 +1,14 @@
 import { zodResolver } from "@hookform/resolvers/zod";
-import { Alert, Button, Checkbox, Group, Modal, NativeSelect, NumberInput, Paper, Stack, Text, TextInput } from "@mantine/core";
+import { Alert, Button, Checkbox, Group, Modal, NativeSelect, Paper, Stack, Text, TextInput } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useState } from "react";
-import { Controller, useForm, type Control } from "react-hook-form";
+import { Controller, useForm } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { Link, useNavigate, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
+import { NumberField } from "@/shared/forms/NumberField";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, withUnit } from "@/shared/units/format";
@@ -105,10 +106,10 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
           )}
         />
         <Group grow preventGrowOverflow={false} align="flex-start">
-          <Amount control={control} name="duration" label={t("rigs.duration")} unit="s" error={wrong("duration")} />
-          <Amount control={control} name="sample_rate" label={t("datasets.rate")} unit="1/s" error={wrong("sample_rate")} />
-          <Amount control={control} name="pre_trigger" label={t("rigs.preTrigger")} unit="s" error={wrong("pre_trigger")} />
-          <Amount control={control} name="averages" label={t("rigs.averages")} unit="" error={wrong("averages")} />
+          <NumberField control={control} name="duration" label={t("rigs.duration")} unit="s" error={wrong("duration")} />
+          <NumberField control={control} name="sample_rate" label={t("datasets.rate")} unit="1/s" error={wrong("sample_rate")} />
+          <NumberField control={control} name="pre_trigger" label={t("rigs.preTrigger")} unit="s" error={wrong("pre_trigger")} />
+          <NumberField control={control} name="averages" label={t("rigs.averages")} error={wrong("averages")} />
         </Group>
         {asIs ? (
           <Text fz="sm">{t("rigs.asTemplate", { output: template.document.drive!.output, kind: template.document.drive!.signal.kind })}</Text>
@@ -117,9 +118,9 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
             <Group grow preventGrowOverflow={false} align="flex-start">
               <NativeSelect size="xs" label={t("rigs.drives")} {...register("output")} error={wrong("output", "/drive/output")} data={[{ value: "", label: t("rigs.nothing") }, ...outputs.map((one) => ({ value: one.name, label: one.name }))]} />
               {values.output && <NativeSelect size="xs" label={t("rigs.signal")} {...register("signal")} data={(["step", "sine", "chirp"] as const).map((kind) => ({ value: kind, label: t(`rigs.signals.${kind}`) }))} />}
-              {values.output && <Amount control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrong("amplitude", "/drive")} />}
-              {values.output && values.signal !== "step" && <Amount control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrong("frequency")} />}
-              {values.output && values.signal === "chirp" && <Amount control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrong("end")} />}
+              {values.output && <NumberField control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrong("amplitude", "/drive")} />}
+              {values.output && values.signal !== "step" && <NumberField control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrong("frequency")} />}
+              {values.output && values.signal === "chirp" && <NumberField control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrong("end")} />}
             </Group>
             {output && (
               <Text fz="xs" c="dimmed">
@@ -166,10 +167,4 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
       </Modal>
     </form>
   );
-}
-
-type Amounts = "duration" | "sample_rate" | "pre_trigger" | "averages" | "amplitude" | "frequency" | "end";
-
-function Amount({ control, name, label, unit, error }: { control: Control<Fields>; name: Amounts; label: string; unit: string; error: string | undefined }) {
-  return <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" label={label} value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} onBlur={field.onBlur} suffix={unit ? ` ${unit}` : ""} error={error} hideControls classNames={{ input: "numbers" }} />} />;
 }

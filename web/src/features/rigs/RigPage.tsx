@@ -3,6 +3,7 @@ import { useInfiniteQuery, useMutation, useQuery, useQueryClient } from "@tansta
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
+import { DataTable } from "@/shared/ui/DataTable";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
@@ -67,40 +68,20 @@ export function RigPage() {
           <Title order={2} mb="xs">
             {t("rigs.outputs")}
           </Title>
-          <Table.ScrollContainer minWidth={640}>
-            <Table data-testid="outputs">
-              <Table.Thead>
-                <Table.Tr>
-                  <Table.Th>{t("rigs.output")}</Table.Th>
-                  <Table.Th>{t("rigs.terminal")}</Table.Th>
-                  <Table.Th ta="right">{t("rigs.amplitude")}</Table.Th>
-                  <Table.Th ta="right">{t("rigs.slew")}</Table.Th>
-                  <Table.Th ta="right">{t("rigs.longest")}</Table.Th>
-                  <Table.Th ta="right">{t("rigs.safe")}</Table.Th>
-                </Table.Tr>
-              </Table.Thead>
-              <Table.Tbody>
-                {document.outputs?.map((output) => (
-                  <Table.Tr key={output.name}>
-                    <Table.Td fw={500}>{output.name}</Table.Td>
-                    <Table.Td className="numbers">{output.channel}</Table.Td>
-                    <Table.Td ta="right" className="numbers">
-                      ±{withUnit(output.amplitude, "V")}
-                    </Table.Td>
-                    <Table.Td ta="right" className="numbers">
-                      {formatNumber(output.slew)} V/s
-                    </Table.Td>
-                    <Table.Td ta="right" className="numbers">
-                      {withUnit(output.duration, "s")}
-                    </Table.Td>
-                    <Table.Td ta="right" className="numbers">
-                      {withUnit(output.safe, "V")}
-                    </Table.Td>
-                  </Table.Tr>
-                ))}
-              </Table.Tbody>
-            </Table>
-          </Table.ScrollContainer>
+          <DataTable
+            testId="outputs"
+            minWidth={640}
+            rows={document.outputs ?? []}
+            keyOf={(output) => output.name}
+            columns={[
+              { title: t("rigs.output"), strong: true, cell: (output) => output.name },
+              { title: t("rigs.terminal"), cell: (output) => <span className="numbers">{output.channel}</span> },
+              { title: t("rigs.amplitude"), numeric: true, cell: (output) => `±${withUnit(output.amplitude, "V")}` },
+              { title: t("rigs.slew"), numeric: true, cell: (output) => `${formatNumber(output.slew)} V/s` },
+              { title: t("rigs.longest"), numeric: true, cell: (output) => withUnit(output.duration, "s") },
+              { title: t("rigs.safe"), numeric: true, cell: (output) => withUnit(output.safe, "V") },
+            ]}
+          />
           <Text fz="xs" c="dimmed">
             {t("rigs.limitsDoc")}
           </Text>

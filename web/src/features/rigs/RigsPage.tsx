@@ -1,7 +1,8 @@
-import { Badge, Button, Card, Code, Group, NativeSelect, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { Badge, Button, Card, Code, Group, NativeSelect, SimpleGrid, Stack, Text, Title } from "@mantine/core";
 import { useInfiniteQuery, useQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useSearchParams } from "react-router";
+import { DataTable } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -40,34 +41,18 @@ export function RigsPage() {
             <Title order={2} mb="xs">
               {t("rigs.agents")}
             </Title>
-            <Table.ScrollContainer minWidth={560}>
-              <Table data-testid="agents">
-                <Table.Thead>
-                  <Table.Tr>
-                    <Table.Th>{t("systems.name")}</Table.Th>
-                    <Table.Th>{t("rigs.rig")}</Table.Th>
-                    <Table.Th>{t("jobs.status")}</Table.Th>
-                    <Table.Th>{t("rigs.seen")}</Table.Th>
-                    <Table.Th>{t("about.version")}</Table.Th>
-                  </Table.Tr>
-                </Table.Thead>
-                <Table.Tbody>
-                  {agents.data.map((agent) => (
-                    <Table.Tr key={agent.id}>
-                      <Table.Td>{agent.name}</Table.Td>
-                      <Table.Td>{agent.rig}</Table.Td>
-                      <Table.Td>
-                        <PresenceBadge state={presence(agent)} />
-                      </Table.Td>
-                      <Table.Td>
-                        <When at={agent.seen_at} />
-                      </Table.Td>
-                      <Table.Td className="numbers">{agent.version}</Table.Td>
-                    </Table.Tr>
-                  ))}
-                </Table.Tbody>
-              </Table>
-            </Table.ScrollContainer>
+            <DataTable
+              testId="agents"
+              rows={agents.data}
+              keyOf={(agent) => agent.id}
+              columns={[
+                { title: t("systems.name"), cell: (agent) => agent.name },
+                { title: t("rigs.rig"), cell: (agent) => agent.rig },
+                { title: t("jobs.status"), cell: (agent) => <PresenceBadge state={presence(agent)} /> },
+                { title: t("rigs.seen"), cell: (agent) => <When at={agent.seen_at} /> },
+                { title: t("about.version"), cell: (agent) => <span className="numbers">{agent.version}</span> },
+              ]}
+            />
           </section>
         )}
         {(rows.length > 0 || status) && (

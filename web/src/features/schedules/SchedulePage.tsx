@@ -1,10 +1,11 @@
-import { Badge, Button, Code, Group, List, Modal, Paper, ScrollArea, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
+import { Badge, Button, Code, Group, List, Modal, Paper, ScrollArea, SimpleGrid, Stack, Text, Title } from "@mantine/core";
 import { useDisclosure } from "@mantine/hooks";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useNavigate, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { runsQuery, scheduleQuery } from "@/shared/api/schedules";
+import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
@@ -119,41 +120,26 @@ export function SchedulePage() {
           </Title>
           {runs.data?.items.length === 0 && <Text fz="sm">{t("schedules.noHistory")}</Text>}
           {runs.data !== undefined && runs.data.items.length > 0 && (
-            <Table.ScrollContainer minWidth={560}>
-              <Table data-testid="runs">
-                <Table.Thead>
-                  <Table.Tr>
-                    <Table.Th>{t("schedules.due")}</Table.Th>
-                    <Table.Th>{t("schedules.outcome")}</Table.Th>
-                    <Table.Th>{t("schedules.started")}</Table.Th>
-                  </Table.Tr>
-                </Table.Thead>
-                <Table.Tbody>
-                  {runs.data.items.map((run) => (
-                    <Table.Tr key={run.id}>
-                      <Table.Td>
-                        <When at={run.due_at} />
-                      </Table.Td>
-                      <Table.Td>
-                        <Group gap="xs">
-                          <Badge variant="outline" color={SIGNS[run.outcome]?.[1] ?? "gray"} tt="none" leftSection={SIGNS[run.outcome]?.[0]}>
-                            {t(`schedules.outcomes.${run.outcome}`)}
-                          </Badge>
-                          {run.detail && <Text fz="xs">{run.detail}</Text>}
-                        </Group>
-                      </Table.Td>
-                      <Table.Td>
-                        {run.job && (
-                          <Text component={Link} to={`/jobs/${run.job}`} c="var(--mantine-color-anchor)" fz="sm" className="numbers">
-                            {run.job}
-                          </Text>
-                        )}
-                      </Table.Td>
-                    </Table.Tr>
-                  ))}
-                </Table.Tbody>
-              </Table>
-            </Table.ScrollContainer>
+            <DataTable
+              testId="runs"
+              rows={runs.data.items}
+              keyOf={(run) => run.id}
+              columns={[
+                { title: t("schedules.due"), cell: (run) => <When at={run.due_at} /> },
+                {
+                  title: t("schedules.outcome"),
+                  cell: (run) => (
+                    <Group gap="xs">
+                      <Badge variant="outline" color={SIGNS[run.outcome]?.[1] ?? "gray"} tt="none" leftSection={SIGNS[run.outcome]?.[0]}>
+                        {t(`schedules.outcomes.${run.outcome}`)}
+                      </Badge>
+                      {run.detail && <Text fz="xs">{run.detail}</Text>}
+                    </Group>
+                  ),
+                },
+                { title: t("schedules.started"), cell: (run) => run.job && <NameLink to={`/jobs/${run.job}`}>{run.job}</NameLink> },
+              ]}
+            />
           )}
         </section>
       </Stack>

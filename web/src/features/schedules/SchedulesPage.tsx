@@ -1,8 +1,9 @@
-import { Badge, Button, Code, Table, Text } from "@mantine/core";
+import { Badge, Button, Code, Text } from "@mantine/core";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
 import { schedulesQuery } from "@/shared/api/schedules";
+import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -35,50 +36,44 @@ export function SchedulesPage() {
         </Empty>
       )}
       {rows.length > 0 && (
-        <Table.ScrollContainer minWidth={720}>
-          <Table highlightOnHover data-testid="schedules">
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>{t("systems.name")}</Table.Th>
-                <Table.Th>{t("schedules.what")}</Table.Th>
-                <Table.Th>{t("schedules.when")}</Table.Th>
-                <Table.Th>{t("schedules.next")}</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {rows.map((row) => (
-                <Table.Tr key={row.id}>
-                  <Table.Td>
-                    <Text component={Link} to={`/schedules/${row.id}`} c="var(--mantine-color-anchor)" fz="sm" fw={500}>
-                      {row.name}
-                    </Text>
-                  </Table.Td>
-                  <Table.Td>{t(`jobs.kinds.${row.kind}`, words(row.kind))}</Table.Td>
-                  <Table.Td>
-                    {cronWords(row.cron, i18n.language) ?? <Code>{row.cron}</Code>}
+        <DataTable
+          testId="schedules"
+          minWidth={720}
+          highlight
+          rows={rows}
+          keyOf={(row) => row.id}
+          columns={[
+            { title: t("systems.name"), cell: (row) => <NameLink to={`/schedules/${row.id}`}>{row.name}</NameLink> },
+            { title: t("schedules.what"), cell: (row) => t(`jobs.kinds.${row.kind}`, words(row.kind)) },
+            {
+              title: t("schedules.when"),
+              cell: (row) => (
+                <>
+                  {cronWords(row.cron, i18n.language) ?? <Code>{row.cron}</Code>}
+                  <Text fz="xs" c="dimmed">
+                    {row.time_zone}
+                  </Text>
+                </>
+              ),
+            },
+            {
+              title: t("schedules.next"),
+              cell: (row) =>
+                row.paused || !row.next_at ? (
+                  <Badge variant="outline" color="orange" tt="none">
+                    {t("schedules.paused")}
+                  </Badge>
+                ) : (
+                  <>
+                    {away(row.next_at, Date.now(), i18n.language)}
                     <Text fz="xs" c="dimmed">
-                      {row.time_zone}
+                      {zoned(row.next_at, row.time_zone, i18n.language)}
                     </Text>
-                  </Table.Td>
-                  <Table.Td>
-                    {row.paused || !row.next_at ? (
-                      <Badge variant="outline" color="orange" tt="none">
-                        {t("schedules.paused")}
-                      </Badge>
-                    ) : (
-                      <>
-                        {away(row.next_at, Date.now(), i18n.language)}
-                        <Text fz="xs" c="dimmed">
-                          {zoned(row.next_at, row.time_zone, i18n.language)}
-                        </Text>
-                      </>
-                    )}
-                  </Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        </Table.ScrollContainer>
+                  </>
+                ),
+            },
+          ]}
+        />
       )}
       {schedules.hasNextPage && (
         <Button variant="default" onClick={() => void schedules.fetchNextPage()}>
