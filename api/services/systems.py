@@ -22,9 +22,7 @@ from storage.errors import NotFoundError
 from storage.models import System, SystemRevision
 from storage.repositories import SystemRepository
 from storage.repositories.systems import StoredSystem
-
-SCHEMA_VERSION = 1
-"""Of the documents in the database; a change that breaks stored ones raises it and converts them on reading."""
+from storage.upcasting import CURRENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +103,7 @@ def create(
     wire = document_of(document)
     diagram = compiled(wire, place=())
     stored = SystemRepository(session, caller.workspace).create(
-        name=document.name, document=wire, schema_version=SCHEMA_VERSION, derived_from=derived_from
+        name=document.name, document=wire, schema_version=CURRENT, derived_from=derived_from
     )
     return _stored_to_wire(stored, diagram)
 
@@ -134,7 +132,7 @@ def update(
         name=document.name,
         document=wire,
         expected_revision=expected_revision,
-        schema_version=SCHEMA_VERSION,
+        schema_version=CURRENT,
         derived_from=derived_from,
     )
     return _stored_to_wire(stored, diagram)

@@ -17,6 +17,7 @@ from storage.lineage import model_key, remember
 from storage.models import System, SystemRevision
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
+from storage.upcasting import CURRENT, upcast
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class SystemRepository:
         self._workspace_id = workspace_id
 
     def create(
-        self, *, name: str, document: Document, schema_version: int = 1, derived_from: str | None = None
+        self, *, name: str, document: Document, schema_version: int = CURRENT, derived_from: str | None = None
     ) -> StoredSystem:
         """Keep a new document as revision 1; raise `QuotaExceededError` when there are too many.
 
@@ -81,7 +82,7 @@ class SystemRepository:
             row = self._session.get(SystemRevision, (identifier, number))
         if row is None:
             raise NotFoundError("revision", f"{identifier}/{number}")
-        return row.document
+        return upcast(row.document, row.schema_version)
 
     def update(
         self,
@@ -90,7 +91,7 @@ class SystemRepository:
         name: str,
         document: Document,
         expected_revision: int,
-        schema_version: int = 1,
+        schema_version: int = CURRENT,
         derived_from: str | None = None,
     ) -> StoredSystem:
         """Append a revision; of two writers that know the same revision, one wins. ``derived_from`` as in `create`.
@@ -170,8 +171,8 @@ def _stored(system: System, row: SystemRevision) -> StoredSystem:
         id=system.id,
         name=system.name,
         revision=row.number,
-        document=row.document,
-        schema_version=row.schema_version,
+        document=upcast(row.document, row.schema_version),
+        schema_version=CURRENT,
         created_at=system.created_at,
         revised_at=row.created_at,
     )
