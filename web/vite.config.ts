@@ -21,6 +21,29 @@ function precompress(): Plugin {
   };
 }
 
+/** Script of the first visit, compressed, bytes: what the entry imports before anything is asked for. */
+const FIRST_LOAD = 350_000;
+
+/** A build whose first load is too large fails. */
+function firstLoad(): Plugin {
+  return {
+    name: "first-load",
+    apply: "build",
+    writeBundle(_, bundle) {
+      const files = new Set<string>();
+      const collect = (file: string) => {
+        const chunk = bundle[file];
+        if (chunk?.type !== "chunk" || files.has(file)) return;
+        files.add(file);
+        chunk.imports.forEach(collect);
+      };
+      for (const chunk of Object.values(bundle)) if (chunk.type === "chunk" && chunk.isEntry) collect(chunk.fileName);
+      const size = [...files].reduce((sum, file) => sum + gzipSync((bundle[file] as { code: string }).code, { level: 9 }).length, 0);
+      if (size > FIRST_LOAD) this.error(`the first load must be at most ${FIRST_LOAD} bytes of compressed script, got ${size} in ${[...files].join(", ")}`);
+    },
+  };
+}
+
 /** The reference of the interface at /docs: a finished viewer, copied as it is under names that tell its content. */
 function reference(): Plugin {
   return {
@@ -46,7 +69,7 @@ function reference(): Plugin {
 const service = process.env.SERVOTUNE_URL ?? "http://127.0.0.1:8000";
 
 export default defineConfig({
-  plugins: [react(), reference(), precompress()],
+  plugins: [react(), firstLoad(), reference(), precompress()],
   resolve: { alias: { "@": fileURLToPath(new URL("./src", import.meta.url)) } },
   build: { outDir: OUT, emptyOutDir: true, target: "es2023", manifest: true, chunkSizeWarningLimit: 2000, assetsInlineLimit: 0 },
   server: {
