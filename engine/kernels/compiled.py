@@ -63,6 +63,26 @@ def align_stack(builder: Any) -> None:
     builder.function.attributes.add("nounwind")  # llvmlite writes no alignment where there is no attribute beside it
 
 
+def _attribute(name: str) -> Any:
+    def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        builder.function.attributes.add(name)
+        return context.get_dummy_value()
+
+    return types.void(), code
+
+
+@instruction
+def apart(_context: Any) -> Any:
+    """Let the function in which this stands be called, not merged into its caller: it keeps the registers for itself."""
+    return _attribute("noinline")
+
+
+@instruction
+def merged(_context: Any) -> Any:
+    """Let the function in which this stands be merged into its caller, however often it is used: a call would empty the registers."""
+    return _attribute("alwaysinline")
+
+
 def _product(rows: int, columns: int, *, accumulate: bool) -> Any:
     """Return a product C (+)= A B of matrices whose entries are vectors of lanes, in tiles that stay in registers.
 
@@ -127,7 +147,11 @@ multiply: Final = _product(4, 4, accumulate=False)
 """C = A B: ``multiply(c, a, b, rows, columns, inner, stride of a, of b, of c)``, arrays (i, j, LANES), strides in entries."""
 multiply_add: Final = _product(4, 4, accumulate=True)
 """C += A B."""
+multiply_pairs: Final = _product(2, 4, accumulate=False)
+"""C = A B for an even number of rows."""
 apply: Final = _product(4, 1, accumulate=False)
 """C = A B for any number of columns."""
+apply_two: Final = _product(4, 2, accumulate=False)
+"""C = A B for an even number of columns."""
 apply_add: Final = _product(4, 1, accumulate=True)
 """C += A B for any number of columns."""

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import compiled
+from engine.kernels.compiled import compiled, merged
 from engine.kernels.transfer import FrequencyProgram
 from engine.kernels.vector import load, load2, spread, store2
 
 Real = npt.NDArray[np.float64]
+
+
+@compiled
+def _polynomial(program: FrequencyProgram, registers: Real, first: int, terms: int, omega: Any) -> Any:
+    """Return the real and the imaginary part of a polynomial in jω; ``terms`` coefficients begin at ``first``."""
+    merged()
+    square, even, odd, last = -(omega * omega), spread(0.0), spread(0.0), terms - 1
+    for j in range(last - (last & 1), -1, -2):
+        even = even * square + load(registers, program.coefficients[first + j])
+    for j in range(last - 1 + (last & 1), 0, -2):
+        odd = odd * square + load(registers, program.coefficients[first + j])
+    return even, odd * omega
 
 
 @compiled
@@ -24,16 +38,9 @@ def run_program(
         a, b = program.operations[k, 2], program.operations[k, 3]
         if code == 0:
             for w in range(count):
-                s = load(omega, w)
-                square = -(s * s)
-                even, odd = spread(0.0), spread(0.0)
-                last = b - 1
-                for j in range(last - (last & 1), -1, -2):
-                    even = even * square + load(registers, program.coefficients[a + j])
-                for j in range(last - 1 + (last & 1), 0, -2):
-                    odd = odd * square + load(registers, program.coefficients[a + j])
+                even, odd = _polynomial(program, registers, a, b, load(omega, w))
                 store2(re, even, to, w)
-                store2(im, odd * s, to, w)
+                store2(im, odd, to, w)
         elif code == 1:
             for w in range(count):
                 store2(re, load2(re, a, w) + load2(re, b, w), to, w)
@@ -67,10 +74,36 @@ def run_program(
             for w in range(count):
                 store2(re, -load2(re, a, w), to, w)
                 store2(im, -load2(im, a, w), to, w)
-        else:
+        elif code == 8:
             for w in range(count):
                 store2(re, tables_re[a, first + w], to, w)
                 store2(im, tables_im[a, first + w], to, w)
+        elif code == 9:
+            for w in range(count):
+                x, y = load2(re, a, w), load2(im, a, w)
+                p, q = tables_re[b, first + w], tables_im[b, first + w]
+                store2(re, x * p - y * q, to, w)
+                store2(im, x * q + y * p, to, w)
+        elif code == 10:
+            for w in range(count):
+                u, v = load2(re, b, w), load2(im, b, w)
+                p, q = tables_re[a, first + w], tables_im[a, first + w]
+                inverse = 1.0 / (u * u + v * v)
+                store2(re, (u * p + v * q) * inverse, to, w)
+                store2(im, (u * q - v * p) * inverse, to, w)
+        elif code == 11:
+            factor = load(registers, b)
+            for w in range(count):
+                store2(re, factor * tables_re[a, first + w], to, w)
+                store2(im, factor * tables_im[a, first + w], to, w)
+        else:
+            terms = program.operations[k, 4]
+            for w in range(count):
+                even, odd = _polynomial(program, registers, b, terms, load(omega, w))
+                p, q = tables_re[a, first + w], tables_im[a, first + w]
+                inverse = 1.0 / (even * even + odd * odd)
+                store2(re, (even * p + odd * q) * inverse, to, w)
+                store2(im, (even * q - odd * p) * inverse, to, w)
 
 
 @compiled

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.compiled import LANES, allocating, compiled, multiply
+from engine.kernels.compiled import LANES, allocating, compiled, multiply_pairs
 from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
 from engine.kernels.polishing import BRACKET, EVENTS, SLOT
 from engine.kernels.powers import LEVELS, STIFF, raise_powers
-from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, begin, follow, passes
+from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, RUN, begin, follow, passes
 from engine.kernels.spectrum import MARKS, spectrum
 from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
 from engine.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
@@ -38,6 +38,22 @@ def scatter(program: TimeProgram, registers: Real, a: Real, b: Real, c: Real, d:
     for k in range(program.d.shape[0]):
         i, j, r = program.d[k, 0], program.d[k, 1], program.d[k, 2]
         store2(d, load(registers, r), i, j)
+
+
+@compiled
+def expand(program: TimeProgram, a: Real, c: Real, step: Real, x: Real, taylors: Real) -> None:
+    """Write the rows C (A h)^k, k = 0 ... (rows / 2, TAYLOR, nn, LANES), and the slopes C A beside the rows of C; x is room."""
+    nn, outputs, h = program.padded, program.rows // 2, load(step, 0)
+    for k in range(nn * nn):
+        store(x, load(a, k) * h, k)
+    for o in range(outputs):
+        copy(taylors[o], 0, c[2 * o], 0, nn)
+    stride = TAYLOR * nn
+    for k in range(1, TAYLOR):
+        multiply_pairs(taylors[0, k], taylors[0, k - 1], x, outputs, nn, nn, stride, nn, stride)
+    for o in range(program.outputs):
+        for i in range(nn):
+            store2(c, load(taylors[o, 1], i) / h, 2 * o + 1, i)
 
 
 @compiled
@@ -88,15 +104,15 @@ def evaluate(
     rest, work = room((nn, experiments, LANES)), room((6, nn, nn, LANES))
     moved = room((2, nn, experiments, LANES))
     alive, step, rate = room((LANES,)), room((LANES,)), room((LANES,))
-    watched, moving = room((2, ROWS * rows, nn, LANES)), room((3, nn, 1, LANES))
+    watched, moving = room((2, ROWS * rows, nn, LANES)), room((1, nn, 1, LANES))
+    run_of = room((RUN, LANES))
     columns, samples = zeros((nn, COLUMNS, LANES)), room((ROWS * rows, COLUMNS, LANES))
-    taylor = room((TAYLOR, rows, nn, LANES))
-    taylors = room((program.outputs, TAYLOR, nn, LANES))
+    taylors = room((rows // 2, TAYLOR, nn, LANES))
     traces = program.traces.shape[0]
     states, saved = room((traces, FIELDS, LANES)), room((traces, FIELDS, LANES))
     start, edge, final = room((nn, LANES)), room((2, 1, LANES)), room((traces, LANES))
     roles, numbers = np.empty((2, ROLES, MOST * traces), np.int64), room((2, NUMBERS, MOST * traces, LANES))
-    vectors, polynomial = room((3, nn * MOST * traces, LANES)), room((TAYLOR, LANES))
+    vectors, polynomials = room((3, nn * MOST * traces, LANES)), room((MOST * traces, TAYLOR, LANES))
     reading = room((traces, READINGS, LANES))
     spectral = room((curves.wants.shape[0], SPECTRAL_READINGS, LANES))
     curve_re = room((curves.wants.shape[0], curves.frequencies.shape[0], LANES))
@@ -148,22 +164,7 @@ def evaluate(
                             spectra[candidate, m, k] = spectral[m, k, lane]
         if program.traces.shape[0] == 0:
             continue
-        # slopes: rows C A beside the rows C
-        x = work[0]
-        h = load(step, 0)
-        for k in range(nn * nn):
-            store(x, load(a, k) * h, k)
-        outputs = c
-        copy(taylor, 0, outputs, 0, rows * nn)
-        for k in range(1, TAYLOR):
-            multiply(taylor[k], taylor[k - 1], x, rows, nn, nn, nn, nn, nn)
-            for i in range(rows * nn):
-                store(taylor[k], load(taylor[k], i) * (1.0 / k), i)
-        for o in range(program.outputs):
-            for i in range(nn):
-                store2(outputs, load2(taylor[1], 2 * o, i) / h, 2 * o + 1, i)
-            for k in range(TAYLOR):
-                copy(taylors, (o * TAYLOR + k) * nn, taylor, (k * rows + 2 * o) * nn, nn)
+        expand(program, a, c, step, work[0], taylors)
         last = passes(norms, levels, alive, rate)
         for e in range(experiments):
             for i in range(nn):
@@ -174,8 +175,8 @@ def evaluate(
                 o = program.traces[t, 0]
                 away, slope = spread(0.0), spread(0.0)
                 for i in range(nn):
-                    away = away + load2(outputs, 2 * o, i) * load(start, i)
-                    slope = slope + load2(outputs, 2 * o + 1, i) * load(start, i)
+                    away = away + load2(c, 2 * o, i) * load(start, i)
+                    slope = slope + load2(c, 2 * o + 1, i) * load(start, i)
                 store(final, load2(d, o, e) - away, t)
                 store2(edge, away, 0, 0)
                 store2(edge, slope, 1, 0)
@@ -184,7 +185,7 @@ def evaluate(
                 program,
                 e,
                 powers,
-                outputs,
+                c,
                 start,
                 final,
                 step,
@@ -196,9 +197,10 @@ def evaluate(
                 columns,
                 samples,
                 moving,
+                run_of,
             )
-            locate(program, e, states, powers, start, outputs, taylors, final, step, reading, roles, numbers, vectors,
-                   polynomial)  # fmt: skip
+            locate(program, e, states, powers, start, c, taylors, final, step, reading, roles, numbers, vectors,
+                   polynomials)  # fmt: skip
         for lane in range(LANES):
             candidate = first + lane
             if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:

@@ -53,21 +53,21 @@ READINGS: Final = 11
 """What is read off one response; times in s; the top is the furthest in the direction of the final value. DOUBT is the sum
 of the kinds of `engine.kernels.sampling` that are not vouched for."""
 
-TAYLOR: Final = 12
-"""Terms of the last step's Taylor polynomial: 0.64^12 / 12! is 1e-11."""
+TAYLOR: Final = 14
+"""Terms of the last step's Taylor polynomial: ‖(A h)^14‖ / 14! is 1e-10 at most, where ‖A h‖ is 2.56 and ‖(A h)^8‖ 0.64^8."""
 MOST: Final = 12
 """At most so many events of one response are polished, two of them twice."""
 _RIVAL: Final = 1e-6
 """Turning points that are so near to each other in height are all polished before the highest is chosen."""
 _NOISE: Final = 1e-12
-_NEWTON: Final = 6
+_NEWTON: Final = 12
 _STILL: Final = 1e-8
 """Newton's method has arrived where it moves by less than this part of a step: the next move is its square."""
 
-OFFSET, LEVEL, SIGN, TARGET, UNITS, TAU, VALUE = range(7)
+OFFSET, LEVEL, SIGN, TARGET, UNITS, TAU, VALUE, HIGH, AT = range(9)
 """Numbers of an event: the steps to its interval, the interval's level, -1 or 1, the deviation or slope it waits for; and the
-result: whole steps, the part of a step from there, the deviation there."""
-NUMBERS: Final = 7
+result: whole steps, the part of a step from there, the deviation there. On the way that part lies between TAU and HIGH, at AT."""
+NUMBERS: Final = 9
 OUTPUT, BY_SLOPE, TRACE, FIELD, READING = range(5)
 """What an event is, the same for all lanes: it watches an output or its slope, for a field of a trace and a reading. An
 event on the way to another one has that one's number for a field, and no reading."""
@@ -78,7 +78,7 @@ NOTHING: Final = -1
 @compiled
 def walk(
     powers: Real, nn: int, taylors: Real, rows: Real, roles: Whole, events: int, numbers: Real, e: Real, trial: Real,
-    polynomial: Real,
+    polynomials: Real,
 ) -> None:  # fmt: skip
     """Go from states to events, several events of every lane at once: first over whole steps, then to the change of sign.
 
@@ -88,14 +88,14 @@ def walk(
     Parameters
     ----------
     powers, taylors, rows
-        Of the exponential (levels, nn, nn, LANES); of the outputs (outputs, TAYLOR, nn, LANES); rows of every output and of
-        its slope (2 outputs, nn, LANES).
+        Of the exponential (levels, nn, nn, LANES); C (A h)^k of the outputs C (outputs, TAYLOR, nn, LANES); rows of every
+        output and of its slope (2 outputs, nn, LANES).
     roles : ndarray, shape (ROLES, events)
     numbers : ndarray, shape (NUMBERS, events, LANES)
     e : ndarray, shape (nn, events, LANES)
         The states; on return those at so many whole steps.
-    trial, polynomial
-        Room of the shapes of ``e`` and (TAYLOR, LANES).
+    trial, polynomials
+        Room of the shapes of ``e`` and (events, TAYLOR, LANES).
     """
     furthest, widest = spread(0.0), spread(0.0)
     for q in range(events):
@@ -139,37 +139,63 @@ def walk(
                     for i in range(nn):
                         store2(e, select(go, load2(trial, i, q), load2(e, i, q)), i, q)
     for q in range(events):
-        taylor = taylors[roles[OUTPUT, q]]
+        taylor, terms, factor = taylors[roles[OUTPUT, q]], polynomials[q], 1.0
         for k in range(TAYLOR):
             coefficient = spread(0.0)
             for i in range(nn):
                 coefficient = coefficient + load2(taylor, k, i) * load2(e, i, q)
-            store(polynomial, coefficient, k)
-        way, goal = load2(numbers, SIGN, q), load2(numbers, TARGET, q)
-        low, high = load2(numbers, TAU, q), spread(1.0)
-        t = 0.5 * (low + high)
-        for _ in range(_NEWTON):
+            store(terms, coefficient * factor, k)
+            factor /= k + 1.0
+        store2(numbers, 1.0, HIGH, q)
+        store2(numbers, _between(terms, roles[BY_SLOPE, q], load2(numbers, TARGET, q), load2(numbers, TAU, q)), AT, q)
+    # round by round, not event by event: events do not wait for each other
+    for _ in range(_NEWTON):
+        moves = False
+        for q in range(events):
+            terms, t = polynomials[q], load2(numbers, AT, q)
             v, d, bend = spread(0.0), spread(0.0), spread(0.0)
-            for k in range(TAYLOR - 1, -1, -1):
-                bend = bend * t + d
-                d = d * t + v
-                v = v * t + load(polynomial, k)
-            g, dg = v - goal, d
             if roles[BY_SLOPE, q]:
-                g, dg = d, 2.0 * bend
-            before = way * g < 0.0
+                for k in range(TAYLOR - 1, -1, -1):
+                    bend = bend * t + d
+                    d = d * t + v
+                    v = v * t + load(terms, k)
+                v, d = d, 2.0 * bend
+            else:
+                for k in range(TAYLOR - 1, -1, -1):
+                    d = d * t + v
+                    v = v * t + load(terms, k)
+            g, low, high = v - load2(numbers, TARGET, q), load2(numbers, TAU, q), load2(numbers, HIGH, q)
+            before = load2(numbers, SIGN, q) * g < 0.0
             low, high = select(before, t, low), select(before, high, t)
-            new = t - g / dg
+            new = t - g / d
             new = select((new >= low) & (new <= high), new, 0.5 * (low + high))
-            moved = magnitude(new - t) > _STILL
-            t = new
-            if not anywhere(moved):
-                break
-        v = spread(0.0)
+            moves = moves or anywhere(magnitude(new - t) > _STILL)
+            store2(numbers, low, TAU, q)
+            store2(numbers, high, HIGH, q)
+            store2(numbers, new, AT, q)
+        if not moves:
+            break
+    for q in range(events):
+        terms, t, v = polynomials[q], load2(numbers, AT, q), spread(0.0)
         for k in range(TAYLOR - 1, -1, -1):
-            v = v * t + load(polynomial, k)
+            v = v * t + load(terms, k)
         store2(numbers, t, TAU, q)
         store2(numbers, v, VALUE, q)
+
+
+@compiled
+def _between(terms: Real, by_slope: int, goal: Any, low: Any) -> Any:
+    """Return where in a step an event lies if what it waits for, known at both ends, goes straight from one to the other."""
+    begin, end = load(terms, 0) - goal, -goal
+    if by_slope:
+        begin, end = load(terms, 1) - goal, -goal
+        for k in range(1, TAYLOR):
+            end = end + load(terms, k) * float(k)
+    else:
+        for k in range(TAYLOR):
+            end = end + load(terms, k)
+    straight = begin / (begin - end)
+    return select((straight > low) & (straight < 1.0), straight, 0.5 * (low + 1.0))
 
 
 @compiled
@@ -253,7 +279,7 @@ def _pad(roles: Whole, numbers: Real, count: int) -> int:
 @compiled
 def locate(
     program: TimeProgram, experiment: int, states: Real, powers: Real, start: Real, rows: Real, taylors: Real,
-    final: Real, step: Real, readings: Real, roles: Whole, numbers: Real, room: Real, polynomial: Real,
+    final: Real, step: Real, readings: Real, roles: Whole, numbers: Real, room: Real, polynomials: Real,
 ) -> None:  # fmt: skip
     """Polish every event of the responses to one command.
 
@@ -271,8 +297,8 @@ def locate(
     step : ndarray, shape (LANES,)
     readings : ndarray, shape (traces, READINGS, LANES)
         Written.
-    roles, numbers, room, polynomial
-        Room: (2, ROLES, most), (2, NUMBERS, most, LANES), (3, nn * most, LANES), (TAYLOR, LANES), where ``most`` is MOST for
+    roles, numbers, room, polynomials
+        Room: (2, ROLES, most), (2, NUMBERS, most, LANES), (3, nn * most, LANES), (most, TAYLOR, LANES), where ``most`` is MOST for
         every trace.
     """
     nn, h = program.padded, load(step, 0)
@@ -289,9 +315,9 @@ def locate(
         for q in range(events):
             store2(e, load(start, i), i, q)
     trial = room[1, : nn * events].reshape(nn, events, LANES)
-    walk(powers, nn, taylors, rows, role, events, number, e, trial, polynomial)
+    walk(powers, nn, taylors, rows, role, events, number, e, trial, polynomials)
     if role[READING, count - 1] == NOTHING:
-        _return(powers, nn, taylors, rows, roles, count, numbers, e, room, states, polynomial)
+        _return(powers, nn, taylors, rows, roles, count, numbers, e, room, states, polynomials)
     for q in range(count):
         to, state, reading = role[READING, q], states[role[TRACE, q]], readings[role[TRACE, q]]
         depth, time = load(state, role[FIELD, q] + 1), (load2(number, UNITS, q) + load2(number, TAU, q)) * h
@@ -312,7 +338,7 @@ def locate(
 @compiled
 def _return(
     powers: Real, nn: int, taylors: Real, rows: Real, roles: Whole, count: int, numbers: Real, e: Real, room: Real,
-    states: Real, polynomial: Real,
+    states: Real, polynomials: Real,
 ) -> None:  # fmt: skip
     """Go from tips that poke out of a band back into it."""
     first = count
@@ -332,7 +358,7 @@ def _return(
             store2(numbers[1], load2(numbers[0], k, q), k, p)
         for k in (SIGN, TARGET):
             store2(numbers[1], load2(numbers[0], k, aim), k, p)
-    walk(powers, nn, taylors, rows, roles[1], events, numbers[1], tips, trial, polynomial)
+    walk(powers, nn, taylors, rows, roles[1], events, numbers[1], tips, trial, polynomials)
     for q in range(first, count):
         aim = roles[0, FIELD, q]
         poking = load(states[roles[0, TRACE, aim]], roles[0, FIELD, aim] + POKE2 - N2) > 0.0

@@ -1,9 +1,9 @@
 """Powers of the matrix exponential, e^(A h 2^k) for k = 0, 1, 2 ... until nothing moves any more.
 
-    e^X = T8(X) for ‖X‖ <= 0.08,   then squared;   ∫ likewise, which gives the state at rest after a step
+    e^X = T8(X) for ‖X⁸‖ <= 0.08⁸,   then squared;   ∫ likewise, which gives the state at rest after a step
 
-Every candidate has its own h, so that ‖A h‖ = 0.64 resolves its fastest mode. The stored powers serve all that follows:
-sampling, and walking to any instant by its binary digits.
+Every candidate has its own h, so that ‖(A h)⁸‖ = 0.64⁸ resolves its fastest mode; ‖A h‖ itself is often several times as
+large. The stored powers serve all that follows: sampling, and walking to any instant by its binary digits.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.kernels.compiled import LANES, apply, compiled, multiply
-from engine.kernels.vector import copy, load, load2, magnitude, select, spread, store, store2
+from engine.kernels.vector import anywhere, copy, load, load2, magnitude, root, select, spread, store, store2
 
 Real = npt.NDArray[np.float64]
 
@@ -24,6 +24,8 @@ LEVELS: Final = 48
 STIFF: Final = 3e-8
 """Decay of the slowest mode in a step of the fastest, below which powers are not exact enough."""
 _SMALL: Final = 0.08
+_NON_NORMAL: Final = 4.0
+"""The norm of a step's matrix may be so much larger than its eighth power suggests, so that series still end soon."""
 EXTRA: Final = 3
 _REST: Final = 1e-13
 _DECAYED: Final = 1e-3
@@ -44,8 +46,8 @@ D2: Final = (857.0 - 58.0 * _ROOT) / 630.0
 
 
 @compiled
-def step_size(a: Real, n: int, alive: Real, step: Real) -> None:
-    """Write h (LANES,) for A (n, n, LANES); a candidate that does not exist gets A = -1, which disturbs nobody."""
+def unit(a: Real, n: int, nn: int, alive: Real, step: Real, x: Real) -> None:
+    """Write the time 1/‖A‖ (LANES,) and X, the matrix A (nn, nn, LANES) over it; what does not exist gets -1, which disturbs nobody."""
     by_row, by_column = spread(0.0), spread(0.0)
     finite = by_row == 0.0
     for i in range(n):
@@ -61,7 +63,28 @@ def step_size(a: Real, n: int, alive: Real, step: Real) -> None:
     for i in range(n):
         for j in range(n):
             store2(a, select(usable, load2(a, i, j), -1.0 if i == j else 0.0), i, j)
-    store(step, _SMALL / select(usable, select(by_row < by_column, by_row, by_column), 1.0), 0)
+    time = 1.0 / select(usable, select(by_row < by_column, by_row, by_column), 1.0)
+    store(step, time, 0)
+    for k in range(nn * nn):
+        store(x, load(a, k) * time, k)
+
+
+@compiled
+def _shrink(x: Real, x2: Real, x8: Real, n: int, nn: int, step: Real) -> None:
+    """Choose the step by the eighth power, which is as large as the fastest mode says, and scale X and X² to it."""
+    largest = spread(0.0)
+    for i in range(n):
+        row = spread(0.0)
+        for j in range(n):
+            row = row + magnitude(load2(x8, i, j))
+        largest = select(row > largest, row, largest)
+    speed = root(root(root(largest)))
+    factor = _SMALL / select(speed > 1.0 / _NON_NORMAL, speed, 1.0 / _NON_NORMAL)
+    square = factor * factor
+    store(step, load(step, 0) * factor, 0)
+    for k in range(nn * nn):
+        store(x, load(x, k) * factor, k)
+        store(x2, load(x2, k) * square, k)
 
 
 @compiled
@@ -78,6 +101,24 @@ def _largest_row(p: Real, n: int, nn: int, norm: Real) -> None:
 
 
 @compiled
+def _decide(here: Real, n: int, experiments: int, rest: Real, norm: Real, step: Real, growth: Real, level: int) -> None:
+    """Say of every lane that has decayed or diverges how fast; what diverges is forgotten, so that its overflow touches nobody."""
+    for lane in range(LANES):
+        wide, time = norm[lane], step[lane] * 2.0**level
+        if not (wide <= _HUGE):
+            if not (growth[lane] > 0.0):
+                growth[lane] = math.log(wide) / time if wide > 0.0 else math.inf
+            for i in range(n):
+                for j in range(n):
+                    here[i, j, lane] = 0.0
+                for e in range(experiments):
+                    rest[i, e, lane] = 0.0
+            norm[lane] = 0.0
+        elif wide < _DECAYED and math.isnan(growth[lane]):
+            growth[lane] = math.log(max(wide, 1e-300)) / time
+
+
+@compiled
 def raise_powers(
     a: Real, b: Real, n: int, nn: int, experiments: int, alive: Real, step: Real, powers: Real, norms: Real,
     rest: Real, growth: Real, work: Real, room: Real,
@@ -89,12 +130,13 @@ def raise_powers(
     NaN where neither was seen. Sizes are ``nn``, a multiple of 4; ``work`` is (6, nn, nn, LANES), ``room`` (2, nn,
     experiments, LANES).
     """
-    step_size(a, n, alive, step)
     x, x2, t1, t2, p, q = work[0], work[1], work[2], work[3], work[4], work[5]
-    size, h = nn * nn, load(step, 0)
-    for k in range(size):
-        store(x, load(a, k) * h, k)
+    unit(a, n, nn, alive, step, x)
     multiply(x2, x, x, nn, nn, nn, nn, nn, nn)
+    multiply(p, x2, x2, nn, nn, nn, nn, nn, nn)
+    multiply(q, p, p, nn, nn, nn, nn, nn, nn)
+    _shrink(x, x2, q, n, nn, step)
+    size, h = nn * nn, load(step, 0)
     for k in range(size):
         store(t1, C1 * load(x, k) + C2 * load(x2, k), k)
     multiply(t2, x2, t1, nn, nn, nn, nn, nn, nn)
@@ -135,24 +177,14 @@ def raise_powers(
     while True:
         here = powers[level]
         _largest_row(here, n, nn, norm)
-        busy = False
-        for lane in range(LANES):
-            wide = norm[lane]
-            if not (wide <= _HUGE):
-                # It diverges: forgotten, so that its overflow cannot touch its neighbours.
-                if not (growth[lane] > 0.0):
-                    growth[lane] = math.log(wide) / (step[lane] * 2.0**level) if wide > 0.0 else math.inf
-                for i in range(nn):
-                    for j in range(nn):
-                        here[i, j, lane] = 0.0
-                    for e in range(experiments):
-                        rest[i, e, lane] = 0.0
-                norm[lane] = 0.0
-            elif wide > _REST:
-                busy = True
-            if wide < _DECAYED and math.isnan(growth[lane]):
-                growth[lane] = math.log(max(wide, 1e-300)) / (step[lane] * 2.0**level)
-            norms[level, lane] = norm[lane]
+        wide, known = load(norm, 0), load(growth, 0)
+        bounded, decayed, said = wide <= _HUGE, wide < _DECAYED, (known < 0.0) | (known >= 0.0)
+        news = select(decayed, select(said, 0.0, 1.0), select(bounded, 0.0, 1.0))
+        if anywhere(news > 0.0):
+            _decide(here, n, experiments, rest, norm, step, growth, level)
+            wide = load(norm, 0)
+        store(norms, wide, level)
+        busy = anywhere(wide > _REST)
         if not busy or level + 1 == LEVELS:
             break
         apply(moved, here, rest, nn, experiments, nn, nn, experiments, experiments)

@@ -56,7 +56,7 @@ from engine.kernels.vector import anywhere, lanes_of, load, load2, magnitude, ro
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
 
-MARKS: Final = 18
+MARKS: Final = 12
 _ABRUPT: Final = 0.3
 _BEND: Final = 0.1
 """A curve may turn so much further than the parabola through three samples, by their second difference."""
@@ -150,14 +150,14 @@ def _look(
     x1, y1 = first_re, first_im
     m1, m2 = static, static
     best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
-    before1, before2 = marks[12:15], marks[15:18]
     for p in range(3):
-        if not wants & (SENSITIVITY << p if p < 2 else PEAK):
-            continue
-        for lane in range(LANES):
-            best[p, lane], second[p, lane], before2[p, lane] = -1.0, -1.0, -1.0
-            where[p, lane], runner_up[p, lane] = 0.0, 0.0
-            before1[p, lane] = 1.0 / size_of(PEAK_S + p, store_re[c, 0, lane], store_im[c, 0, lane])
+        for to, content in ((best, -1.0), (second, -1.0), (where, 0.0), (runner_up, 0.0)):
+            store(to, content, p)
+    # whether the loop is larger than 1, counts, lies left and above at the sample before, and what rose up to there
+    over1, counts1, left1, above1 = m1 > 1.0, m1 > SMALLEST * SMALLEST, x1 < 0.0, y1 > 0.0
+    grew1, rose1 = m1 < 0.0, m1 < 0.0
+    distance1 = (1.0 + x1) * (1.0 + x1) + y1 * y1
+    distance2 = distance1
     for k in range(1, last + 1):
         x, y = load2(store_re, c, k), load2(store_im, c, k)
         m = x * x + y * y
@@ -186,27 +186,33 @@ def _look(
                     level_doubt = select(abrupt & (falls == 0.0) & (gap * gap < way), float(BANDWIDTH), level_doubt)
                 if wants & PEAK:
                     high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
+        grew, rose = m > m1, y > y1
         if 2 < k < last:
-            if wants & (PHASE | DELAY):
-                unseen = _hidden(m2, m1, m, 1.0)
-                if anywhere(unseen):
-                    full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, k - 1, c)
-            if wants & GAIN:
-                twice = _hidden(y2, y1, y, 0.0) & (x1 < 0.0) & (m1 > SMALLEST * SMALLEST)
+            if wants & (PHASE | DELAY | BANDWIDTH) and anywhere(grew ^ grew1):
+                if wants & (PHASE | DELAY):
+                    unseen = _hidden(m2, m1, m, 1.0)
+                    if anywhere(unseen):
+                        full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, k - 1, c)
+                if wants & BANDWIDTH:
+                    unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
+                    if anywhere(unseen):
+                        full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, k - 1, c)
+            if wants & GAIN and anywhere(rose ^ rose1):
+                twice = _hidden(y2, y1, y, 0.0) & left1 & counts1
                 gain_doubt = select(twice, float(GAIN), gain_doubt)
-            if wants & BANDWIDTH:
-                unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
-                if anywhere(unseen):
-                    full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, k - 1, c)
+        grew1, rose1 = grew, rose
         if crossings:
-            passes = ((m > 1.0) & (m1 <= 1.0)) | ((m <= 1.0) & (m1 > 1.0))
+            over = m > 1.0
+            passes = over ^ over1
+            over1 = over
             if k in (1, last):
                 doubt = select(passes, ALL, doubt)
             elif wants & (PHASE | DELAY) and anywhere(passes):
                 full |= _note(kinds, at, counts, of, lanes_of(passes), CROSS_UNIT, k, c)
             if wants & GAIN:
-                changes = ((y > 0.0) & (y1 <= 0.0)) | ((y <= 0.0) & (y1 > 0.0))
-                changes = changes & ((x < 0.0) | (x1 < 0.0)) & ((m > SMALLEST * SMALLEST) | (m1 > SMALLEST * SMALLEST))
+                above, left, large = y > 0.0, x < 0.0, m > SMALLEST * SMALLEST
+                changes = (above ^ above1) & (left | left1) & (large | counts1)
+                above1, left1, counts1 = above, left, large
                 if k in (1, last):
                     doubt = select(changes & (magnitude(y1) > 1e-3 * magnitude(x1)), ALL, doubt)
                 elif anywhere(changes):
@@ -223,16 +229,19 @@ def _look(
         if peaks:
             distance = (1.0 + x) * (1.0 + x) + y * y
             for p in range(3):
-                if not wants & (SENSITIVITY << p if p < 2 else PEAK):
+                if k == 1 or not wants & (SENSITIVITY << p if p < 2 else PEAK):
                     continue
-                # the inverse of what peaks, a parabola also where a peak is sharp
-                inverse = distance if p == 0 else (distance if p == 1 else spread(1.0)) / m
-                highest, runner, f1, f0 = load(best, p), load(second, p), load(before1, p), load(before2, p)
-                local = (inverse > f1) & (f0 >= f1)
+                local = (m < m1) & (m2 <= m1)
+                if p == 0:
+                    local = (distance > distance1) & (distance2 >= distance1)
+                elif p == 1:
+                    local = (distance * m1 > distance1 * m) & (distance2 * m1 >= distance1 * m2)
                 if anywhere(local):
-                    # the height of the peak between the samples, from the parabola
-                    vertex = f1 - (f0 - inverse) * (f0 - inverse) / (8.0 * (f0 - 2.0 * f1 + inverse))
+                    # the height of the peak between the samples, from the parabola through the inverse of what peaks
+                    f0, f1, f2 = _inverse(p, distance2, m2), _inverse(p, distance1, m1), _inverse(p, distance, m)
+                    vertex = f1 - (f0 - f2) * (f0 - f2) / (8.0 * (f0 - 2.0 * f1 + f2))
                     top = select(vertex > 0.0, 1.0 / vertex, 1e300)
+                    highest, runner = load(best, p), load(second, p)
                     wins = local & (top > highest)
                     next_best = local & (top > runner) & (top <= highest)
                     store(second, select(wins, highest, select(next_best, top, runner)), p)
@@ -240,8 +249,7 @@ def _look(
                     store(runner_up, select(wins, load(where, p), select(next_best, float(k - 1), place)), p)
                     store(best, select(wins, top, highest), p)
                     store(where, select(wins, float(k - 1), load(where, p)), p)
-                store(before2, f1, p)
-                store(before1, inverse, p)
+            distance2, distance1 = distance1, distance
         x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
     store2(readings, root(tallest), c, HIGHEST)
     for end, beside, next_ in ((0, 1, 2), (last, last - 1, last - 2)):
@@ -300,6 +308,14 @@ def _look(
                 full |= _note(kinds, at, counts, of, 1 << lane, PEAK_S + p, int(runner_up[p, lane]), c)
             if full or k < 2 or k > last - 2:
                 suspect(readings, c, lane, bit)
+
+
+@compiled
+def _inverse(p: int, distance: Any, square: Any) -> Any:
+    """Return the inverse of the square of what peaks, which is a parabola also where a peak is sharp."""
+    if p == 0:
+        return distance
+    return (distance if p == 1 else spread(1.0)) / square
 
 
 @compiled

@@ -42,6 +42,14 @@ class Code(IntEnum):
     SHIFT = 6
     NEG = 7
     TABLE = 8
+    MUL_TABLE = 9
+    TABLE_DIV = 10
+    TABLE_SCALE = 11
+    TABLE_OVER_POLYNOMIAL = 12
+
+
+_WITH_TABLE = {Code.MUL: Code.MUL_TABLE, Code.DIV: Code.TABLE_DIV, Code.SCALE: Code.TABLE_SCALE}
+"""Operations that take a table as it is: either factor of a product, the numerator of a quotient, what a number multiplies."""
 
 
 class Curves:
@@ -272,10 +280,10 @@ def _cost(value: Any) -> float:
 
 
 class FrequencyProgram(NamedTuple):
-    """Operations (K, 4): code, target, first, second; ``coefficients`` are registers of polynomials, one after another.
+    """Operations (K, 5): code, target, first, second, third; ``coefficients`` are registers of polynomials, one after another.
 
-    ``targets`` (curves,) are the places of the functions asked for; ``places`` how many there are. A table is a place that
-    holds the same for all candidates.
+    ``targets`` (curves,) are the places of the functions asked for; ``places`` how many there are. A table holds the same for
+    all candidates; it is an operand of its own, or comes to a place first.
     """
 
     operations: Whole
@@ -314,57 +322,79 @@ def program(
     tabulate : bool
         Whether functions that depend on no parameter come from tables; otherwise they are calculated like all others.
     """
-    needed = _needed(curves, targets)
-    tables: list[int] = []
-    if tabulate:
-        wanted = {target.number for target in targets}
-        for node in needed:
-            if curves.varies[node]:
-                wanted.update(o.number for o in curves.nodes[node][1:] if isinstance(o, Curve))
-        tables = [node for node in needed if node in wanted and not curves.varies[node]]
-        needed = sorted(tables + [node for node in needed if curves.varies[node]])
-    last: dict[int, int] = {}
-    for position, node in enumerate(needed):
-        if node not in tables:
-            for o in curves.nodes[node][1:]:
-                if isinstance(o, Curve):
-                    last[o.number] = position
-    for target in targets:
-        last[target.number] = len(needed)
+    steps, tables = _steps(curves, targets, tabulate=tabulate)
+    last = {node: position for position, step in enumerate(steps) for node in step.inputs}
+    last.update({target.number: len(steps) for target in targets})
     free: list[int] = []
     place: dict[int, int] = {}
     places = 0
-    rows: list[tuple[int, int, int, int]] = []
+    rows: list[tuple[int, ...]] = []
     coefficients: list[int] = []
-    for position, node in enumerate(needed):
-        code, *operands = curves.nodes[node]
-        given = [] if node in tables else [place[o.number] for o in operands if isinstance(o, Curve)]
+    for position, step in enumerate(steps):
+        given, numbers = [place[node] for node in step.inputs], [registers.of(number) for number in step.numbers]
         if free:
             to = free.pop()
         else:
             to = places
             places += 1
-        place[node] = to
-        if node in tables:
-            rows.append((Code.TABLE, to, tables.index(node), 0))
-        elif code is Code.POLYNOMIAL:
-            rows.append((code, to, len(coefficients), len(operands)))
-            coefficients += [registers.of(o) for o in operands]
-        elif code in (Code.SCALE, Code.SHIFT):
-            rows.append((code, to, given[0], registers.of(operands[1])))
+        place[step.node] = to
+        table = [] if step.table is None else [tables.index(step.table)]
+        if step.code in (Code.POLYNOMIAL, Code.TABLE_OVER_POLYNOMIAL):
+            rows.append((step.code, to, *table, len(coefficients), len(numbers)))
+            coefficients += numbers
+        elif step.code is Code.MUL_TABLE:
+            rows.append((step.code, to, *given, *table))
         else:
-            rows.append((code, to, given[0], given[-1]))
-        for o in operands:
-            if isinstance(o, Curve) and node not in tables and last.get(o.number) == position and o.number in place:
-                spot = place.pop(o.number)
-                if spot not in free:
-                    free.append(spot)
+            rows.append((step.code, to, *table, *given, *numbers))
+        free += [place.pop(node) for node in set(step.inputs) if last[node] == position]
     return FrequencyProgram(
-        operations=np.array(rows, dtype=np.int32).reshape(-1, 4),
+        operations=np.array([(*row, 0, 0)[:5] for row in rows], dtype=np.int32).reshape(-1, 5),
         coefficients=np.array(coefficients, dtype=np.int32),
         targets=np.array([place[target.number] for target in targets], dtype=np.int32),
         places=max(places, 1),
     ), tables
+
+
+class _Step(NamedTuple):
+    """How one function is made: of functions made before, a table, and numbers."""
+
+    node: int
+    code: Code
+    inputs: tuple[int, ...]
+    table: int | None
+    numbers: tuple[Any, ...]
+
+
+def _steps(curves: Curves, targets: Sequence[Curve], *, tabulate: bool) -> tuple[list[_Step], list[int]]:
+    """Return how the functions are made, one after another, and the tables for it."""
+    needed = _needed(curves, targets)
+    asked = {target.number for target in targets}
+    varying = [node for node in needed if curves.varies[node]] if tabulate else needed
+    used = [o.number for node in varying for o in curves.nodes[node][1:] if isinstance(o, Curve)]
+    tables = [node for node in needed if node not in varying and (node in asked or node in used)] if tabulate else []
+    made: dict[int, _Step] = {}
+    for node in varying:
+        code, *operands = curves.nodes[node]
+        inputs = [o.number for o in operands if isinstance(o, Curve)]
+        numbers = tuple(o for o in operands if not isinstance(o, Curve))
+        able = inputs if code is Code.MUL else inputs[:1] if code in _WITH_TABLE else []
+        table = next((o for o in able if o in tables), None)
+        if table is not None:
+            inputs.remove(table)
+            code = _WITH_TABLE[code]
+            below = curves.nodes[inputs[0]] if code is Code.TABLE_DIV else (None,)
+            if (
+                below[0] is Code.POLYNOMIAL
+                and used.count(inputs[0]) == 1
+                and inputs[0] in made
+                and inputs[0] not in asked
+            ):
+                code, numbers = Code.TABLE_OVER_POLYNOMIAL, made.pop(inputs[0]).numbers
+                inputs = []
+        made[node] = _Step(node, code, tuple(inputs), table, numbers)
+    placed = asked.union(*(step.inputs for step in made.values()))
+    made.update({node: _Step(node, Code.TABLE, (), node, ()) for node in tables if node in placed})
+    return [made[node] for node in sorted(made)], tables
 
 
 def tabulated(curves: Curves, nodes: Sequence[int], frequencies: npt.NDArray[np.float64]) -> Complex:

@@ -116,6 +116,7 @@ def _masks(symbol: Any, code: Callable[[Any, Any, Any], Any]) -> None:
 
 _masks(operator.and_, lambda b, x, y: b.and_(x, y))
 _masks(operator.or_, lambda b, x, y: b.or_(x, y))
+_masks(operator.xor, lambda b, x, y: b.xor(x, y))
 
 
 class _Negate(AbstractTemplate):
