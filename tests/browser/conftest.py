@@ -42,12 +42,17 @@ def visitor(browser: Browser, service: Running) -> Iterator[BrowserContext]:
 
 
 @pytest.fixture
-def page(visitor: BrowserContext) -> Iterator[Page]:
+def page(visitor: BrowserContext, service: Running) -> Iterator[Page]:
     found = visitor.new_page()
     wrong: list[str] = []
     found.on("pageerror", lambda error: wrong.append(str(error)))
     # The browser itself tells what the policy on scripts and styles has refused.
     found.on("console", lambda m: wrong.append(m.text) if "Content Security Policy" in m.text else None)
+    # Everything comes from the service itself: no other host is asked for anything.
+    found.on(
+        "request",
+        lambda asked: None if asked.url.startswith((service.url, "blob:", "data:")) else wrong.append(asked.url),
+    )
     yield found
     found.close()
     assert wrong == []

@@ -89,7 +89,13 @@ def launched(playwright: Playwright) -> Browser:
 
 
 def signed_in(
-    browser: Browser, url: str, *, scheme: Any = "light", size: tuple[int, int] = (1280, 800), locale: str = "en-GB"
+    browser: Browser,
+    url: str,
+    *,
+    scheme: Any = "light",
+    size: tuple[int, int] = (1280, 800),
+    locale: str = "en-GB",
+    touch: bool = False,
 ) -> BrowserContext:
     """Return a browser that has signed in by the page's own form."""
     context = browser.new_context(
@@ -99,6 +105,7 @@ def signed_in(
         locale=locale,
         timezone_id="UTC",
         reduced_motion="reduce",
+        has_touch=touch,
     )
     context.set_default_timeout(30_000)
     context.set_default_navigation_timeout(90_000)
@@ -123,3 +130,63 @@ def faults(page: Page) -> list[str]:
         for violation in found["violations"]
         for node in violation["nodes"]
     ]
+
+
+def faults_of_both_themes(page: Page) -> list[str]:
+    """Return what axe finds in the dark theme and in the light one, without opening the page twice."""
+    found = []
+    for scheme in ("dark", "light"):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function("scheme => document.documentElement.dataset.mantineColorScheme === scheme", arg=scheme)
+        found += [f"{scheme}, {one}" for one in faults(page)]
+    return found
+
+
+def too_wide(page: Page) -> list[str]:
+    """Return the sizes of windows in which a page must be scrolled sideways; its own size comes back."""
+    before = page.viewport_size
+    found = []
+    for width, height in ((1024, 768), (768, 1024), (1280, 800)):
+        page.set_viewport_size({"width": width, "height": height})
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        if wide > width:
+            found.append(f"{wide} pixels wide in a window of {width} x {height}: {page.evaluate(_WIDEST)}")
+    if before is not None:
+        page.set_viewport_size(before)
+    return found
+
+
+def shifted(page: Page) -> float:
+    """Return by how much of the window what was there has jumped since the page was opened (cumulative layout shift)."""
+    return float(page.evaluate(_SHIFT))
+
+
+def unreachable(page: Page) -> list[str]:
+    """Return what can be used with a mouse but is not come to with the tabulator key."""
+    count: int = page.evaluate(_BEGIN_TO_TAB)
+    # Boxes that scroll are come to, too, and are not counted.
+    for _ in range(count + 10):
+        page.keyboard.press("Tab")
+    left: list[str] = page.evaluate(
+        "() => [...window.usable].filter(one => one.isConnected).map(one => one.outerHTML.slice(0, 200))"
+    )
+    return left
+
+
+_WIDEST = """() => [...document.querySelectorAll('main *')].filter(one => one.getBoundingClientRect().right > innerWidth)
+  .slice(0, 3).map(one => one.outerHTML.slice(0, 120)).join(' ')"""
+_SHIFT = """() => new Promise(resolve => {
+  let sum = 0;
+  const observer = new PerformanceObserver(list => { for (const one of list.getEntries()) if (!one.hadRecentInput) sum += one.value; });
+  observer.observe({type: 'layout-shift', buffered: true});
+  setTimeout(() => { observer.disconnect(); resolve(sum); }, 0);
+})"""
+_BEGIN_TO_TAB = """() => {
+  const all = document.querySelectorAll('a[href], button, input, select, textarea, [tabindex]');
+  const one = element => element.checkVisibility({visibilityProperty: true}) && !element.disabled && element.tabIndex >= 0;
+  // Of radio buttons that belong together the arrow keys reach the others.
+  const usable = window.usable = new Set([...all].filter(element => one(element) && !(element.type === 'radio' && !element.checked)));
+  document.addEventListener('focusin', event => usable.delete(event.target));
+  document.activeElement?.blur();
+  return usable.size;
+}"""
