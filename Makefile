@@ -86,9 +86,10 @@ bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service
 
-bench-web: setup  ## from a moving slider to the painted picture, and a diagram of 300 blocks, in a real Chromium (a minute)
+bench-web: setup  ## from a moving slider to the painted picture, a diagram of 300 blocks, ten million samples, in a real Chromium (minutes)
 	@$(BIN)/python -m bench.drag
 	@$(BIN)/python -m bench.diagram
+	@$(BIN)/python -m bench.recording
 
 bench-optimizers: setup  ## every published optimum by every method that covers it; writes docs/benchmarks/ (minutes)
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.optimizers
