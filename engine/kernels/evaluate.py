@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.kernels.compiled import LANES, allocating, compiled, multiply_pairs
 from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
-from engine.kernels.polishing import BRACKET, EVENTS, SLOT
-from engine.kernels.powers import LEVELS, STIFF, raise_powers
+from engine.kernels.polishing import ALL, BRACKET, EVENTS, SLOT
+from engine.kernels.powers import LEVELS, RESOLVED, STIFF, raise_powers
 from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, RUN, begin, follow, passes
 from engine.kernels.spectrum import MARKS, spectrum
-from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
+from engine.kernels.spectrum_program import CHUNK, DOUBT, SpectrumProgram
 from engine.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
 from engine.kernels.tape import Tape, run
 from engine.kernels.time_program import TimeProgram
@@ -21,6 +22,9 @@ from engine.kernels.vector import clear, copy, load, load2, room, spread, store,
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
+
+_OUT_OF_SIGHT: Final = 1e3
+"""A mode that is so much slower than the first frequency of the table, or faster than the last."""
 
 
 @compiled
@@ -66,6 +70,17 @@ def admit(bounds: Whole, limits: Real, registers: Real, alive: Real) -> None:
             above = value > limits[k, 0] if bounds[k, 1] > 0 else value >= limits[k, 0]
             good = good and above and value <= limits[k, 1] and abs(value) < math.inf
         alive[lane] = 1.0 if good else 0.0
+
+
+@compiled
+def beyond(curves: SpectrumProgram, step: Real, rate: Real, readings: Real) -> None:
+    """Doubt all readings of candidates whose modes lie so far beyond the table of frequencies that no sample hints at them."""
+    last = curves.frequencies.shape[0] - 1
+    slowest, fastest = curves.frequencies[1] / _OUT_OF_SIGHT, curves.frequencies[last - 1] * _OUT_OF_SIGHT
+    for lane in range(LANES):
+        if -rate[lane] < slowest or fastest * step[lane] < RESOLVED:
+            for c in range(curves.wants.shape[0]):
+                readings[c, DOUBT, lane] = ALL
 
 
 @allocating
@@ -156,6 +171,7 @@ def evaluate(
         if curves.wants.shape[0] > 0:
             spectrum(curves, registers, spectral, curve_re, curve_im, network, seen, seen_count, omega, marks, levels_of,
                      points_of, slots, bracket)  # fmt: skip
+            beyond(curves, step, rate, spectral)
             for lane in range(LANES):
                 candidate = first + lane
                 if candidate < total and alive[lane] > 0.0 and rate[lane] < 0.0:

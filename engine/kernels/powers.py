@@ -27,6 +27,8 @@ _SMALL: Final = 0.08
 _NON_NORMAL: Final = 4.0
 """The norm of a step's matrix may be so much larger than its eighth power suggests, so that series still end soon."""
 EXTRA: Final = 3
+RESOLVED: Final = _SMALL * 2.0**EXTRA
+"""Angle by which the fastest mode turns in a step at most, rad."""
 _REST: Final = 1e-13
 _DECAYED: Final = 1e-3
 _HUGE: Final = 1e30

@@ -68,6 +68,8 @@ _STEEPEST: Final = 6
 """Curves rise and fall with the sixth power of frequency at most; what is steeper is left to the exact path."""
 _NOTHING: Final = 1e-12
 """What has fallen so far below 1 (a loop) or the tallest (a path), by its square, decides nothing beyond."""
+_ASKEW: Final = 0.3
+"""What leads to an end of the axis has come to one of the axes of the plane up to this."""
 _ON_THE_WAY: Final = 0.1
 """By so much the power may differ from a whole number: what lies beyond is at least four times as far away."""
 
@@ -151,8 +153,8 @@ def _look(
     m1, m2 = static, static
     best, second, where, runner_up = marks[0:3], marks[3:6], marks[6:9], marks[9:12]
     for p in range(3):
-        for to, content in ((best, -1.0), (second, -1.0), (where, 0.0), (runner_up, 0.0)):
-            store(to, content, p)
+        for mark, content in ((best, -1.0), (second, -1.0), (where, 0.0), (runner_up, 0.0)):
+            store(mark, content, p)
     # whether the loop is larger than 1, counts, lies left and above at the sample before, and what rose up to there
     over1, counts1, left1, above1 = m1 > 1.0, m1 > SMALLEST * SMALLEST, x1 < 0.0, y1 > 0.0
     grew1, rose1 = m1 < 0.0, m1 < 0.0
@@ -258,9 +260,8 @@ def _look(
         distance = program.frequencies[end] / program.frequencies[beside]
         distance = distance * distance if end == 0 else 1.0 / (distance * distance)
         near = _squared(store_re, store_im, c, beside, 2)
-        arrived = _arrived(
-            _squared(store_re, store_im, c, end, 2), near, _squared(store_re, store_im, c, next_, 2), ratio, distance
-        )
+        x, y = load2(store_re, c, end), load2(store_im, c, end)
+        arrived = _arrived(x, y, near, _squared(store_re, store_im, c, next_, 2), ratio, distance)
         if end > 0:
             arrived = arrived | (near <= _NOTHING * (tallest if wants & (BANDWIDTH | PEAK) else spread(1.0)))
         doubt = select(arrived, doubt, ALL)
@@ -329,18 +330,21 @@ def _squared(store_re: Real, store_im: Real, c: int, k: int, p: int) -> Any:
 
 
 @compiled
-def _arrived(rest: Any, near: Any, next_: Any, ratio: float, distance: float) -> Any:
-    """Whether the samples beside an end of the axis follow the power of frequency that leads to it.
+def _arrived(x: Any, y: Any, near: Any, next_: Any, ratio: float, distance: float) -> Any:
+    """Whether the samples beside an end of the axis follow the power of frequency that leads to x + jy at the end.
 
     A square w^n, w = ω² (at the other end 1/ω²), grows by ratio^n from the sample beside the end to the next, and by
-    distance^n to the end. A curve that does not has poles or zeros between them.
+    distance^n to the end, where the curve is real if n is even and imaginary if it is odd. One that does not has poles or
+    zeros between them.
     """
-    steepness = (next_ - near) / (next_ + near)
+    rest, steepness = x * x + y * y, (next_ - near) / (next_ + near)
     found = rest < 0.0
     to_next, to_end = ratio ** float(-_STEEPEST), distance ** float(-_STEEPEST)
-    for _ in range(2 * _STEEPEST + 1):
+    for power in range(-_STEEPEST, _STEEPEST + 1):
         matches = magnitude(steepness - (to_next - 1.0) / (to_next + 1.0)) < _ON_THE_WAY * (ratio - 1.0) / (ratio + 1.0)
-        found = found | (matches & (rest > 0.8 * to_end * near) & (rest < 1.25 * to_end * near))
+        across, along = (x, y) if power & 1 else (y, x)
+        straight = magnitude(across) < _ASKEW * magnitude(along)
+        found = found | (matches & straight & (rest > 0.8 * to_end * near) & (rest < 1.25 * to_end * near))
         to_next, to_end = to_next * ratio, to_end * distance
     return found
 
