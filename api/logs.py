@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Literal
 
-from storage.jobs.compute import CURRENT_JOB
+from storage.jobs.compute import ASKED_BY, CURRENT_JOB
 
 #: The id of the request that is being answered.
 CURRENT_REQUEST: ContextVar[str | None] = ContextVar("current_request", default=None)
@@ -23,7 +23,10 @@ class Structured(logging.Formatter):
     """Makes each record a JSON object on one line."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return time, level, logger and message, and the ids of request and job where there are any."""
+        """Return time, level, logger and message, and the ids of job and request where there are any.
+
+        The request of a job is the one that asked for it.
+        """
         line: dict[str, object] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
@@ -31,9 +34,8 @@ class Structured(logging.Formatter):
             "message": record.getMessage(),
             "process": record.process,
         }
-        line |= {
-            name: value for name, value in (("request", CURRENT_REQUEST.get()), ("job", CURRENT_JOB.get())) if value
-        }
+        request = CURRENT_REQUEST.get() or ASKED_BY.get()
+        line |= {name: value for name, value in (("request", request), ("job", CURRENT_JOB.get())) if value}
         line |= {name: getattr(record, name) for name in _MORE if hasattr(record, name)}
         if record.exc_info:
             line["traceback"] = self.formatException(record.exc_info)

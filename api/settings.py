@@ -31,7 +31,7 @@
 | ``SERVOTUNE_JOB_DAYS`` | 400 | how long a job that has ended is kept with its result, days |
 | ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
 | ``SERVOTUNE_LOG_FORMAT`` | ``text`` | lines for people, or ``json`` |
-| ``SERVOTUNE_OTLP_ENDPOINT`` | (none) | who collects traces of requests, by OTLP over HTTP |
+| ``SERVOTUNE_OTLP_ENDPOINT`` | (none) | who collects traces of requests and jobs, by OTLP over HTTP |
 """
 
 from __future__ import annotations

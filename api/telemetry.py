@@ -1,12 +1,12 @@
-"""Traces for OpenTelemetry, where `SERVOTUNE_OTLP_ENDPOINT` says that somebody collects them; the extra `telemetry` has the libraries."""
+"""How the application traces its requests, where `SERVOTUNE_OTLP_ENDPOINT` says that somebody collects traces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from api.settings import Settings
+from api.tracing import provider_of
 
 if TYPE_CHECKING:
     from fastapi.telemetry import TelemetryConfig
@@ -23,19 +23,7 @@ def configured(settings: Settings) -> tuple[TelemetryConfig, Callable[[], None]]
     SystemExit
         When traces are wanted and the libraries for them are not installed.
     """
-    if settings.otlp_endpoint is None:
+    provider = provider_of(settings, "servotune")
+    if provider is None:
         return OFF, lambda: None
-    try:
-        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415 - an extra
-        from opentelemetry.sdk.resources import Resource  # noqa: PLC0415 - as above
-        from opentelemetry.sdk.trace import TracerProvider  # noqa: PLC0415 - as above
-        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415 - as above
-    except ModuleNotFoundError as error:
-        raise SystemExit(
-            f"SERVOTUNE_OTLP_ENDPOINT must be left out without the extra servotune[telemetry], {error.name} is missing"
-        ) from error
-    resource = Resource.create({"service.name": "servotune", "service.version": version("servotune")})
-    provider = TracerProvider(resource=resource)
-    endpoint = settings.otlp_endpoint.rstrip("/") + "/v1/traces"
-    provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter(endpoint=endpoint)))
     return {"tracer_provider": provider, "metrics": False, "logs": False}, provider.shutdown

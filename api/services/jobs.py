@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from api import tracing
 from api.problems import Problem, invalid
 from api.schemas.queue import QueueDocument
 from api.services.installation import Caller, Installation
@@ -115,6 +116,7 @@ def enqueue(
         priority=Priority[wanted.priority.upper()],
         time_limit=wanted.time_limit,
         deadline=wanted.deadline,
+        traceparent=tracing.traceparent(),
     )
     return job_to_wire(job)
 

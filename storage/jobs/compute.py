@@ -23,6 +23,8 @@ from typing import Any
 
 #: The id of the job that this thread sees through, or that this process computes.
 CURRENT_JOB: ContextVar[str | None] = ContextVar("current_job", default=None)
+#: The id of the request that asked for that job.
+ASKED_BY: ContextVar[str | None] = ContextVar("asked_by", default=None)
 
 #: The shortest time (s) between two reports of progress, and between two messages once the first ones are spent.
 REPORT_INTERVAL = 0.1
@@ -42,7 +44,8 @@ class ComputeJob:
     """What is to be computed; ``database_url`` is for those kinds that read recordings.
 
     ``state`` is what the computation last kept (`Reporter.keep`) before it was cut off. ``parts`` has the results of the
-    parts into which it was cut, by their numbers, and under -1 what it knew then.
+    parts into which it was cut, by their numbers, and under -1 what it knew then. ``request_id`` is the request that asked for
+    it, for the log.
     """
 
     id: str
@@ -52,6 +55,7 @@ class ComputeJob:
     database_url: str = field(repr=False)
     state: dict[str, Any] | None = None
     parts: Mapping[int, dict[str, Any]] = field(default_factory=dict)
+    request_id: str | None = None
 
 
 class Refusal(Exception):  # noqa: N818 - it is no error of the software
@@ -175,7 +179,7 @@ def compute_one(compute: Compute, pipe: socket.socket) -> None:
     with pipe.makefile("rb") as reader:
         (length,) = HEADER.unpack(reader.read(HEADER.size))
         job = pickle.loads(reader.read(length))  # noqa: S301 - from our own worker
-    token = CURRENT_JOB.set(job.id)
+    token, asked = CURRENT_JOB.set(job.id), ASKED_BY.set(job.request_id)
     try:
         send(pipe, Done(compute(job, Reporter(pipe))))
     except Refusal as refusal:
@@ -186,4 +190,5 @@ def compute_one(compute: Compute, pipe: socket.socket) -> None:
     except Exception as error:  # noqa: BLE001 - the boundary of the process: whatever happens becomes the job's error
         send(pipe, Crashed(type(error).__name__, traceback.format_exc()))
     finally:
+        ASKED_BY.reset(asked)
         CURRENT_JOB.reset(token)

@@ -53,10 +53,16 @@ class JobQueue:
         priority: Priority = Priority.NORMAL,
         time_limit: float | None = None,
         deadline: datetime | None = None,
+        traceparent: str | None = None,
     ) -> Job:
         """Write a job and its place in the queue; both exist when the caller's transaction commits, or neither."""
         job = JobRepository(session, workspace_id).create(
-            kind=kind, body=body, priority=priority, time_limit=time_limit, deadline=deadline
+            kind=kind,
+            body=body,
+            priority=priority,
+            time_limit=time_limit,
+            deadline=deadline,
+            traceparent=traceparent,
         )
         self.carry(session, [job])
         session.refresh(job)

@@ -6,7 +6,8 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Any, NoReturn, TypeVar
@@ -16,7 +17,19 @@ from sqlalchemy.orm import Session
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE
 from storage.jobs.children import Child, ChildDied, Zygote
-from storage.jobs.compute import CURRENT_JOB, ComputeJob, Crashed, Done, Frame, Kept, Message, Parts, Progress, Refused
+from storage.jobs.compute import (
+    ASKED_BY,
+    CURRENT_JOB,
+    ComputeJob,
+    Crashed,
+    Done,
+    Frame,
+    Kept,
+    Message,
+    Parts,
+    Progress,
+    Refused,
+)
 from storage.jobs.queue import JobQueue
 from storage.models import Job, JobState, JobStatus
 from storage.models.base import Document
@@ -36,6 +49,14 @@ _PAUSE, _LONGEST_PAUSE = 0.5, 5.0
 _log = logging.getLogger(__name__)
 
 Value = TypeVar("Value")
+
+Traced = Callable[[Job], AbstractContextManager[Callable[[str], None]]]
+"""What surrounds one attempt at a job for whoever collects traces; takes the status in which the attempt leaves it."""
+
+
+def untraced(_: Job) -> AbstractContextManager[Callable[[str], None]]:
+    """Surround an attempt with nothing."""
+    return nullcontext(lambda _status: None)
 
 
 class Stopped(BaseException):
@@ -60,11 +81,14 @@ class _Begun:
 class Supervisor:
     """Does the jobs that the engine hands to this worker, at most ``slots`` at a time."""
 
-    def __init__(self, database: Database, queue: JobQueue, zygote: Zygote, *, worker: str, slots: int) -> None:
+    def __init__(
+        self, database: Database, queue: JobQueue, zygote: Zygote, *, worker: str, slots: int, traced: Traced
+    ) -> None:
         self._database = database
         self._queue = queue
         self._zygote = zygote
         self._worker = worker
+        self._traced = traced
         self._slots = threading.Semaphore(slots)
         self._stopping = threading.Event()
         self._idle = threading.Condition()
@@ -91,40 +115,52 @@ class Supervisor:
         Stopped
             When the worker stops first.
         """
-        with self._held(ticket), _named(job_id), self._slot():
+        with self._held(ticket), _set(CURRENT_JOB, job_id), self._slot():
             begun = self._write(lambda session: self._begin(session, job_id, ticket))
             if begun is None:
                 return
             job = begun.job
-            _log.info("job %s (%s) begins, attempt %d", job.id, job.kind, job.attempts)
-            if begun.hopeless:
-                detail = f"the job was begun {MAX_ATTEMPTS} times, and each time its worker died or was cut off"
-                self._fail(job, "interrupted", "Interrupted too often", detail)
-                return
-            begun = self._warm(begun)
-            if begun is None:
-                return
-            child = self._zygote.start(
-                ComputeJob(
-                    id=job.id,
-                    kind=job.kind,
-                    body=job.body,
-                    workspace_id=job.workspace_id,
-                    database_url=self._database.url,
-                    state=None if begun.state is None else begun.state.state,
-                    parts=begun.parts,
-                )
+            with _set(ASKED_BY, job.request_id), self._traced(job) as tell:
+                _log.info("job %s (%s) begins, attempt %d", job.id, job.kind, job.attempts)
+                self._attempt(begun)
+                tell(self._write(lambda session: self._let_go(session, job)))
+                _log.info("job %s (%s) has been let go", job.id, job.kind)
+
+    def _attempt(self, begun: _Begun) -> None:
+        job = begun.job
+        if begun.hopeless:
+            detail = f"the job was begun {MAX_ATTEMPTS} times, and each time its worker died or was cut off"
+            self._fail(job, "interrupted", "Interrupted too often", detail)
+            return
+        warm = self._warm(begun)
+        if warm is None:
+            return
+        child = self._zygote.start(
+            ComputeJob(
+                id=job.id,
+                kind=job.kind,
+                body=job.body,
+                workspace_id=job.workspace_id,
+                database_url=self._database.url,
+                state=None if warm.state is None else warm.state.state,
+                parts=warm.parts,
+                request_id=job.request_id,
             )
-            try:
-                self._follow(begun, child)
-            except Exception as error:  # noqa: BLE001 - a result that is no JSON, or anything else: the job must end
-                _log.exception("job %s (%s) cannot be brought to its end", job.id, job.kind)
-                self._internal_error(job, type(error).__name__)
-            finally:
-                child.kill()
-                self._told.pop(job.id, None)
-            self._write(lambda session: self._queue.release(session, job.workspace_id))
-            _log.info("job %s (%s) has been let go", job.id, job.kind)
+        )
+        try:
+            self._follow(warm, child)
+        except Exception as error:  # noqa: BLE001 - a result that is no JSON, or anything else: the job must end
+            _log.exception("job %s (%s) cannot be brought to its end", job.id, job.kind)
+            self._internal_error(job, type(error).__name__)
+        finally:
+            child.kill()
+            self._told.pop(job.id, None)
+
+    def _let_go(self, session: Session, job: Job) -> str:
+        """Give what was put aside its turn; return the status in which the job is left."""
+        self._queue.release(session, job.workspace_id)
+        left = session.get(Job, job.id, populate_existing=True)
+        return "deleted" if left is None else left.status
 
     def _begin(self, session: Session, job_id: str, ticket: str) -> _Begun | None:
         job = jobs.begin(session, job_id, worker=self._worker, ticket=ticket)
@@ -324,13 +360,13 @@ class Supervisor:
 
 
 @contextmanager
-def _named(job_id: str) -> Iterator[None]:
-    """Let what is logged say which job it is about."""
-    token = CURRENT_JOB.set(job_id)
+def _set(variable: ContextVar[str | None], value: str | None) -> Iterator[None]:
+    """Let what is logged meanwhile say which job it is about, and who asked for it."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        CURRENT_JOB.reset(token)
+        variable.reset(token)
 
 
 def overdue_detail(job: Job) -> str:

@@ -25,7 +25,7 @@ from storage.jobs.claims import Claims
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.pulse import Pulse
 from storage.jobs.queue import JobQueue
-from storage.jobs.supervision import Supervisor, overdue_detail
+from storage.jobs.supervision import Supervisor, Traced, overdue_detail, untraced
 from storage.repositories import jobs
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
@@ -71,11 +71,21 @@ class Worker:
         How many jobs it does at a time.
     heartbeat : float
         How often (s) it shows that it lives; another worker that does not for five times as long is dead.
+    traced : Traced, optional
+        What surrounds each attempt at a job, for whoever collects traces.
     """
 
     current: ClassVar[Worker | None] = None
 
-    def __init__(self, url: str, *, compute: str, slots: int = 1, heartbeat: float = HEARTBEAT_INTERVAL) -> None:
+    def __init__(
+        self,
+        url: str,
+        *,
+        compute: str,
+        slots: int = 1,
+        heartbeat: float = HEARTBEAT_INTERVAL,
+        traced: Traced = untraced,
+    ) -> None:
         if slots < 1:
             raise ValueError(f"slots must be >= 1, got {slots}")
         self._url = url
@@ -83,6 +93,7 @@ class Worker:
         self._lost = ""
         self._slots = slots
         self._heartbeat = heartbeat
+        self._traced = traced
         self._token = secrets.token_hex(8)
         self._ended = threading.Event()
         self._undo = ExitStack()
@@ -111,8 +122,8 @@ class Worker:
             self._queue = JobQueue(self._database)
             undo.callback(self._queue.close)
             self.supervisor = Supervisor(
-                self._database, self._queue, zygote, worker=self.name, slots=self._slots
-            )  # fmt: skip
+                self._database, self._queue, zygote, worker=self.name, slots=self._slots, traced=self._traced
+            )
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)

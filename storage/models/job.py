@@ -45,6 +45,9 @@ class Job(Base):
     ``ticket`` is the job engine's workflow that carries the job, numbered by ``round``; a job without one waits: for being
     resumed, for room in its workspace, or for its parts. A part is a job of its own, ``part`` of the job ``parent_id``, which
     no user sees; those below 0 hold what the parent knew when it was cut.
+
+    ``request_id`` is the request that asked for it, ``traceparent`` the span of that request as W3C's Trace Context writes it;
+    neither where a schedule did, or where nobody collects traces.
     """
 
     __tablename__ = "job"
@@ -76,6 +79,8 @@ class Job(Base):
     deadline: Mapped[datetime | None]
     parent_id: Mapped[str | None] = mapped_column(Id)
     part: Mapped[int | None]
+    request_id: Mapped[str | None] = mapped_column(Word)
+    traceparent: Mapped[str | None] = mapped_column(Word)
     created_at: Mapped[datetime] = mapped_column(default=utc_now)
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]

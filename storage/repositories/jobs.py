@@ -18,7 +18,7 @@ from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
-from storage.audit import record
+from storage.audit import ACTOR, record
 from storage.clock import shared_now
 from storage.errors import NotFoundError, StateError
 from storage.ids import new_id
@@ -53,6 +53,7 @@ class JobRepository:
         priority: Priority = Priority.NORMAL,
         time_limit: float | None = None,
         deadline: datetime | None = None,
+        traceparent: str | None = None,
     ) -> Job:
         """Write down a queued job (`storage.jobs.queue.JobQueue.enqueue` also hands it to the workers).
 
@@ -64,6 +65,8 @@ class JobRepository:
             How long (s) it may take from its start.
         deadline : datetime, optional
             When it must have ended.
+        traceparent : str, optional
+            The span that asks for it, as W3C's Trace Context writes it.
 
         Raises
         ------
@@ -80,6 +83,8 @@ class JobRepository:
             priority=priority,
             time_limit=time_limit,
             deadline=deadline,
+            request_id=ACTOR.get().request_id,
+            traceparent=traceparent,
         )
         self._session.add(job)
         self._session.flush()

@@ -55,6 +55,8 @@ def _row(parent: Job, number: int, body: Document) -> Job:
         deadline=parent.deadline,
         parent_id=parent.id,
         part=number,
+        request_id=parent.request_id,
+        traceparent=parent.traceparent,
     )
 
 
