@@ -124,7 +124,7 @@ async def _caller(service: Installation, scope: Scope) -> Caller:
     if scope["type"] == "websocket":
         ticket = QueryParams(scope["query_string"]).get("ticket", "")
         caller = await run_in_threadpool(holder_of, service.database, ticket)
-        if caller is None:
+        if caller is None or not await service.callers.opens(caller.principal):
             raise _unauthorized("the ticket must be a fresh one of POST /v1/tickets, got another or none")
         return caller
     cookie = cookie_of(headers)

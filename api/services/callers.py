@@ -12,9 +12,11 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 from api.services.uses import Uses
+from storage.models.base import utc_now
 from storage.repositories import open_principals
 from storage.session import Database
 
@@ -25,16 +27,18 @@ if TYPE_CHECKING:  # an installation has its callers
 FRESH = 1.0
 #: s after which somebody who does not come any more is not asked for any more.
 _IDLE = 60.0
-#: Callers of whom the hash of what they showed is kept.
+#: Callers of whom the hash of what they showed is kept, and who are asked for in one question (a statement of SQLite takes
+#: 32,766 values, and each of them is two).
 _MOST_KNOWN = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Who showed something that opens, and the key behind it where there is one."""
+    """Who showed something that opens, the key behind it where there is one, and when it ends, which nobody need be asked."""
 
     caller: Caller
     key: str | None
+    expires_at: datetime | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +64,7 @@ class Callers:
         self._database = database
         self._clock = clock
         self._known: dict[bytes, Found] = {}  # by the hash of what they showed
-        self._came: dict[str, float] = {}  # principal -> when it came last
+        self._came: dict[str, float] = {}  # principal -> when it came last, in that order
         self._confirmed: dict[str, float] = {}  # principal -> when the question was asked that was answered with yes
         self._asking: asyncio.Task[_Answer] | None = None
 
@@ -78,11 +82,12 @@ class Callers:
             found = await asyncio.to_thread(look_up)
             if found is None:
                 return None
-            confirmed[found.caller.principal] = self._came[found.caller.principal] = now
+            confirmed[found.caller.principal] = now
+            self._comes(found.caller.principal)
             self._known[shown] = found
             if len(self._known) > _MOST_KNOWN:
                 del self._known[next(iter(self._known))]
-        elif not await self.opens(found.caller.principal):
+        elif _over(found) or not await self.opens(found.caller.principal):
             self._known.pop(shown, None)
             return None
         if found.key is not None:
@@ -91,14 +96,16 @@ class Callers:
 
     async def opens(self, principal: str) -> bool:
         """Return whether a key or a sign-in, by its id, (still) opens; raises as `find` does."""
-        self._came[principal] = self._clock()
+        self._comes(principal)
         while self._clock() - self._confirmed.get(principal, -math.inf) > FRESH:
-            if self._asking is None or self._asking.done():
-                self._asking = asyncio.create_task(self._ask())
-                self._asking.add_done_callback(_heard)
-            answer = await asyncio.shield(self._asking)
+            asking = self._asking  # which another thread may forget meanwhile
+            if asking is None or asking.done():
+                asking = self._asking = asyncio.create_task(self._ask())
+                asking.add_done_callback(_heard)
+            answer = await asyncio.shield(asking)
             if principal in answer.among:  # not so when that question was already on its way
                 return principal in answer.opening
+            self._comes(principal)  # or when it has waited so long that it counted as gone
         return True
 
     def forget(self) -> None:
@@ -107,9 +114,14 @@ class Callers:
         self._asking = None
         self._confirmed = {}
 
+    def _comes(self, principal: str) -> None:
+        self._came.pop(principal, None)
+        self._came[principal] = self._clock()
+
     async def _ask(self) -> _Answer:
         confirmed, now = self._confirmed, self._clock()
-        self._came = {principal: came for principal, came in self._came.items() if now - came <= _IDLE}
+        lately = [entry for entry in self._came.items() if now - entry[1] <= _IDLE]
+        self._came = dict(lately[-_MOST_KNOWN:])
         for principal in confirmed.keys() - self._came.keys():
             del confirmed[principal]
         among = frozenset(self._came)
@@ -125,6 +137,10 @@ class Callers:
     def _open_among(self, principals: frozenset[str]) -> frozenset[str]:
         with self._database.session() as session:
             return open_principals(session, principals)
+
+
+def _over(found: Found) -> bool:
+    return found.expires_at is not None and found.expires_at <= utc_now()
 
 
 def _heard(asked: asyncio.Task[_Answer]) -> None:

@@ -30,7 +30,7 @@ def caller_of(database: Database, token: str) -> Found | None:
             scopes=frozenset(str(scope) for scope in key.scopes),
             name=key.name,
         )
-        return Found(caller=caller, key=key.id)
+        return Found(caller=caller, key=key.id, expires_at=key.expires_at)
 
 
 def bootstrap(database: Database, token: str | None) -> str | None:

@@ -23,7 +23,9 @@ def visitor_of(database: Database, cookie: str) -> Found | None:
     """Return who has this cookie, None when its sign-in is over."""
     with database.session() as session:
         visitor = SignInRepository(session).visitor(cookie)
-    return None if visitor is None else Found(caller=_caller(visitor, ends=True), key=visitor.key_id)
+    if visitor is None:
+        return None
+    return Found(caller=_caller(visitor, ends=True), key=visitor.key_id, expires_at=visitor.expires_at)
 
 
 def holder_of(database: Database, ticket: str) -> Caller | None:

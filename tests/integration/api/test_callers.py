@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from datetime import timedelta
+from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from api.services.keys import caller_of
 from api.services.sign_ins import visitor_of
 from storage import Database, open_database
 from storage.models import DEFAULT_WORKSPACE
+from storage.models.base import utc_now
 from storage.repositories import ApiKeyRepository, SignInRepository
 
 
@@ -31,9 +32,11 @@ class Door:
     def _count(self, *_: object) -> None:
         self.questions += 1
 
-    def key(self) -> tuple[str, str]:
+    def key(self, expires_at: datetime | None = None) -> tuple[str, str]:
         with self.elsewhere.session() as session:
-            row, token = ApiKeyRepository(session, DEFAULT_WORKSPACE).create(name="k", scopes=["read"])
+            row, token = ApiKeyRepository(session, DEFAULT_WORKSPACE).create(
+                name="k", scopes=["read"], expires_at=expires_at
+            )
             return row.id, token
 
     def revoke(self, key: str) -> None:
@@ -73,6 +76,51 @@ def test_a_key_revoked_here_is_out_at_once(door) -> None:
         door.revoke(key)
         door.callers.forget()
         assert not await door.lets_in(token)
+
+    asyncio.run(story())
+
+
+def test_a_key_that_ends_is_out_at_that_moment_without_a_question(door, monkeypatch) -> None:
+    async def story() -> None:
+        end = utc_now() + timedelta(hours=1)
+        _, token = door.key(end)
+        assert await door.lets_in(token)
+        door.questions = 0
+        monkeypatch.setattr("api.services.callers.utc_now", lambda: end - timedelta(milliseconds=1))
+        assert await door.lets_in(token)
+        monkeypatch.setattr("api.services.callers.utc_now", lambda: end)
+        found = door.callers.find(token.encode(), partial(caller_of, door.database, token))
+        assert await found is None
+        assert door.questions == 0
+
+    asyncio.run(story())
+
+
+def test_who_waited_longer_than_the_idle_are_remembered_gets_an_answer(door) -> None:
+    async def story() -> None:
+        (_, one), (another, _) = door.key(), door.key()
+        assert await door.lets_in(one)
+        door.now = FRESH + 0.001
+        first = asyncio.create_task(door.lets_in(one))
+        await asyncio.sleep(0)
+        second = asyncio.create_task(door.callers.opens(another))  # after the question of the first was asked
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        door.now += 1000.0
+        assert await asyncio.wait_for(second, 30)
+        assert await first
+
+    asyncio.run(story())
+
+
+def test_more_callers_than_one_question_asks_for_get_their_answers(door, monkeypatch) -> None:
+    monkeypatch.setattr("api.services.callers._MOST_KNOWN", 3)
+
+    async def story() -> None:
+        keys = [door.key()[0] for _ in range(10)]
+        door.revoke(keys[4])
+        answers = await asyncio.wait_for(asyncio.gather(*(door.callers.opens(key) for key in keys)), 30)
+        assert answers == [key != keys[4] for key in keys]
 
     asyncio.run(story())
 

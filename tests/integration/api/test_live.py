@@ -159,6 +159,15 @@ def test_nobody_comes_in_without_a_ticket(sqlite_service, query, code) -> None:
         connect(sqlite_service.url.replace("http", "ws") + "/v1/live" + query, proxy=None)
 
 
+def test_the_ticket_of_a_key_revoked_since_opens_nothing(sqlite_service) -> None:
+    with sqlite_service.client("admin") as admin:
+        made = admin.post("/v1/keys", json={"name": "lent", "scopes": ["run"]}).json()
+        ticket = admin.post("/v1/tickets", headers={"Authorization": f"Bearer {made['key']}"}).json()["ticket"]
+        assert admin.delete(f"/v1/keys/{made['id']}").status_code == 204
+    with pytest.raises(Exception, match="403"):
+        connect(sqlite_service.url.replace("http", "ws") + f"/v1/live?ticket={ticket}", proxy=None)
+
+
 def test_who_may_only_read_may_not_compute(sqlite_service) -> None:
     with pytest.raises((ConnectionClosed, Exception), match=r"403|scope"), opened(sqlite_service, "read") as socket:
         socket.recv(timeout=20)
