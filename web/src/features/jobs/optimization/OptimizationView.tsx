@@ -66,9 +66,11 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
             <Button component={Link} to={panelAt(found.id, values)}>
               {t("jobs.toPanel")}
             </Button>
-            <Button variant="default" onClick={() => save.mutate()} disabled={!system.data || !described.data} loading={save.isPending}>
-              {t("panel.save")}
-            </Button>
+            {system.data && described.data && (
+              <Button variant="default" onClick={() => save.mutate()} loading={save.isPending}>
+                {t("panel.save")}
+              </Button>
+            )}
           </Group>
         )}
         <ProblemAlert error={save.error} />
