@@ -8,12 +8,15 @@ in this process is out at once; what another process of the service revokes, wit
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 from api.services.uses import Uses
 from storage.models.base import utc_now
@@ -30,6 +33,10 @@ _IDLE = 60.0
 #: Callers of whom the hash of what they showed is kept, and who are asked for in one question (a statement of SQLite takes
 #: 32,766 values, and each of them is two).
 _MOST_KNOWN = 10_000
+#: Questions to the database at the same time.
+_AT_ONCE = 8
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +70,8 @@ class Callers:
         self.uses = Uses(database, clock=clock)
         self._database = database
         self._clock = clock
+        # Of their own: in the threads that all share, webhooks wait for names of hosts, which may take as long as they like.
+        self._threads = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="callers")
         self._known: dict[bytes, Found] = {}  # by the hash of what they showed
         self._came: dict[str, float] = {}  # principal -> when it came last, in that order
         self._confirmed: dict[str, float] = {}  # principal -> when the question was asked that was answered with yes
@@ -79,7 +88,7 @@ class Callers:
         found = self._known.get(shown)
         if found is None:
             confirmed, now = self._confirmed, self._clock()
-            found = await asyncio.to_thread(look_up)
+            found = await self._apart(look_up)
             if found is None:
                 return None
             confirmed[found.caller.principal] = now
@@ -125,7 +134,7 @@ class Callers:
         for principal in confirmed.keys() - self._came.keys():
             del confirmed[principal]
         among = frozenset(self._came)
-        opening = await asyncio.to_thread(self._open_among, among)
+        opening = await self._apart(partial(self._open_among, among))
         for principal in among:
             if principal in opening:
                 confirmed[principal] = now
@@ -133,6 +142,10 @@ class Callers:
                 confirmed.pop(principal, None)
                 self._came.pop(principal, None)
         return _Answer(among=among, opening=opening)
+
+    async def _apart(self, work: Callable[[], _T]) -> _T:
+        context = contextvars.copy_context()
+        return await asyncio.get_running_loop().run_in_executor(self._threads, lambda: context.run(work))
 
     def _open_among(self, principals: frozenset[str]) -> frozenset[str]:
         with self._database.session() as session:

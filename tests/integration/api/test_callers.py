@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -121,6 +123,24 @@ def test_more_callers_than_one_question_asks_for_get_their_answers(door, monkeyp
         door.revoke(keys[4])
         answers = await asyncio.wait_for(asyncio.gather(*(door.callers.opens(key) for key in keys)), 30)
         assert answers == [key != keys[4] for key in keys]
+
+    asyncio.run(story())
+
+
+def test_threads_that_wait_for_something_else_keep_nobody_out(door) -> None:
+    async def story() -> None:
+        _, token = door.key()
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
+        over = threading.Event()
+        waiting = asyncio.create_task(asyncio.to_thread(over.wait))
+        await asyncio.sleep(0)
+        try:
+            assert await asyncio.wait_for(door.lets_in(token), 30)
+            door.now = FRESH + 0.001
+            assert await asyncio.wait_for(door.lets_in(token), 30)
+        finally:
+            over.set()
+            await waiting
 
     asyncio.run(story())
 
