@@ -30,7 +30,7 @@ ROOMS = {
     "api": ["server", "formats", "telemetry"],
     "examples": ["demo"],
     "bench": ["server", "formats", "interop", "bench"],
-    "tests": ["agent", "server", "formats", "convex", "pareto", "interop", "bench", "demo", "dev"],
+    "tests": ["agent", "server", "formats", "convex", "pareto", "interop", "bench", "demo", "telemetry", "dev"],
 }
 # Never imported by name: programs, Postgres among them; and what
 # an editable install needs.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import signal
@@ -17,14 +18,18 @@ from typing import Any
 
 import httpx
 import pytest
+from opentelemetry.proto.trace.v1.trace_pb2 import Span
 
 from api.commands import openapi
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, upload
 from tests.integration.api.test_datasets import FILE, TEXT
 from tests.support import postgres
+from tests.support.collecting import collector, spans_of
 
 KEY = "a-key-of-the-operator"
+#: The trace and the caller's span of the example in W3C's Trace Context, section 3.2.
+TRACE, CALLER = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
 
 
 def free_port() -> int:
@@ -73,15 +78,42 @@ def wait(client: httpx.Client, status: int, process: subprocess.Popen[str], fold
 
 
 def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_path, database_url) -> None:
-    with served(tmp_path, database=database_url, bootstrap_key=KEY) as (process, client):
-        assert client.get("/readyz").json()["checks"]["worker"] == "ok"
-        reply = upload(client, FILE, TEXT)
-        assert finished(client, reply.json()["job"])["status"] == "succeeded"
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=30) == 0
+    told = {"bootstrap_key": KEY, "log_format": "json"}
+    with collector() as (endpoint, received):
+        with served(tmp_path, database=database_url, otlp_endpoint=endpoint, **told) as (process, client):
+            assert client.get("/readyz").json()["checks"]["worker"] == "ok"
+            client.headers.update({"X-Request-ID": "asked-for-it", "traceparent": f"00-{TRACE}-{CALLER}-01"})
+            reply = upload(client, FILE, TEXT)
+            del client.headers["X-Request-ID"], client.headers["traceparent"]
+            job = finished(client, reply.json()["job"])
+            assert job["status"] == "succeeded"
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(timeout=30) == 0
+        require_one_trace(spans_of(received, TRACE), job)
     log = (tmp_path / "log.txt").read_text()
     assert "Traceback" not in log
     assert KEY not in log
+    lines = [json.loads(line) for line in log.splitlines() if line.startswith("{")]
+    about = [line for line in lines if line.get("job") == job["id"]]
+    assert {line["logger"] for line in about} >= {"storage.jobs.supervision"}
+    assert {line.get("request") for line in about} == {"asked-for-it"}
+
+
+def require_one_trace(spans: dict[str, Span], job: dict[str, Any]) -> None:
+    """Find the attempt at the job below the request that asked for it, and that below who sent the request."""
+    (attempt,) = [span for span in spans.values() if span.name == f"job {job['kind']}"]
+    assert {item.key: item.value.string_value or item.value.int_value for item in attempt.attributes} == {
+        "servotune.job.id": job["id"],
+        "servotune.job.kind": job["kind"],
+        "servotune.job.attempt": 1,
+        "servotune.job.status": "succeeded",
+        "servotune.request.id": "asked-for-it",
+    }
+    above = attempt
+    while (parent := above.parent_span_id.hex()) != CALLER:
+        above = spans[parent]
+    assert above.kind == Span.SPAN_KIND_SERVER
+    assert above.name.startswith("POST /v1/datasets")
 
 
 def test_the_first_key_is_printed_once_and_kept_only_as_a_hash(tmp_path) -> None:

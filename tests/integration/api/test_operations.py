@@ -7,11 +7,7 @@ import logging
 import os
 import re
 import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import httpx
@@ -26,6 +22,7 @@ from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG
 from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_commands import served
+from tests.support.collecting import collector
 
 
 def numbers(client: httpx.Client) -> dict[tuple[str, ...], float]:
@@ -130,32 +127,6 @@ def test_a_line_of_json_carries_the_ids_of_request_and_job() -> None:
     assert (told["level"], told["message"]) == ("warning", "half of it\nis left")
     assert (told["request"], told["job"]) == ("req-1", "job_1")
     assert "job" not in json.loads(Structured().format(record))
-
-
-@contextmanager
-def collector() -> Iterator[tuple[str, list[tuple[str, bytes]]]]:
-    """Stand in for an OpenTelemetry collector: keep what is posted."""
-    received: list[tuple[str, bytes]] = []
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            received.append((self.path, self.rfile.read(int(self.headers["Content-Length"]))))
-            self.send_response(200)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}", received
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
 
 
 @pytest.mark.parametrize("wanted", [True, False])
