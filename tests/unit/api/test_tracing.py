@@ -1,0 +1,56 @@
+"""The span of an attempt at a job: below whoever asked for it, with the status in which the attempt leaves the job."""
+
+from __future__ import annotations
+
+import pytest
+from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
+from opentelemetry.proto.trace.v1.trace_pb2 import Span, Status
+
+from api.settings import Settings
+from api.tracing import traceparent, traces_of_jobs
+from storage.jobs.supervision import Stopped, untraced
+from storage.models import Job
+from tests.support.collecting import collector
+
+#: W3C Trace Context, section 3.2.
+TRACE, CALLER = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
+
+
+def job(**fields: object) -> Job:
+    return Job(id="job_1", kind="validation", attempts=2, **fields)
+
+
+def test_attempts_are_spans_below_the_request() -> None:
+    within: list[str | None] = []
+    with collector() as (endpoint, received):
+        traced, send_last = traces_of_jobs(Settings(otlp_endpoint=endpoint))
+        with traced(job(traceparent=f"00-{TRACE}-{CALLER}-01", request_id="req-1")) as tell:
+            within.append(traceparent())
+            tell("failed")
+        with traced(job(parent_id="job_0", part=3)) as tell:
+            tell("succeeded")
+        with pytest.raises(Stopped), traced(job(traceparent="nonsense")):
+            raise Stopped
+        send_last()
+    sent = [ExportTraceServiceRequest.FromString(body) for _, body in received]
+    spans: list[Span] = [span for one in sent for part in one.resource_spans[0].scope_spans for span in part.spans]
+    failed, shared, stopped = spans
+    assert (failed.trace_id.hex(), failed.parent_span_id.hex()) == (TRACE, CALLER)
+    assert within == [f"00-{TRACE}-{failed.span_id.hex()}-01"]
+    assert failed.status.code == Status.STATUS_CODE_ERROR
+    # Without a request, or with one that cannot be read, a trace of its own.
+    assert [span.parent_span_id for span in (shared, stopped)] == [b"", b""]
+    told = {item.key: item.value.string_value or item.value.int_value for item in shared.attributes}
+    assert told == {
+        "servotune.job.id": "job_0",
+        "servotune.job.kind": "validation",
+        "servotune.job.attempt": 2,
+        "servotune.job.part": 3,
+        "servotune.job.status": "succeeded",
+    }
+    assert [span.status.code for span in (shared, stopped)] == [Status.STATUS_CODE_UNSET] * 2
+
+
+def test_nothing_is_traced_where_nobody_collects() -> None:
+    assert traces_of_jobs(Settings(otlp_endpoint=None))[0] is untraced
+    assert traceparent() is None
