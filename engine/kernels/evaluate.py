@@ -12,12 +12,14 @@ from engine.kernels.compiled import LANES, allocating, compiled, multiply_pairs
 from engine.kernels.events import MOST, NUMBERS, READINGS, ROLES, TAYLOR, locate
 from engine.kernels.polishing import ALL, BRACKET, EVENTS, SLOT
 from engine.kernels.powers import LEVELS, RESOLVED, STIFF, raise_powers
-from engine.kernels.sampling import COLUMNS, FIELDS, ROWS, RUN, begin, follow, passes
+from engine.kernels.sampling import follow, passes
+from engine.kernels.scan_state import COLUMNS, FIELDS, ROWS, begin
 from engine.kernels.spectrum import MARKS, spectrum
 from engine.kernels.spectrum_program import CHUNK, DOUBT, SpectrumProgram
 from engine.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
 from engine.kernels.tape import Tape, run
 from engine.kernels.time_program import TimeProgram
+from engine.kernels.turning import RUN
 from engine.kernels.vector import clear, copy, load, load2, room, spread, store, store2, zeros
 
 Real = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.kernels.compiled import LANES, compiled, multiply
-from engine.kernels.sampling import (
+from engine.kernels.scan_state import (
     BIG,
     DOWN,
     EDGE,
@@ -51,7 +51,7 @@ Whole = npt.NDArray[np.int64]
 FINAL, T_10, T_90, T_2, T_5, TOP_VALUE, TOP_TIME, BOTTOM_VALUE, BOTTOM_TIME, DOUBT, SIZE = range(11)
 READINGS: Final = 11
 """What is read off one response; times in s; the top is the furthest in the direction of the final value. DOUBT is the sum
-of the kinds of `engine.kernels.sampling` that are not vouched for."""
+of the kinds of `engine.kernels.scan_state` that are not vouched for."""
 
 TAYLOR: Final = 14
 """Terms of the last step's Taylor polynomial: ‖(A h)^14‖ / 14! is 1e-10 at most, where ‖A h‖ is 2.56 and ‖(A h)^8‖ 0.64^8."""

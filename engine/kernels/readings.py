@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.kernels import events as r
-from engine.kernels import sampling as s
+from engine.kernels import scan_state as s
 from engine.kernels import spectrum_program as f
 from engine.kernels.compiled import compiled
 from engine.kernels.vector import load, store

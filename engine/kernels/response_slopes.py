@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from engine.kernels import events as r
 from engine.kernels import powers as constants
-from engine.kernels import sampling as s
+from engine.kernels import scan_state as s
 from engine.kernels.compiled import apply, apply_add, compiled, multiply, multiply_add
 from engine.kernels.vector import copy, load, load2, spread, store, store2
 
