@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,8 @@ from storage.repositories import DatasetRepository, ProcessingRepository
 
 MOST_NUMBERS = 20_000_000
 """Samples times channels that one request looks at: 160 MB."""
+_PIECE = 1 << 19
+"""Samples that are read and calibrated together (a whole number of stored blocks), so that each exists only once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +44,13 @@ class Part:
 
 
 def read_part(
-    service: Installation, caller: Caller, dataset: str, places: Mapping[Place, str], given: list[Any] | None
+    service: Installation,
+    caller: Caller,
+    dataset: str,
+    places: Mapping[Place, str],
+    given: list[Any] | None,
+    *,
+    check: Callable[[float, int], None] | None = None,
 ) -> Part:
     """Read channels of a recording between two times.
 
@@ -53,6 +61,8 @@ def read_part(
         Place in the request -> name of a channel.
     given : list or None
         ``part`` of the request: [t0, t1].
+    check : callable, optional
+        Told the rate and the samples of the longest experiment before any sample is read: raises what can be refused.
 
     Raises
     ------
@@ -68,23 +78,39 @@ def read_part(
         assert row.sample_count is not None
         counts = ProcessingRepository(session, caller.workspace).experiments(dataset) or (row.sample_count,)
         first, stop = _stretch(row.sample_count, row.sample_rate, given, channels=len(described))
+        rate = row.sample_rate
+        ends = np.cumsum(counts)
+        spans = [(max(int(end) - count, first), min(int(end), stop)) for end, count in zip(ends, counts, strict=True)]
+        inside = tuple((a - first, b - first) for a, b in spans if b - a > 1)
+        if not inside:
+            got = max(stop - first, 0)
+            raise invalid(f"part must hold at least 2 samples at {rate:g} samples/s, got {got}", "part")
+        if check is not None:
+            check(rate, max(b - a for a, b in inside))
         channels: dict[str, Values] = {}
         units: dict[str, str] = {}
         for place, name in places.items():
-            raw = repository.read_channel(dataset, name, first, stop)
-            channels[name], units[name] = in_si(raw, described[name], place=place)
-            missing = np.flatnonzero(~np.isfinite(channels[name]))
-            if missing.size:
-                at = (first + int(missing[0])) / row.sample_rate
-                detail = f"channel {name!r} must have no missing samples in the part looked at, got one at {at:g} s"
-                raise invalid(detail, *place)
-        rate = row.sample_rate
-    ends = np.cumsum(counts)
-    spans = [(max(int(end) - count, first), min(int(end), stop)) for end, count in zip(ends, counts, strict=True)]
-    inside = tuple((a - first, b - first) for a, b in spans if b - a > 1)
-    if not inside:
-        raise invalid(f"part must hold at least 2 samples at {rate:g} samples/s, got {max(stop - first, 0)}", "part")
+            channels[name], units[name] = _read(repository, row, described[name], first, stop, place=place)
     return Part(rate=rate, channels=channels, units=units, spans=inside)
+
+
+def _read(
+    repository: DatasetRepository, row: Dataset, channel: Mapping[str, Any], first: int, stop: int, *, place: Place
+) -> tuple[Values, str]:
+    """Return the samples first <= i < stop of a channel in SI, none missing, and the name of the unit."""
+    assert row.sample_rate is not None
+    name, unit = str(channel["name"]), ""
+    values = np.empty(stop - first)
+    for start in range(first - first % _PIECE, stop, _PIECE):
+        begin, end = max(start, first), min(start + _PIECE, stop)
+        piece, unit = in_si(repository.read_channel(row.id, name, begin, end), channel, place=place)
+        missing = np.flatnonzero(~np.isfinite(piece))
+        if missing.size:
+            at = (begin + int(missing[0])) / row.sample_rate
+            detail = f"channel {name!r} must have no missing samples in the part looked at, got one at {at:g} s"
+            raise invalid(detail, *place)
+        values[begin - first : end - first] = piece
+    return values, unit
 
 
 def _row(repository: DatasetRepository, dataset: str) -> Dataset:

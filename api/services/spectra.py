@@ -48,11 +48,14 @@ def _recorded(service: Installation, caller: Caller, request: SpectrumRequest) -
     if request.variants is not None:
         raise invalid("variants must be left out for a recording", "variants")
     channel = str(request.channel)
-    part = read_part(service, caller, str(request.dataset), {("channel",): channel}, request.part)
+
+    def check(rate: float, longest: int) -> None:
+        check_lines(service, (_segment(request, rate) or longest) // 2, curves=3)
+
+    part = read_part(service, caller, str(request.dataset), {("channel",): channel}, request.part, check=check)
     rate, unit, experiments = part.rate, part.units[channel], part.experiments(channel)
     if request.fundamental is not None and len(experiments) > 1:
         raise invalid(f"part must lie in one experiment for harmonics, got {len(experiments)} of them", "part")
-    check_lines(service, (_segment(request, rate) or part.longest) // 2, curves=3)
     with service.computing.slot(), at():
         body = _estimate(request, experiments, rate, unit)
     # a variant like those of a simulated output, so that one reader serves both

@@ -17,6 +17,9 @@ from engine.errors import SpectrumError
 from engine.linear.curve import Curve
 from engine.spectra.fourier import Complex, Real, transform
 
+_AT_ONCE = 1 << 18
+"""Numbers of the least-squares problem that are looked at together: 2 MB, whatever the length of the recording."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Harmonics:
@@ -65,9 +68,15 @@ def harmonics_of_samples(values: Real, rate: float, fundamental: float, count: i
     if count * fundamental >= np.pi * rate:
         most = int(np.ceil(np.pi * rate / fundamental)) - 1
         raise SpectrumError(f"orders must be <= {most} (below half the sample rate), got {count}", at=("orders",))
-    angle = np.multiply.outer(np.arange(len(values)) / rate * fundamental, np.arange(1, count + 1))
-    columns = np.concatenate([np.ones((len(values), 1)), np.cos(angle), np.sin(angle)], axis=1)
-    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    # Piece after piece, only the triangle of a QR decomposition is carried on: it has the same least-squares solution.
+    width = 2 * count + 2
+    triangle = np.empty((0, width))
+    for start in range(0, len(values), max(_AT_ONCE // width, width)):
+        piece = values[start : start + max(_AT_ONCE // width, width)]
+        angle = np.multiply.outer(np.arange(start, start + len(piece)) / rate * fundamental, np.arange(1, count + 1))
+        rows = np.concatenate([np.ones((len(piece), 1)), np.cos(angle), np.sin(angle), piece[:, np.newaxis]], axis=1)
+        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, rows]), mode="r"), dtype=np.float64)
+    found, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)
     return Harmonics.of(fundamental, float(found[0]), found[1 : count + 1] - 1j * found[count + 1 :])
 
 
