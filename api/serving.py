@@ -37,6 +37,8 @@ def run(app: FastAPI, *, host: str, port: int) -> bool:
         log_config=None,
         access_log=False,
         server_header=False,
+        # Not the parser that some other package may bring (httptools): it has no limit on the head of a request.
+        http="h11",
         # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
         timeout_keep_alive=75,
         # Curves are float32, which compress badly, and a slider waits for each of them.
