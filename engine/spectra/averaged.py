@@ -66,7 +66,8 @@ def averaged_frf(
     for x, y in pairs:
         if x.shape != y.shape:
             raise SpectrumError(f"input and output must be of the same length, got {x.size} and {y.size} samples")
-    check_pair(np.concatenate([x for x, _ in pairs]), np.concatenate([y for _, y in pairs]))
+    # one experiment, of whatever length, need not be copied
+    check_pair(*(each[0] if len(each) == 1 else np.concatenate(each) for each in zip(*pairs, strict=True)))
     found = crossed(pairs, rate, segment=segment, window=window, overlap=overlap, removal=removal)
     frf = estimated(found, estimator)
     doubts: list[Doubt] = []

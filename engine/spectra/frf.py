@@ -160,5 +160,5 @@ def check_pair(x: Real, y: Real) -> None:
     if x.shape != y.shape or x.ndim != 1:
         raise SpectrumError(f"input and output must be of the same length, got {x.size} and {y.size} samples")
     for name, values in (("input", x), ("output", y)):
-        if values.size == 0 or float(np.ptp(values)) <= 1e-14 * float(np.abs(values).max()):
+        if values.size == 0 or float(np.ptp(values)) <= 1e-14 * float(max(values.max(), -values.min())):
             raise SpectrumError(f"{name} must change, got a constant channel", at=(name,))
