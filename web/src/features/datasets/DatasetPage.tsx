@@ -18,6 +18,8 @@ import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 
 const POINTS = 1600;
+/** Pixels of a plot with its head and its legend: kept free until its samples come, so that nothing below it jumps. */
+const ROOM = 260;
 
 /** A recording: every channel over the same stretch of time, thinned by the service to lowest and highest values, and a spectrum. */
 export function DatasetPage() {
@@ -141,7 +143,11 @@ export function DatasetPage() {
             <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
               {names.map((name, i) => {
                 const data = channels[i]?.data;
-                return data ? <Channel key={name} name={name} data={data} index={i} onZoom={look} /> : null;
+                return (
+                  <div key={name} style={{ minHeight: ROOM }}>
+                    {data && <Channel name={name} data={data} index={i} onZoom={look} />}
+                  </div>
+                );
               })}
             </SimpleGrid>
             <section>
