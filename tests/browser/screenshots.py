@@ -4,65 +4,209 @@ from __future__ import annotations
 
 import json
 import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
-from playwright.sync_api import BrowserContext, sync_playwright
+import httpx
+import numpy as np
+from playwright.sync_api import BrowserContext, Page, sync_playwright
 
-from tests.browser.driving import ROOT, launched, running, signed_in
+from agent.process import Agent
+from agent.settings import read
+from rig_simulator.grpc_server import Server
+from tests.browser.driving import KEY, ROOT, Running, launched, running, signed_in
+from tests.browser.test_datasets import recording as text_recording
+from tests.browser.test_matching import LAG, RATE, of_a_lag, send
+from tests.integration.agent.lab import MEASUREMENT, RIG, make_bench
 
 TARGET = ROOT / "docs" / "screenshots"
+SIZE = (1280, 860)
+#: Seconds until a job or an agent must have come.
+_PATIENCE = 180
+_UNDER_WAY = {"queued", "claimed", "running", "uploading"}
 _TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"
+_STUDIES = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
 _PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&cmp=motor.resistance:0.33,0.5,0.8"
+_STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
+_QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
+_CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}
+_GAINS = [
+    {"parameter": "law.kp", "lower": 0.001, "upper": 0.1},
+    {"parameter": "law.kd1", "lower": 1e-6, "upper": 1e-4},
+]
 _SEARCH = {
-    "variables": [
-        {"parameter": "law.kp", "lower": 0.001, "upper": 0.1},
-        {"parameter": "law.kd1", "lower": 1e-6, "upper": 1e-4},
-    ],
-    "experiments": [{"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}],
-    "goals": [
-        {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"},
-        {"metric": "overshoot", "experiment": "step", "output": "velocity", "upper": 0.05},
-    ],
+    "variables": _GAINS,
+    "experiments": [_STEP],
+    "goals": [_QUICK, {**_CALM, "upper": 0.05}],
     "method": {"kind": "gradient", "starts": 2, "seed": 1},
 }
+_MAP = {**_SEARCH, "method": {"kind": "grid", "points": 15}}
 
 
 def main() -> None:
-    """Write one picture for each page."""
+    """Write one picture for each page, and of some pages one in the dark theme, too."""
     TARGET.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as name, running(Path(name)) as service, sync_playwright() as playwright:
+        folder = Path(name)
+        with service.client() as client, laboratory(service, folder) as rig:
+            browser = launched(playwright)
+            light = signed_in(browser, service.url, size=SIZE)
+            pages = prepared(client, light, folder, rig)
+            way_in = browser.new_context(base_url=service.url, viewport={"width": SIZE[0], "height": SIZE[1]})
+            taken(way_in, "/systems", "[data-testid=key]", "sign-in")
+            for page, (address, there) in pages.items():
+                taken(light, address, there, page)
+            dark = signed_in(browser, service.url, size=SIZE, scheme="dark")
+            for page in ("panel", "diagram", "optimum"):
+                taken(dark, *pages[page], f"{page}-dark")
+            browser.close()
+
+
+def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: str) -> dict[str, tuple[str, str]]:
+    """Return picture -> address of its page and what is there when the page has come."""
     documents = {t["id"]: t.get("document") for t in json.loads(_TEMPLATES.read_text(encoding="utf-8"))}
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as service, sync_playwright() as playwright:
-        with service.client() as client:
-            made = {
-                name: client.post("/v1/systems", json=documents[name]).json()["id"]
-                for name in ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
-            }
-            hydraulic = made["hydraulic-velocity"]
-            job = client.post("/v1/optimizations", json={"system": hydraulic, **_SEARCH}).json()["id"]
-        pages = {
-            "systems": ("/systems", "h2#templates"),
-            "panel": (f"/systems/{made['dc-motor']}/panel?{_PANEL}", "[data-testid=plots][data-frame]"),
-            "diagram": (f"/systems/{made['servo-hydraulic-position']}/diagram", ".react-flow__edge"),
-            "influence": (f"/systems/{hydraulic}/influence?row=overshoot", "[data-testid=influence]"),
-            "optimise": (f"/systems/{hydraulic}/optimise", "form button[type=submit]"),
-            "job": (f"/jobs/{job}", "[data-testid=optimum]"),
+    motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in _STUDIES)
+    lag = made(client, "/v1/systems", LAG)
+    u, y = of_a_lag()
+    bench = send(client, "lag on the bench", {"u": ("", u), "y": ("", y)}, RATE)
+    hammer = send(client, "hammer test", struck(), 200.0)
+    matched = {"system": lag, "dataset": bench, "inputs": {"u": "u"}, "outputs": {"y": "y"}}
+    optimum = made(client, "/v1/optimizations", {"system": hydraulic, **_SEARCH})
+    unknowns = [{"parameter": "k", "lower": 0.1, "upper": 10}, {"parameter": "tau", "lower": 0.01, "upper": 1}]
+    found = made(client, "/v1/identifications", {**matched, "parameters": unknowns})
+    verdict = made(client, "/v1/validations", matched)
+    response = made(client, "/v1/frfs", {"dataset": hammer, "input": "force", "output": "x", "keep": True})
+    nightly = {"kind": "optimization", "body": {"system": hydraulic, **_MAP}}
+    schedule = made(client, "/v1/schedules", {"name": "nightly map", "cron": "30 2 * * mon-fri", "job": nightly})
+    measured = MEASUREMENT | {"rig": RIG_NAME, "name": "step of the bench", "duration": 1}
+    acquisition = made(client, "/v1/acquisitions", measured)
+    for job in (optimum, found, verdict):
+        ended(client, f"/v1/jobs/{job}")
+    ended(client, f"/v1/acquisitions/{acquisition}")
+    return {
+        "systems": ("/systems", "h2#templates"),
+        "panel": (f"/systems/{motor}/panel?{_PANEL}", "[data-testid=plots][data-frame]"),
+        "diagram": (f"/systems/{position}/diagram", ".react-flow__edge"),
+        "influence": (f"/systems/{hydraulic}/influence?row=overshoot", "[data-testid=influence]"),
+        "optimise": (f"/systems/{hydraulic}/optimise", "form button[type=submit]"),
+        "optimum": (f"/jobs/{optimum}", "[data-testid=optimum]"),
+        "jobs": ("/jobs", "[data-testid=jobs]"),
+        "recordings": ("/datasets", "tbody tr"),
+        "recording": (f"/datasets/{bench}", "[role=img] canvas"),
+        "import": (imported(context, folder), "[role=textbox], input"),
+        "lineage": (f"/lineage/{response}", "[data-testid=graph] .react-flow__node"),
+        "identify": (f"/identify?system={lag}&dataset={bench}&p=k,tau", "[data-testid=sought]"),
+        "identified": (f"/jobs/{found}", "[data-testid=identified]"),
+        "validate": (f"/validate?system={lag}&dataset={bench}", "form"),
+        "validated": (f"/jobs/{verdict}", "[data-testid=diagnosis]"),
+        "schedules": ("/schedules", "tbody tr"),
+        "schedule": (f"/schedules/{schedule}", "[data-testid=next] li"),
+        "rigs": ("/rigs", "tbody tr"),
+        "rig": (f"/rigs/{rig}", "[data-testid=inputs]"),
+        "measure": (f"/rigs/{rig}/measure", "form"),
+        "measurement": (f"/acquisitions/{acquisition}", "h1"),
+        "access": ("/access", "[data-testid=keys]"),
+        "about": ("/about", "[data-testid=checks]"),
+    }
+
+
+RIG_NAME = "bench 1"
+
+
+@contextmanager
+def laboratory(service: Running, folder: Path) -> Iterator[str]:
+    """A simulated rig and its agent; the rig's id."""
+    file = folder / "agent.toml"
+    file.write_text(RIG.replace("deadline = 1.0", "deadline = 30.0").format(rig=RIG_NAME))
+    with closing(Server(make_bench(speed=1.0))) as server:
+        given = {
+            "service.url": service.url,
+            "daq.server": f"127.0.0.1:{server.port}",
+            "spool.folder": str(folder / "spool"),
         }
-        browser = launched(playwright)
-        light = signed_in(browser, service.url, size=(1280, 860))
-        for name, (address, there) in pages.items():
-            _take(light, address, there, TARGET / f"{name}.png")
-        dark = signed_in(browser, service.url, size=(1280, 860), scheme="dark")
-        _take(dark, *pages["panel"], TARGET / "panel-dark.png")
-        browser.close()
+        agent = Agent(read(file, {"SERVOTUNE_AGENT_KEY": KEY}, given), name="lab PC", confirm=lambda _: True)
+        thread = threading.Thread(target=agent.run, daemon=True)
+        thread.start()
+        try:
+            with service.client() as client:
+                yield until(lambda: next((one["id"] for one in items(client, "/v1/rigs")), None))
+        finally:
+            agent.stop()
+            thread.join()
 
 
-def _take(context: BrowserContext, address: str, there: str, path: Path) -> None:
+def struck() -> dict[str, tuple[str, Any]]:
+    """One mode of 60 rad/s under a random force."""
+    noise = np.random.default_rng(7)
+    step, natural, damping = 1 / 200.0, 60.0, 0.05
+    force = noise.standard_normal(40_000)
+    x = np.zeros_like(force)
+    # x'' + 2 zeta w x' + w^2 x = F by central differences.
+    a, b = 1 / step**2 + damping * natural / step, 1 / step**2 - damping * natural / step
+    for i in range(1, force.size - 1):
+        x[i + 1] = (force[i] + (2 / step**2 - natural**2) * x[i] - b * x[i - 1]) / a
+    return {"force": ("N", force), "x": ("m", x)}
+
+
+def imported(context: BrowserContext, folder: Path) -> str:
+    """Send a text file by its page; return the address of the page that maps its columns."""
+    file = folder / "bench run.csv"
+    file.write_text(text_recording(4000))
+    page = context.new_page()
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    page.get_by_role("button", name="Send").click()
+    page.wait_for_url("**/datasets/ds_*/import**")
+    page.get_by_role("textbox", name="Unit of column 2").wait_for(timeout=1000 * _PATIENCE)
+    address = page.url
+    page.close()
+    return address
+
+
+def made(client: httpx.Client, path: str, body: Any) -> str:
+    """Make something; return its id."""
+    reply = client.post(path, json=body, headers={"Prefer": "respond-async"})
+    assert reply.status_code < 300, (path, reply.text)
+    return str(reply.json()["id"])
+
+
+def items(client: httpx.Client, path: str) -> list[dict[str, Any]]:
+    """Return the first page of a list."""
+    found: list[dict[str, Any]] = client.get(path).json()["items"]
+    return found
+
+
+def ended(client: httpx.Client, path: str) -> None:
+    """Wait until a job or a measurement has come to its end."""
+    until(lambda: client.get(path).json()["status"] not in _UNDER_WAY)
+
+
+def until(asked: Any) -> Any:
+    """Return what is asked for as soon as there is anything."""
+    for _ in range(10 * _PATIENCE):
+        if found := asked():
+            return found
+        threading.Event().wait(0.1)
+    raise AssertionError(f"what is waited for must come within {_PATIENCE} s")
+
+
+def taken(context: BrowserContext, address: str, there: str, name: str) -> None:
+    """Write the picture of a page."""
     page = context.new_page()
     page.goto(address)
-    page.locator(there).first.wait_for(timeout=180_000)
-    page.wait_for_timeout(1500)  # layouts and metrics that come after the first picture
-    page.screenshot(path=path)
+    page.locator(there).first.wait_for(timeout=1000 * _PATIENCE)
+    settled(page)
+    page.screenshot(path=TARGET / f"{name}.png")
     page.close()
+
+
+def settled(page: Page) -> None:
+    """Wait for layouts, charts and metrics that come after the first picture."""
+    page.wait_for_load_state("networkidle")
+    page.wait_for_timeout(2000)
 
 
 if __name__ == "__main__":
