@@ -180,9 +180,12 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
                   </Table.Td>
                   <Table.Td>
                     {column.label} {look.series[i]?.unit ? `[${prettyUnit(look.series[i].unit)}]` : ""}
-                    <Text fz="xs" c="dimmed">
-                      {t("importing.samples", { count: look.series[i]?.sample_count ?? 0 })}
-                    </Text>
+                    {/* Of a table of text only the beginning has been read: how many there are is not known yet. */}
+                    {!!look.series[i]?.sample_count && (
+                      <Text fz="xs" c="dimmed">
+                        {t("importing.samples", { count: look.series[i].sample_count })}
+                      </Text>
+                    )}
                   </Table.Td>
                   <Table.Td>
                     <TextInput aria-label={t("datasets.nameOf", { number: column.index + 1 })} {...register(`columns.${i}.name`)} error={wrongCell(i, "name")} w={150} />
