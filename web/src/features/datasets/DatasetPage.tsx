@@ -13,7 +13,7 @@ import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
-import { datasetQuery } from "./recording";
+import { datasetQuery, usualSegment } from "./recording";
 import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 
@@ -63,7 +63,9 @@ export function DatasetPage() {
   const chosen = query.get("channel") ?? names[0] ?? "";
   const quantity = query.get("quantity") === "density" ? "density" : "amplitude";
   const window = query.get("window") ?? "hann";
-  const segment = Number(query.get("segment")) || undefined;
+  const wanted = Number(query.get("segment")) || undefined;
+  const usual = usualSegment(from, to, dataset.data?.sample_rate, dataset.data?.processing?.experiments);
+  const segment = wanted ?? usual;
   const spectrum = useQuery({
     queryKey: ["spectrum", id, chosen, from, to, quantity, window, segment],
     enabled: ready && chosen !== "" && to > from,
@@ -156,7 +158,7 @@ export function DatasetPage() {
                 <NativeSelect size="xs" label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => choose("channel", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.quantity")} data={["amplitude", "density"].map((value) => ({ value, label: t(`spectra.quantities.${value}`) }))} value={quantity} onChange={(event) => choose("quantity", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.window")} data={["hann", "flat_top", "none"].map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} value={window} onChange={(event) => choose("window", event.currentTarget.value)} />
-                <NumberEntry label={t("spectra.segment")} unit="s" value={segment} optional placeholder={t("datasets.whole")} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
+                <NumberEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
               </Group>
               <ProblemAlert error={spectrum.error} />
               {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}

@@ -1,6 +1,7 @@
 import { expect, it } from "vitest";
 import { frfRequest, frfSchema, readFrf, writeFrf } from "./frf";
 import { fieldsOf, formatOf, importOf, importSchema, layoutOf, type Look } from "./importing";
+import { usualSegment } from "./recording";
 
 const look: Look = {
   series: [
@@ -61,4 +62,20 @@ it("asks for stepped sines one after the other, and holds a model against them",
   });
   const faults = (changed: object) => (frfSchema.safeParse({ ...fields, ...changed }).error?.issues ?? []).map((issue) => issue.path.join("."));
   expect([faults({}), faults({ frequencies: "five" }), faults({ dwell: undefined }), faults({ to: "" })]).toEqual([[], ["frequencies"], ["dwell"], ["to"]]);
+});
+
+it("averages a long stretch over segments, and takes a short one as it is", () => {
+  // 131072 samples are 13.1072 s at 10 kHz.
+  expect(usualSegment(0, 1000, 10_000)).toBe(13.1072);
+  expect(usualSegment(990, 1003.2, 10_000)).toBe(13.1072);
+  expect(usualSegment(990, 1003, 10_000)).toBeUndefined();
+  expect(usualSegment(0, 131_072, 1)).toBeUndefined();
+  expect(usualSegment(0, 1000, null)).toBeUndefined();
+});
+
+it("takes no segment that the experiments of a stretch could not hold", () => {
+  const counts = [200_000, 200_000, 60_000]; // to 20, 40 and 46 s
+  expect(usualSegment(0, 40, 10_000, counts)).toBe(13.1072);
+  expect(usualSegment(10, 30, 10_000, counts)).toBeUndefined();
+  expect(usualSegment(0, 46, 10_000, counts)).toBeUndefined();
 });

@@ -11,3 +11,22 @@ export const datasetQuery = (id: string) =>
     refetchInterval: (query) => (query.state.data && ["open", "parsing"].includes(query.state.data.status) ? 1000 : false),
     queryFn: (): Promise<Dataset> => must(api.GET("/v1/datasets/{identifier}", { params: { path: { identifier: id } } })),
   });
+
+/** Samples of the longest segment that a spectrum takes unless told otherwise: more lines than a plot shows apart, and a reply of some MB. */
+const SEGMENT_SAMPLES = 131_072;
+
+/**
+ * Seconds of the segments that the spectrum of a long stretch averages unless told otherwise. None where the service's own choice, the
+ * shortest of the experiments in the stretch, is no longer: a segment that none of them could hold would be refused.
+ */
+export function usualSegment(from: number, to: number, rate: number | null | undefined, experiments?: readonly number[] | null): number | undefined {
+  if (!rate) return undefined;
+  let end = 0;
+  const parts = (experiments ?? []).map((count) => {
+    const start = end;
+    end += count;
+    return Math.min(to, end / rate) - Math.max(from, start / rate);
+  });
+  const shortest = Math.min(to - from, ...parts.filter((seconds) => seconds > 0));
+  return shortest > SEGMENT_SAMPLES / rate ? SEGMENT_SAMPLES / rate : undefined;
+}
