@@ -109,13 +109,13 @@ function OutputCharts({ name, output }: { name: string; output: Output }) {
             {t(output.residuals.independent ? "found.independent" : "found.notIndependent")}
           </Text>
         </div>
-        {frequency && <Frequency found={frequency} title={title} />}
+        {frequency && <Frequency found={frequency} title={title} unit={unit} />}
       </SimpleGrid>
     </section>
   );
 }
 
-function Frequency({ found, title }: { found: Schemas["FrequencyDomainReply"]; title: string }) {
+function Frequency({ found, title, unit }: { found: Schemas["FrequencyDomainReply"]; title: string; unit: string }) {
   const { t } = useTranslation();
   const spec = useMemo<AnalysisSpec>(() => {
     const x = numbersOf(found.frequency);
@@ -123,13 +123,13 @@ function Frequency({ found, title }: { found: Schemas["FrequencyDomainReply"]; t
     return {
       title: t("found.frequencyOf", { output: title }),
       x: { label: "ω", unit: "rad/s", log: true },
-      y: { label: t("panel.magnitude"), unit: "", log: true },
+      y: { label: t("panel.magnitude"), unit: t("found.perUnit", { unit: unit || "1", input: words(found.input) }), log: true },
       lines: [
         { label: t("found.measured"), x, y: numbersOf(found.measured.magnitude), ...band, color: 4 },
         { label: t("found.simulated"), x, y: numbersOf(found.simulated.magnitude), color: 1 },
       ],
     };
-  }, [found, title, t]);
+  }, [found, title, unit, t]);
   return (
     <div>
       <AnalysisChart spec={spec} height={200} summary={t("found.frequencyOf", { output: title })} />

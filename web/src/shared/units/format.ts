@@ -56,6 +56,12 @@ export function formatMetric(kind: string, value: number, unit: string): Shown {
   return formatQuantity(value, unit);
 }
 
+/** What an axis is called: the name and, where there is one, the unit. */
+export function named(name: string, unit: string): string {
+  const pretty = prettyUnit(unit);
+  return pretty ? `${name} [${pretty}]` : name;
+}
+
 /** `rise_time` as "rise time". */
 export function words(name: string): string {
   return name.replaceAll("_", " ");

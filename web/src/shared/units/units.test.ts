@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { formatMetric, formatNumber, formatQuantity, prettyUnit } from "./format";
+import { formatMetric, formatNumber, formatQuantity, named, prettyUnit } from "./format";
 import { readEntry } from "./number";
 
 describe("entries", () => {
@@ -37,3 +37,5 @@ describe("shown values", () => {
   });
   it("prints units", () => expect(prettyUnit("m**3/(s*Pa)")).toBe("m³/(s·Pa)"));
 });
+
+it("an axis is called by its name and its unit, where it has one", () => expect([named("motor.leakage", "m**5/(N*s)"), named("law.kp", "1")]).toEqual(["motor.leakage [m⁵/(N·s)]", "law.kp"]));

@@ -4,18 +4,20 @@ import { useTranslation } from "react-i18next";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { PlotSpec } from "@/shared/plots/types";
-import { words } from "@/shared/units/format";
+import { prettyUnit, words } from "@/shared/units/format";
 import { numbersOf, type Curves } from "../results";
 
 interface Props {
   before: Record<string, Curves>;
   after: Record<string, Curves>;
+  /** Of the outputs, SI. */
+  units: Map<string, string>;
   /** A step of the search or a point of the front between the two. */
   between?: { label: string; curves: Record<string, Curves> } | null;
 }
 
 /** Every output of every experiment, before and after, and at the step that is looked at. */
-export function BeforeAfter({ before, after, between = null }: Props) {
+export function BeforeAfter({ before, after, units, between = null }: Props) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const plots = useMemo(
@@ -27,14 +29,14 @@ export function BeforeAfter({ before, after, between = null }: Props) {
             ...(between ? [{ label: between.label, curves: between.curves[experiment], ...stroke(2, dark), width: 2.4 }] : []),
             { label: t("revisions.after"), curves, ...stroke(0, dark), width: between ? 1.4 : 2.4 },
           ];
-          const spec: PlotSpec = { title: `${words(output)} (${experiment})`, x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: "" }, series: drawn.map(({ label, color, dash, width }) => ({ label, color, dash, width })), dark };
+          const spec: PlotSpec = { title: `${words(output)} (${experiment})`, x: { label: t("panel.time"), unit: "s" }, y: { label: words(output), unit: prettyUnit(units.get(output) ?? "") }, series: drawn.map(({ label, color, dash, width }) => ({ label, color, dash, width })), dark };
           const x = numbersOf(curves.time);
           // All on the times of the last: uPlot's series share theirs.
           const at = (own: Curves | undefined) => (own === curves ? numbersOf(own.outputs[output]!) : own?.outputs[output] ? resampled(numbersOf(own.time), numbersOf(own.outputs[output]), x) : new Float64Array(x.length).fill(NaN));
           return { spec, curves: drawn.map((one) => ({ x, y: at(one.curves) })) };
         }),
       ),
-    [before, after, between, dark, t],
+    [before, after, units, between, dark, t],
   );
   return (
     <SimpleGrid cols={{ base: 1, md: 2 }}>

@@ -4,7 +4,7 @@ import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { Chart } from "@/shared/charts/Chart";
 import { axisOf, inks } from "@/shared/charts/inks";
-import { formatMetric, formatNumber, withUnit, words } from "@/shared/units/format";
+import { formatMetric, formatNumber, named, withUnit, words } from "@/shared/units/format";
 import type { FrontPoint, GoalResult } from "../results";
 import classes from "./FrontView.module.css";
 
@@ -51,7 +51,7 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
   }, [front, x, y, selected, knee, dark, names, t]);
   const parallel = useMemo(() => {
     const { accent, mark, ink, faint } = inks(dark);
-    const axes = [...goals.map((_, i) => ({ name: label(i), of: (point: FrontPoint) => shown(i, point.goals[i]) })), ...variables.map((name) => ({ name, of: (point: FrontPoint) => point.parameters[name] ?? NaN }))];
+    const axes = [...goals.map((_, i) => ({ name: label(i), of: (point: FrontPoint) => shown(i, point.goals[i]) })), ...variables.map((name) => ({ name: named(name, units.get(name) ?? ""), of: (point: FrontPoint) => point.parameters[name] ?? NaN }))];
     const line = (point: FrontPoint) => axes.map((axis) => axis.of(point));
     const short = (name: string) => name.replace(/ \[/, "\n[");
     return {
@@ -62,7 +62,7 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
         { type: "parallel", name: "selected", lineStyle: { color: mark, width: 3.5, opacity: 1 }, data: selected === null ? [] : [line(front[selected]!)], silent: true },
       ],
     };
-  }, [front, goals, variables, selected, dark, names]);
+  }, [front, goals, variables, units, selected, dark, names]);
   const chosen = useRef<HTMLTableRowElement>(null);
   useEffect(() => chosen.current?.scrollIntoView({ block: "nearest" }), [selected]);
   const pick = (_series: string, index: number) => onSelect(index);

@@ -3,7 +3,7 @@ import { useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Chart } from "@/shared/charts/Chart";
 import { axisOf, inks, SEQUENTIAL } from "@/shared/charts/inks";
-import { formatNumber, withUnit } from "@/shared/units/format";
+import { formatNumber, named, withUnit } from "@/shared/units/format";
 import { nearest, sliceOf, type GridMap } from "./map";
 
 interface Props {
@@ -33,7 +33,7 @@ export function MapView({ map, values, path, units }: Props) {
     const log = low > 0 && high / low > 20;
     const level = (objective: number) => (log ? Math.log10(objective) : objective);
     const { ink, mark, paper } = inks(dark);
-    const category = (name: string) => axisOf(`${name}${units.get(name) && units.get(name) !== "1" ? ` [${units.get(name)}]` : ""}`, dark, { type: "category", data: map.axes[name]!.map((v) => formatNumber(v, 3)), scale: undefined, splitLine: { show: false } });
+    const category = (name: string) => axisOf(named(name, units.get(name) ?? ""), dark, { type: "category", data: map.axes[name]!.map((v) => formatNumber(v, 3)), scale: undefined, splitLine: { show: false } });
     const place = (point: Record<string, number>) => [nearest(map.axes[x]!, point[x] ?? NaN), nearest(map.axes[y]!, point[y] ?? NaN)];
     const text = (cell: (typeof cells)[number]) => `${x} = ${withUnit(map.axes[x]![cell.x]!, units.get(x) ?? "")}\n${y} = ${withUnit(map.axes[y]![cell.y]!, units.get(y) ?? "")}\n${t("jobs.objective")} ${cell.objective === null ? "–" : formatNumber(cell.objective)}${cell.met ? "" : `\n${t("jobs.missed")}`}`;
     return {

@@ -36,6 +36,7 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
   const label = between?.label ?? "";
   const drawn = useMemo(() => (candidate && label ? { label, curves: candidate.curves } : null), [candidate, label]);
   const units = useMemo(() => new Map((described.data?.parameters ?? []).map((p) => [p.path, p.unit])), [described.data]);
+  const outputs = useMemo(() => new Map((described.data?.outputs ?? []).map((output) => [output.name, output.unit])), [described.data]);
   const infos = new Map((described.data?.parameters ?? []).map((p) => [p.path, p]));
   const save = useMutation({
     mutationFn: () => saveSystem(found!.id, withValues(system.data!.document, Object.fromEntries(Object.entries(values).filter(([path]) => infos.has(path)).map(([path, value]) => [path, { value, unit: infos.get(path)!.unit }]))), system.data!.etag, id),
@@ -85,7 +86,7 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
           {result.certificate.valid ? t("jobs.certified") : t("jobs.notCertified", { violation: formatNumber(result.certificate.worst_violation ?? Infinity, 3) })} {t("jobs.effort", { evaluations: result.evaluations, seconds: formatNumber(result.seconds, 3) })}
         </Text>
       </section>
-      <BeforeAfter before={result.curves.before} after={result.curves.after} between={drawn} />
+      <BeforeAfter before={result.curves.before} after={result.curves.after} units={outputs} between={drawn} />
       {steps.length > 1 && (
         <section>
           <Title order={2} mb="xs">
