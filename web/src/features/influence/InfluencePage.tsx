@@ -12,11 +12,11 @@ import { firstSliders } from "@/shared/systems/movable";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatMetric, formatNumber, words } from "@/shared/units/format";
 import classes from "./InfluencePage.module.css";
-import { sizeOf, tornado } from "./table";
+import { barsOf, columnIn, sizeOf } from "./table";
 
 const FIRST = ["rise_time", "response_time", "overshoot", "bandwidth", "phase_margin", "sensitivity_peak", "damping_ratio"];
 
-/** Which parameter moves which property, and how much: a table to be read by rows and by columns, and a tornado of each row. */
+/** Which parameter moves which property, and how much: a table to be read by rows and by columns, and a tornado of each row and each column. */
 export function InfluencePage() {
   const { t } = useTranslation();
   const { id = "" } = useParams();
@@ -50,7 +50,10 @@ export function InfluencePage() {
     return (cell?.value as number | null | undefined) ?? null;
   };
   const largest = Math.max(1e-12, ...metrics.flatMap((m) => parameters.map((p) => Math.abs(value(m, p) ?? 0))).filter(Number.isFinite));
-  const bars = tornado(parameters.map((name) => ({ name, value: value(chosen, name) })));
+  const column = columnIn(query.get("col"), parameters);
+  const bars = barsOf(value, { metrics, parameters, row: chosen, column });
+  const metricName = (metric: string) => t(`metrics.${metric}`, words(metric));
+  const heading = column === null ? t("influence.tornado", { metric: metricName(chosen) }) : t("influence.columnTornado", { parameter: column });
   const widest = Math.max(1e-12, ...bars.map((bar) => Math.abs(bar.value)));
   const panelOf = (parameter: string) => `/systems/${id}/panel?s=${encodeURIComponent([parameter, ...parameters.filter((p) => p !== parameter)].join(","))}${loop ? `&loop=${loop}` : ""}`;
 
@@ -97,7 +100,10 @@ export function InfluencePage() {
                     <Table.Th>{t("influence.metric")}</Table.Th>
                     <Table.Th ta="right">{t("influence.base")}</Table.Th>
                     {parameters.map((name) => (
-                      <Table.Th key={name} ta="right">
+                      <Table.Th key={name} ta="right" data-chosen={name === column} className={classes.column}>
+                        <UnstyledButton fz="sm" miw={24} mih={24} ta="center" onClick={() => put({ col: name === column ? "" : name })} aria-pressed={name === column} aria-label={t("influence.readColumn", { parameter: name })} title={t("influence.readColumn", { parameter: name })}>
+                          ▾
+                        </UnstyledButton>
                         <Text component={Link} to={panelOf(name)} fz="xs" fw={600} c="var(--mantine-color-anchor)" title={t("influence.toPanel")}>
                           {name}
                         </Text>
@@ -110,10 +116,10 @@ export function InfluencePage() {
                     const base = study.data.base[metric];
                     const shown = base?.value != null ? formatMetric(metric, base.value, base.unit) : null;
                     return (
-                      <Table.Tr key={metric} data-chosen={metric === chosen} className={classes.row}>
+                      <Table.Tr key={metric} data-chosen={column === null && metric === chosen} className={classes.row}>
                         <Table.Td>
-                          <UnstyledButton fz="sm" onClick={() => put({ row: metric })} aria-pressed={metric === chosen}>
-                            {t(`metrics.${metric}`, words(metric))}
+                          <UnstyledButton fz="sm" onClick={() => put({ row: metric, col: "" })} aria-pressed={column === null && metric === chosen}>
+                            {metricName(metric)}
                           </UnstyledButton>
                         </Table.Td>
                         <Table.Td ta="right" className="numbers" title={base?.advice ?? undefined}>
@@ -123,10 +129,12 @@ export function InfluencePage() {
                           const v = value(metric, name);
                           const size = v === null ? 0 : sizeOf(v, largest);
                           const strongest = study.data.strongest.by_metric[metric] === name;
+                          const most = study.data.strongest.by_parameter[name] === metric;
                           return (
                             <Table.Td key={name} ta="right" className={`numbers ${classes.cell}`} data-sign={(v ?? 0) < 0 ? "minus" : "plus"} style={{ "--size": `${Math.round(100 * size)}%` } as React.CSSProperties} fw={strongest ? 700 : 400}>
                               {v === null ? "–" : formatNumber(v, 3)}
                               {strongest && <span title={t("influence.strongest")}> ★</span>}
+                              {most && <span title={t("influence.mostMoved")}> ☆</span>}
                             </Table.Td>
                           );
                         })}
@@ -136,15 +144,21 @@ export function InfluencePage() {
                 </Table.Tbody>
               </Table>
             </Table.ScrollContainer>
-            <section className={classes.tornado} aria-label={t("influence.tornado", { metric: words(chosen) })}>
+            <section className={classes.tornado} aria-label={heading} data-testid="tornado">
               <Title order={2} mb="xs">
-                {t("influence.tornado", { metric: t(`metrics.${chosen}`, words(chosen)) })}
+                {heading}
               </Title>
               {bars.map((bar) => (
                 <div key={bar.name} className={classes.line}>
-                  <Text component={Link} to={panelOf(bar.name)} fz="xs" c="var(--mantine-color-anchor)" truncate ta="right">
-                    {bar.name}
-                  </Text>
+                  {column === null ? (
+                    <Text component={Link} to={panelOf(bar.name)} fz="xs" c="var(--mantine-color-anchor)" truncate ta="right">
+                      {bar.name}
+                    </Text>
+                  ) : (
+                    <UnstyledButton fz="xs" ta="right" onClick={() => put({ row: bar.name, col: "" })}>
+                      {metricName(bar.name)}
+                    </UnstyledButton>
+                  )}
                   <div className={classes.track}>
                     <div className={classes.bar} data-sign={bar.value < 0 ? "minus" : "plus"} style={{ width: `${(50 * Math.abs(bar.value)) / widest}%` }} />
                   </div>

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { sizeOf, tornado } from "./table";
+import { barsOf, columnIn, sizeOf, tornado } from "./table";
 
 it("a tornado begins with the longest bar", () => expect(tornado([{ name: "a", value: 1 }, { name: "b", value: null }, { name: "c", value: -3 }])).toEqual([{ name: "c", value: -3 }, { name: "a", value: 1 }]));
 
@@ -7,3 +7,13 @@ it("colours see small influences", () => {
   expect(sizeOf(0.25, 1)).toBe(0.5);
   expect(sizeOf(Infinity, 1)).toBe(0);
 });
+
+it("the table is read by rows and by columns", () => {
+  const cells: Record<string, Record<string, number | null>> = { overshoot: { kp: 1, mass: -2 }, bandwidth: { kp: 3, mass: 0.5 }, phase_margin: { kp: null, mass: 0 } };
+  const table = { metrics: Object.keys(cells), parameters: ["kp", "mass"], row: "overshoot" };
+  const value = (metric: string, parameter: string) => cells[metric]![parameter]!;
+  expect(barsOf(value, { ...table, column: null })).toEqual([{ name: "mass", value: -2 }, { name: "kp", value: 1 }]);
+  expect(barsOf(value, { ...table, column: "kp" })).toEqual([{ name: "bandwidth", value: 3 }, { name: "overshoot", value: 1 }]);
+});
+
+it("an address reads a column that the table has", () => expect(["kp", "gone", "", null].map((text) => columnIn(text, ["kp", "mass"]))).toEqual(["kp", null, null, null]));

@@ -7,3 +7,13 @@ export function sizeOf(value: number, largest: number): number {
 export function tornado(cells: { name: string; value: number | null }[]): { name: string; value: number }[] {
   return cells.flatMap(({ name, value }) => (value === null ? [] : [{ name, value }])).sort((a, b) => Math.abs(b.value) - Math.abs(a.value));
 }
+
+/** What the bars show: all parameters of one metric, or all metrics of one parameter. */
+export function barsOf(value: (metric: string, parameter: string) => number | null, { metrics, parameters, row, column }: { metrics: string[]; parameters: string[]; row: string; column: string | null }) {
+  return tornado(column === null ? parameters.map((name) => ({ name, value: value(row, name) })) : metrics.map((name) => ({ name, value: value(name, column) })));
+}
+
+/** The column that an address reads, if the table has it. */
+export function columnIn(text: string | null, parameters: string[]): string | null {
+  return text !== null && parameters.includes(text) ? text : null;
+}
