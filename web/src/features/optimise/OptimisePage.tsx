@@ -19,7 +19,7 @@ import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { prettyUnit, words } from "@/shared/units/format";
 import type { GoalRow, ProblemForm, VariableRow } from "@/shared/systems/search";
-import { bodyOf, curlOf, pythonOf } from "./problem";
+import { bodyOf, curlOf, goalMetrics, pythonOf } from "./problem";
 import { fieldOf, search, shape } from "./schema";
 
 /** What may be chosen, what is wanted, and how it is searched for; the form is made from the catalogue. */
@@ -127,6 +127,8 @@ function Form({ id, opened, loops, metrics, methods, given }: Props) {
   const method = methods.find((m) => m.kind === form.method);
   const body = bodyOf(form, id, domains);
   const variable = (i: number, part: Partial<VariableRow>) => change({ variables: form.variables.map((row, k) => (k === i ? { ...row, ...part } : row)) });
+  /** One that is not said is left to the method. */
+  const option = (name: string, value: number | string | undefined) => change({ options: Object.fromEntries(Object.entries({ ...form.options, [name]: value }).flatMap(([key, own]) => (own === undefined ? [] : [[key, own]]))) });
   const goal = (i: number, part: Partial<GoalRow>) => change({ goals: form.goals.map((row, k) => (k === i ? { ...row, ...part } : row)) });
 
   return (
@@ -209,7 +211,7 @@ function Form({ id, opened, loops, metrics, methods, given }: Props) {
                     return (
                       <Table.Tr key={i}>
                         <Table.Td>
-                          <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={entry?.definition} value={row.metric} data={[...metrics.values()].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} onChange={(event) => goal(i, { metric: event.currentTarget.value })} />
+                          <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={entry?.definition} value={row.metric} data={goalMetrics(metrics.values(), loops, row.metric).map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} onChange={(event) => goal(i, { metric: event.currentTarget.value })} />
                           {faults(`goals.${i}`, ["metric", "output", "sense", "lower", "upper"])}
                         </Table.Td>
                         <Table.Td>{own ? <NativeSelect size="xs" aria-label={t("optimise.ofGoal", { number: i + 1 })} value={row.output} data={opened.outputs.map((o) => o.name)} onChange={(event) => goal(i, { output: event.currentTarget.value })} /> : entry?.domain === "loop" ? form.loop : ""}</Table.Td>
@@ -259,26 +261,15 @@ function Form({ id, opened, loops, metrics, methods, given }: Props) {
                   {method?.doc}
                 </Text>
                 <Group gap="xs">
-                  {method?.parameters
-                    .filter((p) => (p as { shape?: string }).shape !== "text")
-                    .map((p) => (
-                      <NumberEntry
-                        key={p.name}
-                        label={words(p.name)}
-                        title={p.doc}
-                        value={form.options[p.name]}
-                        error={faultAt(`options.${p.name}`)}
-                        placeholder={String(p.default ?? "")}
-                        optional
-                        w={110}
-                        onCommit={(value) => {
-                          const options = { ...form.options };
-                          if (typeof value === "number") options[p.name] = value;
-                          else delete options[p.name];
-                          change({ options });
-                        }}
-                      />
-                    ))}
+                  {method?.parameters.map((p) => {
+                    const { choices } = p as { choices?: string[] };
+                    const common = { label: words(p.name), title: p.doc, error: faultAt(`options.${p.name}`) };
+                    return choices ? (
+                      <NativeSelect key={p.name} size="xs" {...common} value={String(form.options[p.name] ?? p.default)} data={choices.map((value) => ({ value, label: words(value) }))} onChange={(event) => option(p.name, event.currentTarget.value === p.default ? undefined : event.currentTarget.value)} />
+                    ) : (
+                      <NumberEntry key={p.name} {...common} value={form.options[p.name]} placeholder={String(p.default ?? "")} optional w={110} onCommit={(value) => option(p.name, typeof value === "number" ? value : undefined)} />
+                    );
+                  })}
                 </Group>
               </Stack>
             </Group>

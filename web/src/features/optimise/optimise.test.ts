@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { readScenarios } from "@/shared/systems/scenarios";
-import { bodyOf, curlOf, pythonOf } from "./problem";
+import { bodyOf, curlOf, goalMetrics, pythonOf } from "./problem";
 import { fieldOf, search, shape } from "./schema";
 import type { ProblemForm } from "@/shared/systems/search";
 
@@ -35,6 +35,16 @@ it("a form becomes the body of the contract", () =>
     scenarios: [{}, { m: 2000, load: { value: 5, unit: "daN" } }],
     method: { kind: "gradient", starts: 4 },
   }));
+
+it("a row offers the metrics that it can say, and the one that it has", () => {
+  const metrics = [["overshoot", "time"], ["envelope", "time"], ["band_energy", "time"], ["tracking_error", "time"], ["loop_bound", "loop"], ["phase_margin", "loop"]].map(([kind, domain]) => ({ kind: kind!, domain: domain! }));
+  const offered = (loops: string[], asked: string) => goalMetrics(metrics, loops, asked).map((m) => m.kind);
+  expect(offered(["e"], "overshoot")).toEqual(["overshoot", "phase_margin"]);
+  expect(offered([], "overshoot")).toEqual(["overshoot"]);
+  expect(offered(["e"], "envelope")).toEqual(["overshoot", "envelope", "phase_margin"]);
+});
+
+it("an option of a method may be one of its choices", () => expect(bodyOf({ ...form, method: "grid", options: { sampling: "sobol", samples: 64 } }, "sys_1", domains).method).toEqual({ kind: "grid", sampling: "sobol", samples: 64 }));
 
 describe("scenarios", () => {
   it("that cannot be read are none", () => expect(readScenarios("m : 5")).toBeUndefined());

@@ -6,6 +6,14 @@ export interface Domains {
   get(metric: string): string | undefined;
 }
 
+/** Goals of these are said with a band, or with a curve that another is held against: a form of two bounds cannot say them. */
+const WITH_MORE = new Set(["band_energy", "envelope", "tracking_error"]);
+
+/** The metrics that a row can ask for; what it already asks for stays among them. */
+export function goalMetrics<M extends { kind: string; domain: string }>(metrics: Iterable<M>, loops: string[], asked: string): M[] {
+  return [...metrics].filter(({ kind, domain }) => kind === asked || !(WITH_MORE.has(kind) || kind.endsWith("_bound") || (domain === "loop" && loops.length === 0)));
+}
+
 /** The body of an optimisation, in the words of the contract. */
 export function bodyOf(form: ProblemForm, system: string, domains: Domains): Record<string, unknown> {
   const goals = form.goals.map((goal) => {
