@@ -66,6 +66,9 @@ function reference(): Plugin {
   };
 }
 
+/** What the page at /docs asks for; in development it is the running service's. */
+const REFERENCE = ["/assets/swagger-ui-", "/assets/reference-"];
+
 const service = process.env.SERVOTUNE_URL ?? "http://127.0.0.1:8000";
 
 export default defineConfig({
@@ -75,7 +78,7 @@ export default defineConfig({
   server: {
     port: 5173,
     // `make web-dev`: pages from here with hot reload, everything else from a running service.
-    proxy: Object.fromEntries(["/v1", "/openapi.json", "/docs", "/readyz", "/sign-in"].map((path) => [path, { target: service, ws: true }])),
+    proxy: Object.fromEntries(["/v1", "/openapi.json", "/docs", ...REFERENCE, "/readyz", "/sign-in"].map((path) => [path, { target: service, ws: true }])),
   },
   test: { environment: "happy-dom", include: ["src/**/*.test.{ts,tsx}"] },
 });
