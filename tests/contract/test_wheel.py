@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import email
+import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -45,6 +47,17 @@ def test_every_source_file_is_inside(wheel: zipfile.ZipFile) -> None:
 
 def test_migrations_are_inside(wheel: zipfile.ZipFile) -> None:
     assert any(name.startswith("storage/migrations/versions/") and name.endswith(".py") for name in wheel.namelist())
+
+
+def test_the_pages_are_inside_with_their_scripts(wheel: zipfile.ZipFile) -> None:
+    names = set(wheel.namelist())
+    page = wheel.read("api/static/index.html").decode()
+    asked = re.findall(r'(?:src|href)="/(assets/[^"]+)"', page)
+    assert any(name.endswith(".js") for name in asked)
+    assert {f"api/static/{name}" for name in asked} - names == set()
+    # What the first script loads later is named in the manifest of the build.
+    built = json.loads(wheel.read("api/static/.vite/manifest.json"))
+    assert {f"api/static/{chunk['file']}" for chunk in built.values()} - names == set()
 
 
 @pytest.mark.parametrize("package", OURS)
