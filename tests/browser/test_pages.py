@@ -87,6 +87,37 @@ def test_an_optimum_is_shown_and_opened_on_the_panel(page: Page, job, client) ->
     expect(page.get_by_test_id("reference")).to_be_visible()
 
 
+def test_a_point_of_a_front_is_chosen_and_opened_on_the_panel(page: Page, hydraulic, client) -> None:
+    step = {"experiment": "step", "output": "velocity", "sense": "minimize"}
+    body = {
+        "system": hydraulic,
+        "variables": [
+            {"parameter": "law.kp", "lower": 0.001, "upper": 0.1},
+            {"parameter": "motor.leakage", "lower": 1e-11, "upper": 1e-9},
+        ],
+        "experiments": [{"name": "step", "input": {"port": "reference", "signal": {"kind": "step"}}}],
+        "goals": [{"metric": "overshoot", **step}, {"metric": "response_time", **step}],
+        "method": {"kind": "pareto", "points": 6, "population": 16, "generations": 4},
+    }
+    asked = client.post("/v1/optimizations", json=body)
+    assert asked.status_code == 202, asked.text
+    found = asked.json()["id"]
+    page.goto(f"/jobs/{found}")
+    front = page.get_by_test_id("front")
+    expect(front).to_be_visible(timeout=120_000)
+    points = client.get(f"/v1/jobs/{found}/result").json()["front"]
+    expect(front.get_by_role("row")).to_have_count(1 + len(points))
+    second = front.get_by_role("button", name="Choose point 2", exact=True)
+    expect(second).to_have_attribute("aria-pressed", "false")
+    second.click()
+    expect(second).to_have_attribute("aria-pressed", "true")
+    expect(page).to_have_url(re.compile(r"point=1$"))
+    page.get_by_role("link", name="Open on the panel").click()
+    page.locator("[data-testid=plots][data-frame]").wait_for()
+    value = points[1]["parameters"]["law.kp"]
+    expect(page.get_by_role("textbox", name="Value of law.kp")).to_have_value(f"{value:.6g}")
+
+
 def test_a_wrong_goal_is_told_beside_it(page: Page, hydraulic) -> None:
     page.goto(f"/systems/{hydraulic}/optimise")
     page.get_by_role("textbox", name="At most, goal 2").fill("5 kg")
@@ -97,7 +128,7 @@ def test_a_wrong_goal_is_told_beside_it(page: Page, hydraulic) -> None:
     ).to_contain_text("kg")
 
 
-def test_influence_is_read_by_rows_and_leads_to_the_slider(page: Page, hydraulic, client) -> None:
+def test_influence_is_read_by_rows_and_by_columns_and_leads_to_the_slider(page: Page, hydraulic, client) -> None:
     page.goto(f"/systems/{hydraulic}/influence?p=law.kp,motor.mass&m=overshoot,bandwidth")
     body = {
         "system": hydraulic, "input": "reference", "output": "velocity", "open_at": "error",
@@ -107,6 +138,18 @@ def test_influence_is_read_by_rows_and_leads_to_the_slider(page: Page, hydraulic
     expect(page.get_by_test_id("influence").get_by_role("row").nth(1)).to_contain_text(f"{exact:.3g}")
     page.get_by_role("button", name="bandwidth").click()
     expect(page.get_by_role("heading", name="What moves the bandwidth")).to_be_visible()
+    # A column: what one parameter moves; and the answer to a change that is not small.
+    page.get_by_role("button", name="Read the column of law.kp").click()
+    expect(page).to_have_url(re.compile(r"col=law\.kp"))
+    expect(page.get_by_test_id("tornado").get_by_role("heading", name="What law.kp moves")).to_be_visible()
+    page.goto(f"{page.url}&kind=coefficient&change=25")
+    found = client.post("/v1/influence", json={**body, "metrics": ["overshoot", "bandwidth"], "change": 0.25}).json()
+    finite = {metric: cells["law.kp"]["value"] for metric, cells in found["coefficients"].items()}
+    bars = page.get_by_test_id("tornado").get_by_role("button")
+    expect(bars).to_have_text(sorted(finite, key=lambda metric: -abs(finite[metric])))
+    for metric, value in finite.items():
+        row = page.get_by_test_id("influence").get_by_role("row").filter(has=page.get_by_role("button", name=metric))
+        expect(row).to_contain_text(f"{value:.3g}".replace("-", "−"))
     page.get_by_test_id("influence").get_by_role("link", name="motor.mass").click()
     expect(page.get_by_role("slider").first).to_have_attribute("aria-label", "motor.mass")
 

@@ -64,7 +64,10 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
     };
   }, [front, goals, variables, units, selected, dark, names]);
   const chosen = useRef<HTMLTableRowElement>(null);
-  useEffect(() => chosen.current?.scrollIntoView({ block: "nearest" }), [selected]);
+  useEffect(() => {
+    // Newer browsers answer with a promise, which React would take for what is to be called at the end.
+    chosen.current?.scrollIntoView({ block: "nearest" });
+  }, [selected]);
   const pick = (_series: string, index: number) => onSelect(index);
   const axis = (value: number, onChange: (next: number) => void, text: string) => <NativeSelect size="xs" label={text} value={String(value)} data={names.map((name, i) => ({ value: String(i), label: name }))} onChange={(event) => onChange(Number(event.currentTarget.value))} />;
   return (
