@@ -153,7 +153,7 @@ def evaluate(
             if candidate < total:
                 valid[candidate] = alive[lane]
         # from here on `alive` also asks for finite coefficients
-        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved)
+        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved, extra)
         for lane in range(LANES):
             for k in range(pivots.shape[0]):
                 if abs(registers[pivots[k], lane]) < smallest[k]:

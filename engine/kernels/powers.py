@@ -72,8 +72,8 @@ def unit(a: Real, n: int, nn: int, alive: Real, step: Real, x: Real) -> None:
 
 
 @compiled
-def _shrink(x: Real, x2: Real, x8: Real, n: int, nn: int, step: Real) -> None:
-    """Choose the step by the eighth power, which is as large as the fastest mode says, and scale X and X² to it."""
+def _shrink(x: Real, x2: Real, x8: Real, n: int, nn: int, step: Real, extra: int) -> None:
+    """Choose the step by the eighth power, which is as large as the fastest mode says, over 2^extra; scale X and X² to it."""
     largest = spread(0.0)
     for i in range(n):
         row = spread(0.0)
@@ -81,7 +81,7 @@ def _shrink(x: Real, x2: Real, x8: Real, n: int, nn: int, step: Real) -> None:
             row = row + magnitude(load2(x8, i, j))
         largest = select(row > largest, row, largest)
     speed = root(root(root(largest)))
-    factor = _SMALL / select(speed > 1.0 / _NON_NORMAL, speed, 1.0 / _NON_NORMAL)
+    factor = (_SMALL * 0.5**extra) / select(speed > 1.0 / _NON_NORMAL, speed, 1.0 / _NON_NORMAL)
     square = factor * factor
     store(step, load(step, 0) * factor, 0)
     for k in range(nn * nn):
@@ -123,21 +123,21 @@ def _decide(here: Real, n: int, experiments: int, rest: Real, norm: Real, step: 
 @compiled
 def raise_powers(
     a: Real, b: Real, n: int, nn: int, experiments: int, alive: Real, step: Real, powers: Real, norms: Real,
-    rest: Real, growth: Real, work: Real, room: Real,
+    rest: Real, growth: Real, work: Real, room: Real, extra: int,
 ) -> int:  # fmt: skip
     """Fill ``powers`` (LEVELS, nn, nn, LANES) and return how many there are.
 
     On return ``step`` is the time step of the first, ``norms`` (LEVELS, LANES) their row norms, ``rest`` (nn, experiments,
     LANES) the states at rest, ``growth`` (LANES,) the rate of the slowest mode, about, in 1/s: positive where it diverges,
     NaN where neither was seen. Sizes are ``nn``, a multiple of 4; ``work`` is (6, nn, nn, LANES), ``room`` (2, nn,
-    experiments, LANES).
+    experiments, LANES). The step is 2^extra times as short as usual.
     """
     x, x2, t1, t2, p, q = work[0], work[1], work[2], work[3], work[4], work[5]
     unit(a, n, nn, alive, step, x)
     multiply(x2, x, x, nn, nn, nn, nn, nn, nn)
     multiply(p, x2, x2, nn, nn, nn, nn, nn, nn)
     multiply(q, p, p, nn, nn, nn, nn, nn, nn)
-    _shrink(x, x2, q, n, nn, step)
+    _shrink(x, x2, q, n, nn, step, extra)
     size, h = nn * nn, load(step, 0)
     for k in range(size):
         store(t1, C1 * load(x, k) + C2 * load(x2, k), k)

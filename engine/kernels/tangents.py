@@ -141,7 +141,7 @@ def differentiate(
         scatter(program, registers, a, b, c, d)
         scatter(program, tangents, da, db, dc, dd)
         store(alive, 1.0, 0)
-        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved)
+        levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved, 0)
         h = step[0]
         top = _levels(program, readings[candidate], h, levels)
         power_slopes(a, da, db, nn, experiments, step, powers, levels, top, rest, d_powers, d_rest, work, moved)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import socket
@@ -22,6 +21,7 @@ from api.settings import Settings
 from storage import open_database
 from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upload
+from tests.integration.coroutines import run
 
 OPTIMIZATION = {
     "variables": [{"parameter": "k"}],
@@ -323,7 +323,7 @@ def test_a_ticket_opens_one_websocket_and_a_cookie_none(service) -> None:
     assert reply.status_code == 201
     left = datetime.fromisoformat(reply.json()["expires_at"]) - datetime.now(UTC)
     assert timedelta(seconds=20) < left <= timedelta(seconds=30)
-    said = asyncio.run(_websockets(service.database_url, reply.json()["ticket"], cookie, service.keys["read"]))
+    said = run(_websockets(service.database_url, reply.json()["ticket"], cookie, service.keys["read"]))
     assert said == ["closed 1008", "closed 1008", "closed 1008", "ws_default", "closed 1008", "ws_default"]
 
 
@@ -415,7 +415,7 @@ async def _failing(database_url: str, key: str) -> httpx.Response:
 
 
 def test_an_error_of_the_software_is_a_problem_too_and_tells_nothing(service, caplog) -> None:
-    reply = asyncio.run(_failing(service.database_url, service.keys["admin"]))
+    reply = run(_failing(service.database_url, service.keys["admin"]))
     assert reply.status_code == 500
     assert reply.headers["Content-Type"] == "application/problem+json"
     assert {name: reply.headers.get(name) for name in HEADERS} == HEADERS

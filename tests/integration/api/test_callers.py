@@ -19,6 +19,7 @@ from storage import Database, open_database
 from storage.models import DEFAULT_WORKSPACE
 from storage.models.base import utc_now
 from storage.repositories import ApiKeyRepository, SignInRepository
+from tests.integration.coroutines import run
 
 
 class Door:
@@ -68,7 +69,7 @@ def test_a_key_revoked_elsewhere_is_out_within_the_second(door) -> None:
         assert not await door.lets_in(token)
         assert not await door.callers.opens(key)
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_a_key_revoked_here_is_out_at_once(door) -> None:
@@ -79,7 +80,7 @@ def test_a_key_revoked_here_is_out_at_once(door) -> None:
         door.callers.forget()
         assert not await door.lets_in(token)
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_a_key_that_ends_is_out_at_that_moment_without_a_question(door, monkeypatch) -> None:
@@ -95,7 +96,7 @@ def test_a_key_that_ends_is_out_at_that_moment_without_a_question(door, monkeypa
         assert await found is None
         assert door.questions == 0
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_who_waited_longer_than_the_idle_are_remembered_gets_an_answer(door) -> None:
@@ -112,7 +113,7 @@ def test_who_waited_longer_than_the_idle_are_remembered_gets_an_answer(door) -> 
         assert await asyncio.wait_for(second, 30)
         assert await first
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_more_callers_than_one_question_asks_for_get_their_answers(door, monkeypatch) -> None:
@@ -124,7 +125,7 @@ def test_more_callers_than_one_question_asks_for_get_their_answers(door, monkeyp
         answers = await asyncio.wait_for(asyncio.gather(*(door.callers.opens(key) for key in keys)), 30)
         assert answers == [key != keys[4] for key in keys]
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_threads_that_wait_for_something_else_keep_nobody_out(door) -> None:
@@ -142,7 +143,7 @@ def test_threads_that_wait_for_something_else_keep_nobody_out(door) -> None:
             over.set()
             await waiting
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_an_answer_to_an_older_question_lets_nobody_in(door) -> None:
@@ -159,7 +160,7 @@ def test_an_answer_to_an_older_question_lets_nobody_in(door) -> None:
         await older
         assert not await door.lets_in(token)
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_all_who_came_are_one_question(door) -> None:
@@ -175,7 +176,7 @@ def test_all_who_came_are_one_question(door) -> None:
         assert all(await asyncio.gather(*(door.lets_in(token) for token in tokens)))
         assert door.questions == 1
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_a_browser_is_out_when_it_has_signed_out_or_its_key_has_ended(door) -> None:
@@ -203,7 +204,7 @@ def test_a_browser_is_out_when_it_has_signed_out_or_its_key_has_ended(door) -> N
         door.now += FRESH + 0.001
         assert await let_in() == [False, False]
 
-    asyncio.run(story())
+    run(story())
 
 
 def test_uses_are_written_once_a_minute_and_never_where_nothing_can_be(door) -> None:
@@ -230,4 +231,4 @@ def test_uses_are_written_once_a_minute_and_never_where_nothing_can_be(door) -> 
         assert last_use() == first
         assert await door.lets_in(token)
 
-    asyncio.run(story())
+    run(story())

@@ -28,6 +28,7 @@ from storage.repositories import JobRepository, WebhookRepository, jobs
 from storage.repositories.webhooks import new_secret, renew_secrets
 from storage.vault import Vault
 from tests.integration.api.conftest import Service, serving
+from tests.integration.coroutines import run
 from tests.support.receiver import Receiver, receiving
 
 HERE = ip_network("127.0.0.0/8")
@@ -75,7 +76,7 @@ class Desk:
             await courier.close()
             return count
 
-        return asyncio.run(once())
+        return run(once())
 
     def webhook(self, identifier: str) -> Webhook:
         with self.database.session() as session:
@@ -247,7 +248,7 @@ def test_of_two_processes_one_sends(desk, receiver) -> None:
         for courier in couriers:
             await courier.close()
 
-    asyncio.run(race())
+    run(race())
     assert len(receiver.got) == 3
     assert len({headers["webhook-id"] for headers, _ in receiver.got}) == 3
 
@@ -261,7 +262,7 @@ def test_a_message_whose_sender_died_is_sent_again(desk, receiver) -> None:
         await courier.start_due()
         await courier.close()
 
-    asyncio.run(die())
+    run(die())
     (row,) = desk.deliveries(identifier)
     if row.status == "pending":
         desk.now += timedelta(minutes=1)

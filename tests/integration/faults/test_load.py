@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from bench.service.process import KEY
 from bench.service.process import serving as process
 from tests.integration.api.conftest import serving
 from tests.integration.api.documents import LAG
+from tests.integration.coroutines import run
 from tests.integration.faults.conftest import FULL
 from tests.integration.faults.load import Load, summed, workers
 from tests.support.desk import Desk
@@ -52,7 +52,7 @@ def test_four_workers_and_twenty_clients_on_one_sqlite_file(
 @pytest.mark.skipif(not FULL, reason="a minute on a machine at rest: make faults")
 def test_two_hundred_clients_wait_less_than_150_ms(database_url: str, tmp_path: Path) -> None:
     with process(database_url, tmp_path / "service.txt") as url:
-        outcome = asyncio.run(load(url, KEY, clients=200, seconds=60))
+        outcome = run(load(url, KEY, clients=200, seconds=60))
     assert not outcome.failures
     assert outcome.statuses.keys() <= {200, 201}, outcome.statuses
     assert outcome.statuses.total() == 200 * 60
@@ -63,7 +63,7 @@ def test_two_hundred_clients_are_all_answered(sqlite_template: Path, tmp_path: P
     path = tmp_path / "service.db"
     path.write_bytes(sqlite_template.read_bytes())
     with serving(f"sqlite:///{path}", requests_per_minute=0) as service:
-        outcome = asyncio.run(load(service.url, service.keys["admin"], clients=200, seconds=2))
+        outcome = run(load(service.url, service.keys["admin"], clients=200, seconds=2))
     assert not outcome.failures
     assert outcome.statuses.keys() <= {200, 201}, outcome.statuses
     assert outcome.statuses.total() == 200 * 2

@@ -34,7 +34,7 @@ def raised(matrices: np.ndarray, drives: np.ndarray) -> Raised:
     rest, work = np.full((padded, 1, LANES), np.nan), np.full((6, padded, padded, LANES), np.nan)
     alive, step, growth = np.ones(LANES), np.full(LANES, np.nan), np.full(LANES, np.nan)
     levels = raise_powers(
-        a, b, n, padded, 1, alive, step, powers, norms, rest, growth, work, np.empty((2, padded, 1, LANES))
+        a, b, n, padded, 1, alive, step, powers, norms, rest, growth, work, np.empty((2, padded, 1, LANES)), 0
     )
     return Raised(levels, step, powers[:, :n, :n], norms, rest[:n], growth, alive)
 
