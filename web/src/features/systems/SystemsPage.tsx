@@ -145,7 +145,10 @@ export function SystemsPage() {
             )}
           </div>
         )}
-        <Templates onOpen={(template) => create.mutate({ document: template.document, to: `panel?${template.panel}` })} busy={create.isPending} />
+        {/* below the list, whose height is not known before it is there */}
+        {!systems.isPending && (
+          <Templates onOpen={(template) => create.mutate({ document: template.document, to: `panel?${template.panel}` })} busy={create.isPending} />
+        )}
       </Stack>
     </div>
   );
