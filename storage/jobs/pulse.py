@@ -3,7 +3,8 @@
 How old a heartbeat is would be told by two clocks, the worker's and the reader's, and either may be wrong or be set. Whether
 it is the same as ten seconds ago takes one clock, which nobody sets::
 
-    dead:  seen_at the same for ``patience`` of this process' monotonic clock, or the mark of a worker that has stopped
+    dead:  seen_at the same for ``patience`` of this process' monotonic clock, or the mark of a worker that has stopped,
+           or a process of this machine that is not there any more
 
 While nobody can look, because the database is away or this process stands still, nobody can show himself either: of the time
 between two looks at most a quarter of ``patience`` counts, so that everybody has several heartbeats to come back with.
@@ -15,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
 
+from storage.jobs import processes
 from storage.models import Worker
 from storage.repositories.workers import RETIRED
 
@@ -46,6 +48,7 @@ class Pulse:
             token, seen_at, silence = known.get(worker.id, ("", RETIRED, 0.0))
             silence = silence + passed if (token, seen_at) == (worker.token, worker.seen_at) else 0.0
             self._silent[worker.id] = (worker.token, worker.seen_at, silence)
-            if worker.seen_at == RETIRED or silence >= self._patience:
+            ended = worker.seen_at == RETIRED or processes.alive(worker.process) is False
+            if ended or silence >= self._patience:
                 dead.append(worker)
         return dead

@@ -8,34 +8,27 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from datetime import datetime
+from functools import partial
 from typing import Any, ClassVar
 
 from dbos import DBOS, DBOSClient, DBOSConfig
-from sqlalchemy.orm import Session
 
 from storage import models
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE, StateError
-from storage.jobs import reconciliation
+from storage.jobs import processes
 from storage.jobs.children import Zygote
-from storage.jobs.claims import Claims
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
-from storage.jobs.pulse import Pulse
+from storage.jobs.keeping import Keeper
 from storage.jobs.queue import JobQueue
-from storage.jobs.supervision import Supervisor, Traced, overdue_detail, untraced
-from storage.repositories import jobs
+from storage.jobs.supervision import Supervisor, Traced, untraced
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
 
 #: How often (s) a worker asks for a job.
 _POLLING_INTERVAL = 0.1
-#: Heartbeats that may be missing.
-_PATIENCE = 5
-#: How often (s) a worker looks for jobs that nobody carries.
-_RECONCILE_INTERVAL = 60.0
 #: The pauses (s) before a worker asks again for a database that is away when it starts, the longest of them, and how long it
 #: waits altogether.
 _PAUSE, _LONGEST_PAUSE, _LONGEST_WAIT = 0.5, 10.0, 600.0
@@ -70,7 +63,7 @@ class Worker:
     slots : int
         How many jobs it does at a time.
     heartbeat : float
-        How often (s) it shows that it lives; another worker that does not for five times as long is dead.
+        How often (s) it shows that it lives; another one that does not for `PATIENCE` times as long is dead.
     traced : Traced, optional
         What surrounds each attempt at a job, for whoever collects traces.
     """
@@ -129,9 +122,18 @@ class Worker:
             undo.callback(DBOS.destroy)
             self._launch()
             undo.callback(self.supervisor.stop, _STOP_TIMEOUT)
-            heart = threading.Thread(target=self._beat, args=[zygote], name="worker-heart", daemon=True)
-            heart.start()
-            undo.callback(heart.join)
+            keeper = Keeper(
+                self._database,
+                self._queue,
+                self.supervisor,
+                worker=self.name,
+                interval=self._heartbeat,
+                ended=self._ended,
+            )
+            for work, name in ((partial(self._beat, zygote), "worker-heart"), (keeper.run, "worker-keeper")):
+                thread = threading.Thread(target=work, name=name, daemon=True)
+                thread.start()
+                undo.callback(thread.join)
             undo.callback(self._ended.set)
             self._undo = undo.pop_all()
 
@@ -204,79 +206,24 @@ class Worker:
             _log.warning("worker %s could not say that it stops: %s", self.name, error)
 
     def _beat(self, zygote: Zygote) -> None:
-        """Say that the worker lives, look for those that do not, and hand out what waits for nothing any more."""
-        patience = _PATIENCE * self._heartbeat
-        pulse, claims, looked, warm = Pulse(patience), Claims(patience), 0.0, False
-        while not self._ended.wait(self._heartbeat):
-            try:
-                with self._database.session() as session:
-                    workers = WorkerRepository(session)
-                    if not workers.beat(self.name, self._token):
-                        _log.warning("worker %s begins again under another name: it was silent for too long", self.name)
-                        self._lost = self.name
-                        self._ended.set()
-                        return
-                    if not warm and zygote.warm_up_seconds is not None:
-                        workers.warmed_up(self.name, self._token, zygote.warm_up_seconds)
-                        warm = True
-                    dead = pulse.dead(workers.all())
-                    claimed = reconciliation.claimed(session, self.name)
-                self._take_over(dead)
-                self._begin_again(claims.forgotten(claimed, in_hand=self.supervisor.in_hand))
-                with self._database.session() as session:
-                    self._end_overdue(session)
-                    self._queue.release(session)
-                if time.monotonic() >= looked:
-                    looked = time.monotonic() + _RECONCILE_INTERVAL
-                    self._reconcile()
-            except UNAVAILABLE as error:
-                _log.warning("worker %s cannot reach the database: %s", self.name, error)
-
-    def _take_over(self, dead: Sequence[models.Worker]) -> None:
-        """Put the jobs of dead workers back into the queue, and then forget these workers."""
-        if not dead:
-            return
-        _log.warning("the jobs of dead workers go on elsewhere: %s", ", ".join(worker.id for worker in dead))
-        recover([worker.id for worker in dead])
-        with self._database.session() as session:
-            for worker in dead:
-                WorkerRepository(session).bury(worker.id, token=worker.token, seen_at=worker.seen_at)
-
-    def _begin_again(self, forgotten: Sequence[str]) -> None:
-        """Put jobs that the engine claimed and never began back into the queue."""
-        if not forgotten:
-            return
-        with self._database.session() as session:
-            rows = reconciliation.holders(session, forgotten)
-            self._queue.carry(session, rows)
-        for job in rows:
-            _log.warning("job %s was claimed and never begun, and is in the queue again", job.id)
-
-    def _end_overdue(self, session: Session) -> None:
-        for identifier in jobs.overdue(session):
-            job = session.get_one(models.Job, identifier)
-            problem = {"type": "urn:servotune:problem:overdue", "title": "Out of time", "detail": overdue_detail(job)}
-            jobs.finish(session, identifier, status=models.JobStatus.FAILED, error=problem)
-
-    def _reconcile(self) -> None:
-        with self._database.session() as session:
-            strangers = reconciliation.strangers(session)
-        recover(strangers)
-        with self._database.session() as session:
-            lost = reconciliation.uncarried(session)
-            self._queue.carry(session, lost)
-        for job in lost:
-            _log.warning("job %s was carried by nobody and is in the queue again", job.id)
-
-
-def recover(dead: Sequence[str]) -> None:
-    """Put the unfinished jobs of dead workers back into the queue, where any worker takes them.
-
-    The engine does this for an executor that starts again under its old name; for one that does not it offers a
-    private call only (or a commercial service), which is used here and nowhere else, and held by a test.
-    """
-    if dead:
-        DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001 - no public call; held by a test
+        """Say that the worker lives, and nothing else, so that nothing keeps it from being said."""
+        warm = False
+        try:
+            while not self._ended.wait(self._heartbeat):
+                try:
+                    with self._database.session() as session:
+                        workers = WorkerRepository(session)
+                        if not workers.beat(self.name, self._token):
+                            _log.warning("worker %s lost its name, because it was silent for too long", self.name)
+                            self._lost = self.name
+                            return
+                        if not warm and zygote.warm_up_seconds is not None:
+                            workers.warmed_up(self.name, self._token, zygote.warm_up_seconds)
+                            warm = True
+                except UNAVAILABLE as error:
+                    _log.warning("worker %s cannot reach the database: %s", self.name, error)
+        finally:
+            self._ended.set()  # whatever stopped the heart: `run` begins again
 
 
 def _use_own_slots(engine: DBOS, slots: int) -> None:
@@ -308,21 +255,22 @@ def _claim_name(database: Database, token: str, slots: int, *, lost: str) -> str
             holder = workers.get(name)
             if name != lost and (holder is None or not _is_alive(holder, now=shared_now(session))):
                 replaces = None if holder is None else holder.token
-                if workers.claim(name, token=token, replaces=replaces, host=host, pid=os.getpid(), slots=slots):
+                if workers.claim(
+                    name,
+                    token=token,
+                    replaces=replaces,
+                    host=host,
+                    pid=os.getpid(),
+                    process=processes.this_process(),
+                    slots=slots,
+                ):
                     return name
         number += 1
 
 
 def _is_alive(holder: models.Worker, *, now: datetime) -> bool:
-    """Tell whether another process still holds a name of this host: it exists."""
+    """Tell whether another process still holds a name of this host, as far as can be told without waiting."""
     if holder.seen_at == RETIRED:
         return False
-    if holder.pid == os.getpid():  # of an earlier life, or of another container that calls itself the same
-        return abs(now - holder.seen_at) < STALE_AFTER
-    try:
-        os.kill(holder.pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True  # it exists, under another user
-    return True
+    known = processes.alive(holder.process)
+    return abs(now - holder.seen_at) < STALE_AFTER if known is None else known

@@ -123,7 +123,8 @@ class JobTally(Base):
 class Worker(Base):
     """A worker that lives as long as ``seen_at`` changes; ``token`` tells two holders of one name apart.
 
-    ``warm_up`` is how long (s) it took to load what computes, None until that is done.
+    ``process`` is the name of its process for those on the same machine, see `storage.jobs.processes`; ``warm_up`` is how long
+    (s) it took to load what computes, None until that is done.
     """
 
     __tablename__ = "worker"
@@ -132,6 +133,7 @@ class Worker(Base):
     token: Mapped[str] = mapped_column(Word)
     host: Mapped[str]
     pid: Mapped[int]
+    process: Mapped[str | None]
     slots: Mapped[int]
     warm_up: Mapped[float | None]
     started_at: Mapped[datetime]

@@ -13,8 +13,10 @@ from storage.insertion import insert_if_absent
 from storage.models import Worker
 
 #: A worker writes its heartbeat this often (s) ...
-HEARTBEAT_INTERVAL = 2.0
-#: ... and counts as dead when it has not for this long.
+HEARTBEAT_INTERVAL = 1.0
+#: ... and counts as dead when it has not for this many of them, unless somebody sees earlier that its process is gone.
+PATIENCE = 8
+#: A heartbeat of this age, by the clock of the database, says that nobody is there.
 STALE_AFTER = timedelta(seconds=10)
 #: The heartbeat of a worker that has stopped in good order: it is dead at once.
 RETIRED = datetime(1970, 1, 1, tzinfo=UTC)
@@ -30,12 +32,29 @@ class WorkerRepository:
         """Return a worker by its name."""
         return self._session.get(Worker, identifier, populate_existing=True)
 
-    def claim(self, identifier: str, *, token: str, replaces: str | None, host: str, pid: int, slots: int) -> bool:
+    def claim(
+        self,
+        identifier: str,
+        *,
+        token: str,
+        replaces: str | None,
+        host: str,
+        pid: int,
+        slots: int,
+        process: str | None = None,
+    ) -> bool:
         """Take a worker's name: a new one, or that of a dead worker whose token is ``replaces``."""
         now = shared_now(self._session)
         values = {
-            "token": token, "host": host, "pid": pid, "slots": slots, "warm_up": None, "started_at": now, "seen_at": now,
-        }  # fmt: skip
+            "token": token,
+            "host": host,
+            "pid": pid,
+            "process": process,
+            "slots": slots,
+            "warm_up": None,
+            "started_at": now,
+            "seen_at": now,
+        }
         if replaces is None:
             return insert_if_absent(self._session, Worker, id=identifier, **values)
         return self._update(identifier, replaces, **values)

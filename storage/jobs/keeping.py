@@ -1,0 +1,138 @@
+"""What every worker does for all of them, now and then: whatever should be in the queue and is not comes back there."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+
+from dbos import DBOS
+from sqlalchemy.orm import Session
+
+from storage import models
+from storage.errors import UNAVAILABLE
+from storage.jobs import reconciliation
+from storage.jobs.claims import Claims
+from storage.jobs.pulse import Pulse
+from storage.jobs.queue import JobQueue
+from storage.jobs.supervision import Supervisor, overdue_detail
+from storage.repositories import jobs
+from storage.repositories.workers import PATIENCE, WorkerRepository
+from storage.session import Database
+
+#: How often (s) a worker looks for jobs that nobody carries.
+_RECONCILE_INTERVAL = 60.0
+
+_log = logging.getLogger(__name__)
+
+
+class Keeper:
+    """Takes over the jobs of dead workers, begins forgotten ones again, ends overdue ones, hands out what was put aside.
+
+    Parameters
+    ----------
+    database : Database
+    queue : JobQueue
+    supervisor : Supervisor
+        What does the jobs of this worker.
+    worker : str
+        Its name.
+    interval : float
+        How often (s) workers show that they live, and this one looks.
+    ended : threading.Event
+        Ends `run`, and is set when it ends in any other way.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        queue: JobQueue,
+        supervisor: Supervisor,
+        *,
+        worker: str,
+        interval: float,
+        ended: threading.Event,
+    ) -> None:
+        self._database = database
+        self._queue = queue
+        self._supervisor = supervisor
+        self._worker = worker
+        self._interval = interval
+        self._ended = ended
+        self._pulse = Pulse(PATIENCE * interval)
+        self._claims = Claims(PATIENCE * interval)
+
+    def run(self) -> None:
+        """Look again and again, those that wait for a worker first."""
+        reconcile_at = 0.0
+        try:
+            while not self._ended.wait(self._interval):
+                try:
+                    self._take_over()
+                    self._begin_again()
+                    with self._database.session() as session:
+                        _end_overdue(session)
+                        self._queue.release(session)
+                    if time.monotonic() >= reconcile_at:
+                        reconcile_at = time.monotonic() + _RECONCILE_INTERVAL
+                        self._reconcile()
+                except UNAVAILABLE as error:
+                    _log.warning("worker %s cannot look after the queue: %s", self._worker, error)
+        finally:
+            self._ended.set()
+
+    def _take_over(self) -> None:
+        """Put the jobs of dead workers back into the queue, and then forget these workers."""
+        with self._database.session() as session:
+            dead = self._pulse.dead(WorkerRepository(session).all())
+        if not dead:
+            return
+        _log.warning("the jobs of dead workers go on elsewhere: %s", ", ".join(worker.id for worker in dead))
+        recover([worker.id for worker in dead])
+        with self._database.session() as session:
+            self._bury(session, dead)
+
+    def _bury(self, session: Session, dead: Sequence[models.Worker]) -> None:
+        for worker in dead:
+            WorkerRepository(session).bury(worker.id, token=worker.token, seen_at=worker.seen_at)
+
+    def _begin_again(self) -> None:
+        """Put jobs that the engine claimed and never began back into the queue."""
+        with self._database.session() as session:
+            claimed = reconciliation.claimed(session, self._worker)
+        forgotten = self._claims.forgotten(claimed, in_hand=self._supervisor.in_hand)
+        if not forgotten:
+            return
+        with self._database.session() as session:
+            rows = reconciliation.holders(session, forgotten)
+            self._queue.carry(session, rows)
+        for job in rows:
+            _log.warning("job %s was claimed and never begun, and is in the queue again", job.id)
+
+    def _reconcile(self) -> None:
+        with self._database.session() as session:
+            strangers = reconciliation.strangers(session)
+        recover(strangers)
+        with self._database.session() as session:
+            lost = reconciliation.uncarried(session)
+            self._queue.carry(session, lost)
+        for job in lost:
+            _log.warning("job %s was carried by nobody and is in the queue again", job.id)
+
+
+def recover(dead: Sequence[str]) -> None:
+    """Put the unfinished jobs of dead workers back into the queue, where any worker takes them.
+
+    The engine does this for an executor that starts again under its old name; for one that does not it offers a
+    private call only (or a commercial service), which is used here and nowhere else, and held by a test.
+    """
+    if dead:
+        DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001 - no public call; held by a test
+
+
+def _end_overdue(session: Session) -> None:
+    for identifier in jobs.overdue(session):
+        job = session.get_one(models.Job, identifier)
+        problem = {"type": "urn:servotune:problem:overdue", "title": "Out of time", "detail": overdue_detail(job)}
+        jobs.finish(session, identifier, status=models.JobStatus.FAILED, error=problem)
