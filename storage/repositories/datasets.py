@@ -164,32 +164,42 @@ class DatasetRepository:
         StateError
             When the recording was committed with another manifest.
         """
-        dataset = self.get(identifier)
-        if dataset.status != DatasetStatus.OPEN and (dataset.manifest, dataset.sha256) == (list(segments), sha256):
-            if dataset.status == DatasetStatus.FAILED and description is not None:
-                dataset = self._lock(identifier, DatasetStatus.FAILED)
-                dataset.status, dataset.error, dataset.description = DatasetStatus.PARSING, None, description
-                dataset.commits += 1
-                self._session.flush()
-                record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
-            return dataset
+        if self.get(identifier).status != DatasetStatus.OPEN:
+            return self._commit_again(identifier, list(segments), sha256, description)
+        # Read before the lock, which is short then: a segment never changes. In SQLite everybody else waits for it.
+        size = self._checked(identifier, segments, sha256)
         dataset = self._lock(identifier, DatasetStatus.OPEN)
-        sizes = self._sizes(identifier, segments)
-        whole = hashlib.sha256()
-        for segment in segments:
-            for chunk in iterate_bytes(self._session, segment):
-                whole.update(chunk)
-        if whole.hexdigest() != sha256:
-            raise ChecksumError(f"dataset {identifier!r}", expected=sha256, actual=whole.hexdigest())
         dataset.manifest = list(segments)
         dataset.sha256 = sha256
-        dataset.size = sum(sizes[segment] for segment in segments)
+        dataset.size = size
         dataset.status = DatasetStatus.PARSING
         dataset.commits += 1
         dataset.description = dataset.description if description is None else description
         self._session.flush()
         record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
         return dataset
+
+    def _commit_again(self, identifier: str, segments: list[str], sha256: str, description: Document | None) -> Dataset:
+        dataset = self.get(identifier)
+        if (dataset.manifest, dataset.sha256) != (segments, sha256):
+            raise StateError(f"dataset {identifier!r} must be {DatasetStatus.OPEN}, it is {dataset.status}")
+        if dataset.status == DatasetStatus.FAILED and description is not None:
+            dataset = self._lock(identifier, DatasetStatus.FAILED)
+            dataset.status, dataset.error, dataset.description = DatasetStatus.PARSING, None, description
+            dataset.commits += 1
+            self._session.flush()
+            record(self._session, self._workspace_id, "dataset.commit", identifier, sha256=sha256)
+        return dataset
+
+    def _checked(self, identifier: str, segments: Sequence[str], sha256: str) -> int:
+        """Return the size (bytes) of the segments, which together must have this SHA-256."""
+        size, pieces = self.received(identifier, segments)
+        whole = hashlib.sha256()
+        for piece in pieces:
+            whole.update(piece)
+        if whole.hexdigest() != sha256:
+            raise ChecksumError(f"dataset {identifier!r}", expected=sha256, actual=whole.hexdigest())
+        return size
 
     def original(self, identifier: str) -> Iterator[bytes]:
         """Give the bytes of a committed recording, as they were received, piece by piece."""

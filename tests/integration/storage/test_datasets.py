@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import func, select
 
 from storage import Database
-from storage.blobs import sha256_of
+from storage.blobs import iterate_bytes, sha256_of
 from storage.channels import BLOCK
 from storage.errors import ChecksumError, MissingSegmentsError, NotFoundError, StateError
 from storage.models import DEFAULT_WORKSPACE, Blob, ChannelBlock, DatasetSegment
@@ -275,3 +275,22 @@ def test_a_file_becomes_readable_or_says_why_not(database):
                 with pytest.raises(StateError, match="must be ready, it is failed"):
                     datasets.read_channel(identifier, "x")
             assert datasets.get(identifier).status == outcome
+
+
+def test_nobody_waits_while_a_commit_reads_the_segments(database, monkeypatch):
+    """Whoever writes meanwhile, at the moment in which the bytes are read, is let through."""
+    data = bytes(range(256)) * 100
+    identifier = create(database, format="tdms")
+    segments = cut(data, 10_000)
+    upload(database, identifier, segments)
+    read, others = iterate_bytes, []
+
+    def read_while_others_write(session, sha256):
+        others.append(create(database))
+        return read(session, sha256)
+
+    monkeypatch.setattr("storage.repositories.datasets.iterate_bytes", read_while_others_write)
+    with database.session() as session:
+        datasets = DatasetRepository(session, DEFAULT_WORKSPACE)
+        assert datasets.commit(identifier, segments=list(segments), sha256=sha256_of(data)).size == len(data)
+    assert len(others) == len(segments)
