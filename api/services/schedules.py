@@ -95,7 +95,7 @@ def _set_paused(session: Session, caller: Caller, identifier: str, *, paused: bo
     repository = ScheduleRepository(session, caller.workspace)
     row = repository.get(identifier)
     if row.paused != paused:
-        action = "schedule.pause" if paused else "schedule.resume"
+        action = "pause" if paused else "resume"
         rhythm = _rhythm(row.cron, row.time_zone, paused=paused, now=shared_now(session))
         row = repository.update(identifier, expected_revision=None, action=action, **rhythm)
     return to_wire(row)

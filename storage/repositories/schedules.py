@@ -14,23 +14,20 @@ from sqlalchemy import CursorResult, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
-from storage.audit import record
-from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
 from storage.models import Job, JobStatus, RunOutcome, Schedule, ScheduleRun
 from storage.pagination import Page, paginate
+from storage.repositories.revised import RevisedRepository
 
 #: Runs among which an instant that comes round again is looked for: of one each minute, those of a night.
 _REMEMBERED = 500
 _UNFINISHED = Job.status.in_((JobStatus.QUEUED, JobStatus.RUNNING))
 
 
-class ScheduleRepository:
-    """The schedules of one workspace."""
+class ScheduleRepository(RevisedRepository[Schedule]):
+    """The schedules of one workspace; the jobs of one that is deleted stay, its history goes with it."""
 
-    def __init__(self, session: Session, workspace_id: str) -> None:
-        self._session = session
-        self._workspace_id = workspace_id
+    _row, _prefix, _name, _told_as = Schedule, "sch", "schedule", "schedule"
 
     def create(self, **values: Any) -> Schedule:
         """Keep a schedule; ``values`` are its columns from ``name`` to ``next_at``.
@@ -41,60 +38,7 @@ class ScheduleRepository:
             When there are too many.
         """
         quotas.admit_schedule(self._session, self._workspace_id)
-        schedule = Schedule(id=new_id("sch"), workspace_id=self._workspace_id, **values)
-        self._session.add(schedule)
-        self._session.flush()
-        record(self._session, self._workspace_id, "schedule.create", schedule.id)
-        return schedule
-
-    def get(self, identifier: str) -> Schedule:
-        """Return a schedule as it is now; raise `NotFoundError` when it is not in this workspace."""
-        schedule = self._session.get(Schedule, identifier, populate_existing=True)
-        if schedule is None or schedule.workspace_id != self._workspace_id:
-            raise NotFoundError("schedule", identifier)
-        return schedule
-
-    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[Schedule]:
-        """Return the schedules of the workspace, newest first."""
-        rows = select(Schedule).where(Schedule.workspace_id == self._workspace_id)
-        return paginate(self._session, rows, Schedule, cursor=cursor, limit=limit)
-
-    def update(
-        self, identifier: str, *, expected_revision: int | None, action: str = "schedule.update", **values: Any
-    ) -> Schedule:
-        """Change a schedule; of two writers that know the same revision, one wins.
-
-        Parameters
-        ----------
-        expected_revision : int or None
-            None changes it whatever its revision is.
-
-        Raises
-        ------
-        RevisionConflictError
-            When the current revision is not the expected one.
-        """
-        self.get(identifier)
-        changing = update(Schedule).where(Schedule.id == identifier)
-        if expected_revision is not None:
-            changing = changing.where(Schedule.revision == expected_revision)
-        changed = self._session.execute(
-            changing.values(revision=Schedule.revision + 1, **values)
-            .returning(Schedule.id)
-            .execution_options(synchronize_session=False)
-        ).one_or_none()
-        schedule = self.get(identifier)
-        if changed is None:
-            assert expected_revision is not None
-            raise RevisionConflictError(identifier, expected=expected_revision, actual=schedule.revision)
-        record(self._session, self._workspace_id, action, identifier, revision=schedule.revision)
-        return schedule
-
-    def delete(self, identifier: str, *, expected_revision: int) -> None:
-        """Forget a schedule and its history; its jobs stay. Raises as `update` does."""
-        schedule = self.update(identifier, expected_revision=expected_revision, action="schedule.delete")
-        self._session.delete(schedule)
-        self._session.flush()
+        return self._add(**values)
 
     def runs(self, identifier: str, *, cursor: str | None = None, limit: int = 100) -> Page[ScheduleRun]:
         """Return what became of a schedule's instants, newest first."""

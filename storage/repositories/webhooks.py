@@ -12,18 +12,19 @@ import secrets
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 from sqlalchemy import CursorResult, and_, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
 from storage.audit import record
-from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
 from storage.models import DeliveryStatus, Job, Webhook, WebhookDelivery
 from storage.models.base import Document, utc_now
 from storage.pagination import Page, paginate
+from storage.repositories.revised import RevisedRepository
 
 #: The event that a user sends, to an inactive webhook too.
 TEST = "webhook.test"
@@ -58,71 +59,16 @@ def renew_secrets(session: Session, renewed: Callable[[str], str]) -> int:
     return changed
 
 
-class WebhookRepository:
-    """The webhooks of one workspace."""
+class WebhookRepository(RevisedRepository[Webhook]):
+    """The webhooks of one workspace; a change lets one begin anew, its failures are forgotten."""
 
-    def __init__(self, session: Session, workspace_id: str) -> None:
-        self._session = session
-        self._workspace_id = workspace_id
+    _row, _prefix, _name, _told_as = Webhook, "wh", "webhook", "webhook"
+    _reset: ClassVar[Mapping[str, Any]] = MappingProxyType({"failures": 0, "retry_at": None, "disabled_reason": None})
 
     def create(self, *, name: str, url: str, events: Sequence[str], active: bool, secret: str) -> Webhook:
         """Keep a webhook with its sealed secret; raise `QuotaExceededError` when there are too many."""
         quotas.admit_webhook(self._session, self._workspace_id)
-        webhook = Webhook(
-            id=new_id("wh"),
-            workspace_id=self._workspace_id,
-            name=name,
-            url=url,
-            events=list(events),
-            secret=secret,
-            active=active,
-        )
-        self._session.add(webhook)
-        self._session.flush()
-        record(self._session, self._workspace_id, "webhook.create", webhook.id)
-        return webhook
-
-    def get(self, identifier: str) -> Webhook:
-        """Return a webhook as it is now; raise `NotFoundError` when it is not in this workspace."""
-        webhook = self._session.get(Webhook, identifier, populate_existing=True)
-        if webhook is None or webhook.workspace_id != self._workspace_id:
-            raise NotFoundError("webhook", identifier)
-        return webhook
-
-    def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[Webhook]:
-        """Return the webhooks of the workspace, newest first."""
-        rows = select(Webhook).where(Webhook.workspace_id == self._workspace_id)
-        return paginate(self._session, rows, Webhook, cursor=cursor, limit=limit)
-
-    def update(
-        self, identifier: str, *, expected_revision: int, action: str = "webhook.update", **values: Any
-    ) -> Webhook:
-        """Change a webhook; its failures are forgotten. Of two writers that know the same revision, one wins.
-
-        Raises
-        ------
-        RevisionConflictError
-            When the current revision is not the expected one.
-        """
-        self.get(identifier)
-        changed = self._session.execute(
-            update(Webhook)
-            .where(Webhook.id == identifier, Webhook.revision == expected_revision)
-            .values(revision=expected_revision + 1, failures=0, retry_at=None, disabled_reason=None, **values)
-            .returning(Webhook.id)
-            .execution_options(synchronize_session=False)
-        ).one_or_none()
-        webhook = self.get(identifier)
-        if changed is None:
-            raise RevisionConflictError(identifier, expected=expected_revision, actual=webhook.revision)
-        record(self._session, self._workspace_id, action, identifier, revision=webhook.revision)
-        return webhook
-
-    def delete(self, identifier: str, *, expected_revision: int) -> None:
-        """Forget a webhook, what was sent to it and what waits to be. Raises as `update` does."""
-        webhook = self.update(identifier, expected_revision=expected_revision, action="webhook.delete")
-        self._session.delete(webhook)
-        self._session.flush()
+        return self._add(name=name, url=url, events=list(events), secret=secret, active=active)
 
     def test(self, identifier: str) -> WebhookDelivery:
         """Write down a message to one webhook that tells of nothing, whether it is active or not."""
