@@ -71,7 +71,7 @@ def worker(argv: Sequence[str]) -> int:
 
     import threading
 
-    from api.tracing import traces_of_jobs
+    from api.tracing import traces_of
     from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
     from storage.jobs.worker import Worker
 
@@ -80,16 +80,16 @@ def worker(argv: Sequence[str]) -> int:
     if given.with_parent:
         threading.Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
     slots = settings.worker_slots if given.slots is None else given.slots
-    traced, send_last_traces = traces_of_jobs(settings)
+    traces = traces_of(settings, "servotune-worker")
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
-        Worker(settings.database_url, compute="api.worker:run", slots=slots, traced=traced).run(stop)
+        Worker(settings.database_url, compute="api.worker:run", slots=slots, traced=traces.job).run(stop)
     except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {error}") from error
     except StateError as error:
         raise SystemExit(str(error)) from error
     finally:
-        send_last_traces()
+        traces.close()
     return 0
 
 

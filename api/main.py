@@ -32,7 +32,7 @@ from api.services.openid import Provider
 from api.services.ticking import INTERVAL as TICK
 from api.services.ticking import tick
 from api.settings import Settings
-from api.telemetry import configured
+from api.tracing import traces_of
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.session import open_database
@@ -124,7 +124,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
         The worker without which the service is not ready.
     """
     chosen = settings if settings is not None else Settings()
-    telemetry, send_last_traces = configured(chosen)
+    traces = traces_of(chosen, "servotune")
     metrics = Metrics()
 
     @asynccontextmanager
@@ -139,6 +139,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
             openid=Provider(chosen) if chosen.oidc_issuer is not None else None,
             beside=beside,
             vault=Vault(chosen.secret_keys),
+            traces=traces,
         )
         app.state.installation = service
         metrics.read_from(database)
@@ -156,7 +157,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
             service.callers.uses.write()
             queue.close()
             database.dispose()
-            send_last_traces()
+            traces.close()
 
     app = Application(
         title="Servotune",
@@ -166,7 +167,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
         docs_url=None,  # the reference is one of the pages
         redoc_url=None,
         separate_input_output_schemas=False,
-        telemetry=telemetry,
+        telemetry=traces.of_requests,
     )
     handlers.install(app)
     problems: dict[int | str, dict[str, Any]] = {

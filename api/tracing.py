@@ -1,7 +1,8 @@
-"""Spans for OpenTelemetry and how one trace holds a request and the jobs that it asked for.
+"""Spans for OpenTelemetry and how one trace holds whoever asked for a job and the attempts at it.
 
-A job keeps the span of the request that asked for it (W3C Trace Context), and every attempt of a worker at the job is a child
-of that span: one trace shows the request, how long the job waited, and who computed it.
+A job keeps the span in which it was asked for (W3C Trace Context), that of a request or of a schedule whose instant has come,
+and every attempt of a worker at the job is a child of that span: one trace shows who asked, how long the job waited, and who
+computed it. Where `SERVOTUNE_OTLP_ENDPOINT` does not say that somebody collects traces, nothing of this is loaded.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from api.settings import Settings
-from storage.jobs.supervision import Traced, untraced
-from storage.models import Job, JobStatus
+from storage.models import Job, JobStatus, Schedule
 
 if TYPE_CHECKING:
+    from fastapi.telemetry import TelemetryConfig
     from opentelemetry.sdk.trace import TracerProvider
 
 
@@ -31,26 +32,28 @@ def traceparent() -> str | None:
     return carrier.get("traceparent")
 
 
-def traces_of_jobs(settings: Settings) -> tuple[Traced, Callable[[], None]]:
-    """Return how a worker is to trace its jobs, and what sends the last traces off when it ends.
+class Traces:
+    """What one process tells those who collect traces; by default, that nobody does.
 
-    Raises
-    ------
-    SystemExit
-        When traces are wanted and the libraries for them are not installed.
+    Parameters
+    ----------
+    provider : TracerProvider, optional
+        What makes the spans of the process and sends them.
     """
-    provider = provider_of(settings, "servotune-worker")
-    if provider is None:
-        return untraced, lambda: None
-    from opentelemetry.context import Context  # noqa: PLC0415 - an extra
-    from opentelemetry.trace import SpanKind, StatusCode  # noqa: PLC0415 - as above
-    from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator  # noqa: PLC0415 - as above
 
-    tracer, propagator = provider.get_tracer("servotune"), TraceContextTextMapPropagator()
+    def __init__(self, provider: TracerProvider | None = None) -> None:
+        self._provider = provider
+
+    @property
+    def of_requests(self) -> TelemetryConfig:
+        """How the application is to trace its requests."""
+        if self._provider is None:
+            return {"tracing": False, "metrics": False, "logs": False}
+        return {"tracer_provider": self._provider, "metrics": False, "logs": False}
 
     @contextmanager
-    def traced(job: Job) -> Iterator[Callable[[str], None]]:
-        carrier = {} if job.traceparent is None else {"traceparent": job.traceparent}
+    def job(self, job: Job) -> Iterator[Callable[[str], None]]:
+        """Trace one attempt at a job; takes the status in which the attempt leaves it."""
         attributes: dict[str, str | int] = {
             "servotune.job.id": job.parent_id or job.id,
             "servotune.job.kind": job.kind,
@@ -60,10 +63,36 @@ def traces_of_jobs(settings: Settings) -> tuple[Traced, Callable[[], None]]:
             attributes["servotune.job.part"] = job.part
         if job.request_id is not None:
             attributes["servotune.request.id"] = job.request_id
-        with tracer.start_as_current_span(
-            f"job {job.kind}",
-            context=propagator.extract(carrier, context=Context()),
-            kind=SpanKind.CONSUMER,
+        with self._span(f"job {job.kind}", attributes, kind="CONSUMER", above=job.traceparent) as tell:
+            yield tell
+
+    @contextmanager
+    def schedule(self, schedule: Schedule, *, request_id: str) -> Iterator[None]:
+        """Trace how an instant of a schedule is dealt with; a job that it starts is below."""
+        attributes: dict[str, str | int] = {
+            "servotune.schedule.id": schedule.id,
+            "servotune.job.kind": schedule.kind,
+            "servotune.request.id": request_id,
+        }
+        with self._span(f"schedule {schedule.kind}", attributes, kind="PRODUCER", above=None):
+            yield
+
+    @contextmanager
+    def _span(
+        self, name: str, attributes: dict[str, str | int], *, kind: str, above: str | None
+    ) -> Iterator[Callable[[str], None]]:
+        if self._provider is None:
+            yield lambda _status: None
+            return
+        from opentelemetry.context import Context  # noqa: PLC0415 - an extra
+        from opentelemetry.trace import SpanKind, StatusCode  # noqa: PLC0415 - as above
+        from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator  # noqa: PLC0415 - as above
+
+        carrier = {} if above is None else {"traceparent": above}
+        with self._provider.get_tracer("servotune").start_as_current_span(
+            name,
+            context=TraceContextTextMapPropagator().extract(carrier, context=Context()),
+            kind=SpanKind[kind],
             attributes=attributes,
             # What is wrong with a job is in its status; that a worker stops is no error of the job.
             record_exception=False,
@@ -77,19 +106,22 @@ def traces_of_jobs(settings: Settings) -> tuple[Traced, Callable[[], None]]:
 
             yield tell
 
-    return traced, provider.shutdown
+    def close(self) -> None:
+        """Send the last traces off."""
+        if self._provider is not None:
+            self._provider.shutdown()
 
 
-def provider_of(settings: Settings, service: str) -> TracerProvider | None:
-    """Return what makes the spans of a process and sends them; None when nobody collects them.
+def traces_of(settings: Settings, process: str) -> Traces:
+    """Return what a process, by this name, tells those who collect traces.
 
     Raises
     ------
     SystemExit
-        When they are wanted and the libraries for them are not installed.
+        When traces are wanted and the libraries for them are not installed.
     """
     if settings.otlp_endpoint is None:
-        return None
+        return Traces()
     try:
         from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415 - an extra
         from opentelemetry.sdk.resources import Resource  # noqa: PLC0415 - as above
@@ -99,8 +131,9 @@ def provider_of(settings: Settings, service: str) -> TracerProvider | None:
         raise SystemExit(
             f"SERVOTUNE_OTLP_ENDPOINT must be left out without the extra servotune[telemetry], {error.name} is missing"
         ) from error
-    resource = Resource.create({"service.name": service, "service.version": version("servotune")})
-    provider = TracerProvider(resource=resource)
+    provider = TracerProvider(
+        resource=Resource.create({"service.name": process, "service.version": version("servotune")})
+    )
     endpoint = settings.otlp_endpoint.rstrip("/") + "/v1/traces"
     provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter(endpoint=endpoint)))
-    return provider
+    return Traces(provider)

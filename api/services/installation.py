@@ -10,6 +10,7 @@ from api.services.callers import Callers
 from api.services.computing import Computing
 from api.services.openid import Provider
 from api.settings import Settings
+from api.tracing import Traces
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE
 from storage.session import Database
@@ -50,6 +51,7 @@ class Installation:
     openid: Provider | None = None
     beside: WorkerBeside | None = None
     vault: Vault = field(default_factory=Vault)
+    traces: Traces = field(default_factory=Traces)
     callers: Callers = field(init=False)
 
     def __post_init__(self) -> None:

@@ -10,12 +10,14 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from api.errors import KNOWN, problem_of
+from api.logs import CURRENT_REQUEST
 from api.services import alerts, scheduled
 from api.services.calendars import Plan, calendar, plan
 from api.services.installation import Caller, Installation
 from api.services.newest import current_body
 from storage.audit import ACTOR, Actor
 from storage.errors import UNAVAILABLE
+from storage.ids import new_id
 from storage.models import RunOutcome, Schedule, ScheduleRun
 from storage.repositories import JobRepository, schedules
 
@@ -134,7 +136,8 @@ def _attempt(
 ) -> None:
     """Prove that the job can be run and start it, in one transaction; where it cannot, write that down in another."""
     caller = Caller(principal=row.id, workspace=row.workspace_id, scopes=frozenset({"run"}), name=row.name)
-    with _acting(row.id):
+    request_id = new_id("tick")
+    with _acting(row.id, request_id), service.traces.schedule(row, request_id=request_id):
         try:
             submit = scheduled.prepare(service, caller, row.kind, current_body(service, row))
             with service.database.session() as session:
@@ -156,10 +159,11 @@ def _write(service: Installation, refuse: Callable[[Session, str], None], detail
 
 
 @contextmanager
-def _acting(schedule_id: str) -> Iterator[None]:
-    """Let the audit log say that the schedule does it."""
-    acting = ACTOR.set(Actor(principal=schedule_id))
+def _acting(schedule_id: str, request_id: str) -> Iterator[None]:
+    """Let the audit log, the log and the job say that the schedule does it, and at which occasion."""
+    acting, asking = ACTOR.set(Actor(principal=schedule_id, request_id=request_id)), CURRENT_REQUEST.set(request_id)
     try:
         yield
     finally:
+        CURRENT_REQUEST.reset(asking)
         ACTOR.reset(acting)

@@ -46,8 +46,8 @@ class Job(Base):
     resumed, for room in its workspace, or for its parts. A part is a job of its own, ``part`` of the job ``parent_id``, which
     no user sees; those below 0 hold what the parent knew when it was cut.
 
-    ``request_id`` is the request that asked for it, ``traceparent`` the span of that request as W3C's Trace Context writes it;
-    neither where a schedule did, or where nobody collects traces.
+    ``request_id`` is the request that asked for it, or the occasion (``tick_...``) on which a schedule did; ``traceparent`` is the
+    span of that as W3C's Trace Context writes it, None where nobody collects traces.
     """
 
     __tablename__ = "job"

@@ -15,6 +15,7 @@ from api.services import ticking
 from api.services.computing import Computing
 from api.services.installation import Installation
 from api.settings import Settings
+from api.tracing import Traces, traces_of
 from storage import open_database
 from storage.audit import entries
 from storage.jobs.queue import JobQueue
@@ -22,6 +23,7 @@ from storage.models import DEFAULT_WORKSPACE, Schedule
 from storage.repositories import AlertRepository, JobRepository, ScheduleRepository, SystemRepository
 from tests.integration.api.documents import LAG
 from tests.integration.api.test_access import OPTIMIZATION
+from tests.support.collecting import collector, spans_of
 
 JOB = {"kind": "optimization", "body": OPTIMIZATION | {"system": LAG}}
 NIGHTLY = {"name": "nightly", "cron": "30 2 * * *", "time_zone": "Europe/Berlin", "job": JOB}
@@ -105,13 +107,14 @@ def test_a_wrong_schedule_is_refused_at_its_place(client, change, pointer) -> No
 class Desk:
     """An installation without a server: schedules as they are made, ticks when the test says so."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, traces: Traces | None = None) -> None:
         self.database = open_database(url)
         self.service = Installation(
             settings=Settings(database_url=url),
             database=self.database,
             queue=JobQueue(self.database),
             computing=Computing(Settings()),
+            traces=traces or Traces(),
         )
 
     def close(self) -> None:
@@ -160,7 +163,28 @@ def test_what_is_due_is_started_once(desk) -> None:
     assert desk.runs(schedule) == [("12:00", "started")]
     with desk.database.session() as session:
         assert ScheduleRepository(session, DEFAULT_WORKSPACE).get(schedule).next_at == NOON + MINUTE
-        assert next(iter(entries(session, DEFAULT_WORKSPACE, action="job.create").items)).principal == schedule
+        (written,) = entries(session, DEFAULT_WORKSPACE, action="job.create").items
+        assert written.principal == schedule
+        (job,) = JobRepository(session, DEFAULT_WORKSPACE).page(schedule=schedule).items
+        # The occasion has an id as a request has one, and leads from the job to the entry and to the lines of the log.
+        assert written.request_id == job.request_id
+        assert job.request_id.startswith("tick_")
+
+
+def test_a_job_of_a_schedule_belongs_to_a_trace_where_somebody_collects_traces(database) -> None:
+    with collector() as (endpoint, received):
+        traces = traces_of(Settings(otlp_endpoint=endpoint), "servotune")
+        desk = Desk(database.url, traces=traces)
+        try:
+            schedule = desk.schedule()
+            assert desk.tick(timedelta(seconds=0)) == 1
+            with desk.database.session() as session:
+                (job,) = JobRepository(session, DEFAULT_WORKSPACE).page(schedule=schedule).items
+        finally:
+            traces.close()
+            desk.close()
+    _, trace, span, _ = job.traceparent.split("-")
+    assert spans_of(received, trace)[span].name == "schedule optimization"
 
 
 def test_a_job_that_has_not_ended_is_in_the_way_as_the_policy_says(desk) -> None:

@@ -7,10 +7,10 @@ from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTrace
 from opentelemetry.proto.trace.v1.trace_pb2 import Span, Status
 
 from api.settings import Settings
-from api.tracing import traceparent, traces_of_jobs
-from storage.jobs.supervision import Stopped, untraced
-from storage.models import Job
-from tests.support.collecting import collector
+from api.tracing import traceparent, traces_of
+from storage.jobs.supervision import Stopped
+from storage.models import Job, Schedule
+from tests.support.collecting import collector, spans_of
 
 #: W3C Trace Context, section 3.2.
 TRACE, CALLER = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
@@ -23,15 +23,15 @@ def job(**fields: object) -> Job:
 def test_attempts_are_spans_below_the_request() -> None:
     within: list[str | None] = []
     with collector() as (endpoint, received):
-        traced, send_last = traces_of_jobs(Settings(otlp_endpoint=endpoint))
-        with traced(job(traceparent=f"00-{TRACE}-{CALLER}-01", request_id="req-1")) as tell:
+        traces = traces_of(Settings(otlp_endpoint=endpoint), "servotune-worker")
+        with traces.job(job(traceparent=f"00-{TRACE}-{CALLER}-01", request_id="req-1")) as tell:
             within.append(traceparent())
             tell("failed")
-        with traced(job(parent_id="job_0", part=3)) as tell:
+        with traces.job(job(parent_id="job_0", part=3)) as tell:
             tell("succeeded")
-        with pytest.raises(Stopped), traced(job(traceparent="nonsense")):
+        with pytest.raises(Stopped), traces.job(job(traceparent="nonsense")):
             raise Stopped
-        send_last()
+        traces.close()
     sent = [ExportTraceServiceRequest.FromString(body) for _, body in received]
     spans: list[Span] = [span for one in sent for part in one.resource_spans[0].scope_spans for span in part.spans]
     failed, shared, stopped = spans
@@ -51,6 +51,30 @@ def test_attempts_are_spans_below_the_request() -> None:
     assert [span.status.code for span in (shared, stopped)] == [Status.STATUS_CODE_UNSET] * 2
 
 
+def test_a_job_of_a_schedule_is_below_the_occasion_on_which_it_was_started() -> None:
+    schedule = Schedule(id="sch_1", kind="validation")
+    with collector() as (endpoint, received):
+        traces = traces_of(Settings(otlp_endpoint=endpoint), "servotune")
+        with traces.schedule(schedule, request_id="tick_1"):
+            asked = job(traceparent=traceparent(), request_id="tick_1")
+        with traces.job(asked) as tell:
+            tell("succeeded")
+        traces.close()
+    assert asked.traceparent is not None
+    spans = {span.name: span for span in spans_of(received, asked.traceparent.split("-")[1]).values()}
+    occasion, attempt = spans["schedule validation"], spans["job validation"]
+    assert (occasion.parent_span_id, attempt.parent_span_id) == (b"", occasion.span_id)
+    assert {item.key: item.value.string_value for item in occasion.attributes} == {
+        "servotune.schedule.id": "sch_1",
+        "servotune.job.kind": "validation",
+        "servotune.request.id": "tick_1",
+    }
+
+
 def test_nothing_is_traced_where_nobody_collects() -> None:
-    assert traces_of_jobs(Settings(otlp_endpoint=None))[0] is untraced
-    assert traceparent() is None
+    traces = traces_of(Settings(otlp_endpoint=None), "servotune")
+    assert traces.of_requests == {"tracing": False, "metrics": False, "logs": False}
+    with traces.job(job()) as tell:
+        tell("failed")
+        assert traceparent() is None
+    traces.close()
