@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import closing
+from datetime import timedelta
 from pathlib import Path
 
 import httpx
@@ -14,8 +16,13 @@ from playwright.sync_api import Page, expect
 from agent.process import Agent
 from agent.settings import read
 from rig_simulator.grpc_server import Server
+from storage import open_database
+from storage.models import AcquisitionAttempt
+from storage.models import Agent as AgentRow
+from storage.models.base import utc_now
 from tests.browser.driving import KEY, Running, faults
 from tests.integration.agent.lab import MEASUREMENT, RIG, make_bench
+from tests.integration.api.rigs import AGENT
 
 RIG_NAME = "bench of the pages"
 
@@ -100,3 +107,87 @@ def test_what_a_person_at_the_rig_refuses_is_told_and_tried_again(page: Page, ri
     page.get_by_role("button", name="I have looked: measure again").click()
     expect(page.get_by_role("heading", name="Attempt 2")).to_be_visible()
     expect(page.get_by_role("link", name="Recording").first).to_be_visible(timeout=60_000)
+
+
+def test_what_is_filled_in_outlives_a_reload_and_becomes_a_template(page: Page, rig) -> None:
+    page.goto(f"/rigs/{rig}/measure")
+    page.get_by_role("textbox", name="Duration").fill("-3")
+    page.get_by_role("textbox", name="Repetitions").fill("2000")
+    page.get_by_role("checkbox", name="loopback").uncheck()
+    page.get_by_role("checkbox", name="position").uncheck()
+    # What is wrong is told where it stands, with the rule and with what was entered; nothing is sent.
+    page.get_by_role("button", name="Start", exact=True).click()
+    for told in ("must not be empty", "must be greater than 0, got -3", "must be at most 1000, got 2000"):
+        expect(page.get_by_text(told)).to_be_visible()
+    expect(page.get_by_text("at least one channel")).to_be_visible()
+    page.get_by_role("textbox", name="Name").fill("slow sine")
+    page.get_by_role("textbox", name="Duration").fill("0.4")
+    page.get_by_role("textbox", name="Repetitions").fill("2")
+    page.get_by_role("checkbox", name="position").check()
+    page.get_by_role("combobox", name="Drive").select_option("valve")
+    page.get_by_role("combobox", name="Signal").select_option("sine")
+    page.get_by_role("textbox", name="Frequency").fill("")
+    page.get_by_role("button", name="Keep as template").click()
+    expect(page.get_by_text("must be a number", exact=True)).to_be_visible()
+    # A field that is not shown any more holds nothing back, and comes back as it was left.
+    page.get_by_role("combobox", name="Signal").select_option("step")
+    page.get_by_role("button", name="Keep as template").click()
+    expect(page.get_by_text("Kept as template “slow sine”.")).to_be_visible()
+    expect(page).to_have_url(re.compile("duration=0.4.*averages=2.*output=valve"))
+    page.reload()
+    expect(page.get_by_role("textbox", name="Name")).to_have_value("slow sine")
+    expect(page.get_by_role("checkbox", name="loopback")).not_to_be_checked()
+    expect(page.get_by_role("combobox", name="Drive")).to_have_value("valve")
+    page.get_by_role("link", name="Back").click()
+    page.get_by_role("link", name="Use slow sine").click()
+    expect(page.get_by_role("textbox", name="Repetitions")).to_have_value("2")
+    expect(page.get_by_role("textbox", name="Duration")).to_have_value("0.4 s")
+    expect(page.get_by_role("checkbox", name="loopback")).not_to_be_checked()
+    # Only what differs from the template stands in the address.
+    assert page.url.split("?")[1].startswith("template=")
+    assert "&" not in page.url
+
+
+def test_a_measurement_is_stopped_from_its_page(page: Page, rig, client) -> None:
+    request = MEASUREMENT | {"rig": RIG_NAME, "name": "too long", "confirm": False, "duration": 90}
+    made = client.post("/v1/acquisitions", json=request).json()
+    page.goto(f"/acquisitions/{made['id']}")
+    expect(page.get_by_test_id("live")).to_be_visible(timeout=60_000)
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.get_by_role("button", name="Try again")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("heading", name="Attempt 1")).to_be_visible()
+    assert client.get(f"/v1/acquisitions/{made['id']}").json()["status"] == "cancelled"
+
+
+def _silent(service: Running, attempt: str) -> None:
+    """Let the last word of an attempt's agent lie further back than a lease."""
+    database = open_database(f"sqlite:///{service.folder / 'service.db'}")
+    with database.session() as session:
+        row = session.query(AcquisitionAttempt).filter_by(acquisition_id=attempt).one()
+        row.lease_until = utc_now() - timedelta(seconds=1)
+        session.get_one(AgentRow, row.agent_id).seen_at = utc_now() - timedelta(seconds=60)
+    database.dispose()
+
+
+def test_an_agent_that_is_lost_and_comes_back_is_shown(page: Page, service, client) -> None:
+    registered = AGENT | {"rig": "silent bench", "name": "PC that sleeps"}
+    agent = client.post("/v1/agents", json=registered).json()["id"]
+    made = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": "silent bench", "name": "unheard"}).json()
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 200
+    page.goto(f"/acquisitions/{made['id']}")
+    expect(page.get_by_text("The agent has it.")).to_be_visible()
+    _silent(service, made["id"])
+    expect(page.get_by_text("The agent was not heard of any more")).to_be_visible(timeout=60_000)
+    page.get_by_role("button", name="Try again").click()
+    # It may have moved, or still be moving: a person has to look first.
+    expect(page.get_by_role("dialog")).to_contain_text("Look at the rig before you say yes")
+    page.get_by_role("button", name="Not now").click()
+    page.goto("/rigs")
+    row = page.get_by_test_id("agents").get_by_role("row").filter(has_text="PC that sleeps")
+    expect(row).to_contain_text("not heard of")
+    page.get_by_role("link", name="Open silent bench").click()
+    page.get_by_role("link", name="Measure", exact=True).click()
+    expect(page.get_by_text("No agent answers for this rig now")).to_be_visible()
+    assert client.post("/v1/agents", json=registered).json()["id"] == agent
+    page.go_back()
+    expect(page.get_by_text("ready", exact=True)).to_be_visible(timeout=60_000)

@@ -1,11 +1,13 @@
-import { Button, Group, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
 import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
-import { Problem } from "@/shared/api/problem";
+import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
+import type { Scalar } from "@/shared/api/types";
+import { ruleAndValue } from "@/shared/forms/faults";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { Curve, PlotSpec } from "@/shared/plots/types";
@@ -13,7 +15,7 @@ import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
-import { datasetQuery, usualSegment } from "./recording";
+import { datasetQuery, drawnOf, stretchOf, usualSegment } from "./recording";
 import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 
@@ -30,30 +32,35 @@ export function DatasetPage() {
   const ready = dataset.data?.status === "ready";
   const names = (dataset.data?.channels ?? []).map((channel) => String(channel.name));
   const end = dataset.data?.duration ?? 0;
-  const from = Math.max(0, Number(query.get("from") ?? 0));
-  const to = Math.min(end, Number(query.get("to") ?? end)) || end;
+  const [from, to] = stretchOf(query, end);
+  const drawn = drawnOf(query, names);
+  const put = (change: (next: URLSearchParams) => void) =>
+    setQuery(
+      (before) => {
+        const next = new URLSearchParams(before);
+        change(next);
+        return next;
+      },
+      { replace: true, preventScrollReset: true },
+    );
   const look = (a: number, b: number) =>
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(before);
-        next.set("from", String(Number(Math.max(0, a).toPrecision(8))));
-        next.set("to", String(Number(Math.min(end, b).toPrecision(8))));
-        return next;
-      },
-      { replace: true },
-    );
-  const choose = (key: string, value: string) =>
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(before);
-        if (value) next.set(key, value);
-        else next.delete(key);
-        return next;
-      },
-      { replace: true },
-    );
+    put((next) => {
+      next.set("from", String(Number(Math.max(0, a).toPrecision(8))));
+      next.set("to", String(Number(Math.min(end, b).toPrecision(8))));
+    });
+  const choose = (key: string, value: string) => put((next) => (value ? next.set(key, value) : next.delete(key)));
+  const draw = (chosen: string[]) =>
+    put((next) => {
+      next.delete("show");
+      for (const name of chosen) next.append("show", name);
+    });
+  /** Why an end of the stretch cannot be where it was entered. */
+  const outside = (value: Scalar, least: number, most: number) => {
+    if (typeof value !== "number") return t("datasets.plainSeconds");
+    return value < least || value > most || (least > 0 ? value === least : value === most) ? t("datasets.between", { least: formatNumber(least), most: formatNumber(most), value: formatNumber(value) }) : undefined;
+  };
   const channels = useQueries({
-    queries: names.map((name) => ({
+    queries: drawn.map((name) => ({
       queryKey: ["channel", id, name, from, to],
       enabled: ready && to > from,
       placeholderData: keepPreviousData,
@@ -124,8 +131,8 @@ export function DatasetPage() {
         {ready && (
           <>
             <Group align="flex-end" gap="xs">
-              <NumberEntry label={t("datasets.from")} unit="s" value={from} onCommit={(value) => typeof value === "number" && look(value, to)} w={120} />
-              <NumberEntry label={t("datasets.to")} unit="s" value={to} onCommit={(value) => typeof value === "number" && look(from, value)} w={120} />
+              <NumberEntry label={t("datasets.from")} unit="s" value={from} refuse={(value) => outside(value, 0, to)} onCommit={(value) => typeof value === "number" && look(value, to)} w={120} />
+              <NumberEntry label={t("datasets.to")} unit="s" value={to} refuse={(value) => outside(value, from, end)} onCommit={(value) => typeof value === "number" && look(from, value)} w={120} />
               <Button variant="default" onClick={() => look(from + third, to - third)}>
                 {t("datasets.zoomIn")}
               </Button>
@@ -142,12 +149,13 @@ export function DatasetPage() {
                 {t("datasets.whole")}
               </Button>
             </Group>
+            {names.length > 1 && <MultiSelect label={t("datasets.drawn")} data={names} value={drawn} onChange={draw} searchable maw={620} />}
             <SimpleGrid cols={{ base: 1, lg: 2 }} spacing="sm">
-              {names.map((name, i) => {
+              {drawn.map((name, i) => {
                 const data = channels[i]?.data;
                 return (
                   <div key={name} style={{ minHeight: ROOM }}>
-                    {data && <Channel name={name} data={data} index={i} onZoom={look} />}
+                    {data && <Channel name={name} data={data} index={names.indexOf(name)} onZoom={look} />}
                   </div>
                 );
               })}
@@ -158,9 +166,9 @@ export function DatasetPage() {
                 <NativeSelect size="xs" label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => choose("channel", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.quantity")} data={["amplitude", "density"].map((value) => ({ value, label: t(`spectra.quantities.${value}`) }))} value={quantity} onChange={(event) => choose("quantity", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.window")} data={["hann", "flat_top", "none"].map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} value={window} onChange={(event) => choose("window", event.currentTarget.value)} />
-                <NumberEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
+                <NumberEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} refuse={(value) => (typeof value !== "number" ? t("datasets.plainSeconds") : value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} error={isProblem(spectrum.error) ? spectrum.error.at("/segment") : undefined} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
               </Group>
-              <ProblemAlert error={spectrum.error} />
+              <ProblemAlert error={spectrum.error} shown={["/segment"]} />
               {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}
             </section>
           </>

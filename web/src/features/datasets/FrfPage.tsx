@@ -1,4 +1,3 @@
-import { zodResolver } from "@hookform/resolvers/zod";
 import { Alert, Button, Checkbox, Group, List, MultiSelect, NativeSelect, Paper, SimpleGrid, Stack, Text, TextInput, Title } from "@mantine/core";
 import { useMutation, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
@@ -11,14 +10,17 @@ import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
 import type { AnalysisLine, AnalysisSpec } from "@/shared/charts/analysis";
 import { systemQuery } from "@/shared/api/systems";
+import { readFields, writeFields } from "@/shared/forms/address";
+import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
+import { useAddress } from "@/shared/forms/useAddress";
 import { describedQuery } from "@/shared/systems/described";
 import { DataTable } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
-import { ESTIMATORS, FORMS, frfRequest, frfSchema, isPeriodic, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
+import { ESTIMATORS, FORMS, frfRequest, frfResolver, frfSchema, isPeriodic, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
 import { datasetQuery } from "./recording";
 
 type Reply = components["schemas"]["FrfReply"];
@@ -52,15 +54,16 @@ export function FrfPage() {
 
 function Form({ id, channels, asked, fields }: { id: string; channels: string[]; asked: boolean; fields: FrfFields }) {
   const { t } = useTranslation();
-  const [, setQuery] = useSearchParams();
-  const { control, register, handleSubmit, watch, formState } = useForm<FrfFields>({ resolver: zodResolver(frfSchema), defaultValues: fields });
+  const [query, setQuery] = useSearchParams();
+  // What has been asked for stands in the address by its own names, and what is filled in beside it as `new.`: both outlive a reload.
+  const held = { read: (at: URLSearchParams) => readFields(at, readFrf(at, channels), frfSchema.shape, "new."), write: (filled: FrfFields) => writeFields(filled, fields, "new.") };
+  const form = useForm<FrfFields>({ resolver: frfResolver, defaultValues: held.read(query) });
+  const { control, register, handleSubmit, watch } = form;
+  useAddress(form, held);
   const body = frfRequest(id, fields);
   const found = useQuery({ queryKey: ["frf", id, JSON.stringify(body)], enabled: asked, retry: false, staleTime: Infinity, queryFn: () => ask(body) });
   const problem = isProblem(found.error) ? found.error : null;
-  const wrong = (field: keyof FrfFields, pointer = `/${field}`) => {
-    const own = formState.errors[field]?.message;
-    return own ? t(own) : problem?.at(pointer);
-  };
+  const wrong = (field: keyof FrfFields, pointer?: string) => faultAt(t, form, problem, field, pointer);
   const asking = watch();
   const periodic = isPeriodic(asking);
   const amount = (name: "segment" | "period" | "confidence" | "dwell" | "begin" | "settle", unit = "s") => <NumberField control={control} name={name} w={150} label={t(`spectra.${name}`)} description={t(`spectra.${name}Doc`)} unit={unit} optional error={wrong(name)} />;

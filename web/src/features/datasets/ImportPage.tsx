@@ -8,11 +8,13 @@ import { Link, useNavigate, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { jobQuery, resultQuery } from "@/shared/api/jobs";
 import { isProblem, Problem } from "@/shared/api/problem";
+import { faultAt } from "@/shared/forms/faults";
+import { useAddress } from "@/shared/forms/useAddress";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit } from "@/shared/units/format";
-import { fieldsOf, importOf, importSchema, isTable, layoutOf, type ImportDocument, type ImportFields, type Look } from "./importing";
+import { fieldsOf, importOf, importSchema, isTable, layoutOf, readDraft, writeDraft, type ImportDocument, type ImportFields, type Look } from "./importing";
 import { datasetQuery } from "./recording";
 import { forgetManifest, manifestOf, type Manifest } from "./upload";
 
@@ -52,7 +54,16 @@ export function ImportPage() {
       ) : (
         <Stack gap="md">
           <ProblemAlert error={look.error ?? running.error ?? result.error} onRetry={() => look.mutate(null)} />
-          {running.data?.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(running.data.error as object) })} />}
+          {running.data?.error && (
+            <>
+              <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(running.data.error as object) })} />
+              <Group>
+                <Button component={Link} to="/datasets">
+                  {t("importing.otherFormat")}
+                </Button>
+              </Group>
+            </>
+          )}
           {(look.isPending || (job !== "" && !result.data && running.data?.status !== "failed" && !running.error)) && (
             <div>
               <Text fz="sm">{t("importing.looking")}</Text>
@@ -71,7 +82,12 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
   const navigate = useNavigate();
   const queries = useQueryClient();
   const table = isTable(look.import);
-  const { control, register, handleSubmit, watch, getValues, formState } = useForm<ImportFields>({ resolver: zodResolver(importSchema), defaultValues: fieldsOf(look) });
+  const [query] = useSearchParams();
+  const begin = fieldsOf(look);
+  const held = { read: (at: URLSearchParams) => readDraft(at, begin), write: (fields: ImportFields) => writeDraft(fields, begin) };
+  const form = useForm<ImportFields>({ resolver: zodResolver(importSchema), defaultValues: held.read(query) });
+  const { control, register, handleSubmit, watch, getValues, formState } = form;
+  useAddress(form, held);
   const commit = useMutation({
     mutationFn: (fields: ImportFields) => must(api.POST("/v1/datasets/{identifier}/commit", { params: { path: { identifier: id } }, body: { ...manifest, import: importOf(fields, table) } })),
     onSuccess: () => {
@@ -85,14 +101,8 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
   const columns = watch("columns");
   /** The place of a row in the request, which holds only those that are taken. */
   const place = (i: number) => columns.slice(0, i).filter((column) => column.take).length;
-  const wrongCell = (i: number, key: "name" | "unit" | "scale" | "offset" | "quantity") => {
-    const own = formState.errors.columns?.[i]?.[key]?.message;
-    return own ? t(own) : columns[i]!.take ? problem?.at(`/import/columns/${place(i)}/${key}`) : undefined;
-  };
-  const wrong = (key: Exclude<keyof ImportFields, "columns">, pointer: string) => {
-    const own = formState.errors[key]?.message;
-    return own ? t(own) : problem?.at(pointer);
-  };
+  const wrongCell = (i: number, key: "name" | "unit" | "scale" | "offset" | "quantity") => faultAt(t, form, columns[i]!.take ? problem : null, `columns.${i}.${key}`, `/import/columns/${place(i)}/${key}`);
+  const wrong = (key: Exclude<keyof ImportFields, "columns">, pointer: string) => faultAt(t, form, problem, key, pointer);
   const shown = ["/import/delimiter", "/import/decimal", "/import/header_lines", "/import/missing", "/import/time", "/import/sample_rate", "/import/gaps", "/import/time_zone", ...columns.flatMap((column, i) => (column.take ? ["name", "unit", "scale", "offset", "quantity"].map((key) => `/import/columns/${place(i)}/${key}`) : []))];
   const number = (name: `columns.${number}.scale` | `columns.${number}.offset`, label: string, error: string | undefined) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={100} aria-label={label} hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={error} classNames={{ input: "numbers" }} />} />;
   const taken = look.import?.columns ?? [];

@@ -1,7 +1,8 @@
 import { expect, it } from "vitest";
 import { frfRequest, frfSchema, readFrf, writeFrf } from "./frf";
-import { fieldsOf, formatOf, importOf, importSchema, layoutOf, type Look } from "./importing";
-import { usualSegment } from "./recording";
+import { withParameters } from "@/shared/forms/address";
+import { fieldsOf, formatOf, importOf, importSchema, layoutOf, readDraft, writeDraft, type Look } from "./importing";
+import { drawnOf, stretchOf, usualSegment } from "./recording";
 
 const look: Look = {
   series: [
@@ -24,6 +25,14 @@ it("shows every series, takes those proposed, and says the same again", () => {
   const fields = fieldsOf(look);
   expect(fields.columns.map((column) => column.take)).toEqual([false, true, false]);
   expect(importOf(fields, true)).toEqual({ ...look.import, columns: look.import!.columns });
+});
+
+it("holds in the address what was changed in a proposal, column by column", () => {
+  const begin = fieldsOf(look);
+  const changed = { ...begin, header_lines: 5, sample_rate: 50, columns: begin.columns.map((column) => (column.index === 2 ? { ...column, take: true, unit: "kN", scale: NaN } : column)) };
+  const query = withParameters(new URLSearchParams("look=job_1"), writeDraft(changed, begin));
+  expect(query.toString()).toBe("look=job_1&header_lines=5&sample_rate=50&2.take=true&2.unit=kN&2.scale=");
+  expect(readDraft(query, begin)).toEqual(changed);
 });
 
 it("says nothing of a layout that a file has none of", () => {
@@ -78,4 +87,19 @@ it("takes no segment that the experiments of a stretch could not hold", () => {
   expect(usualSegment(0, 40, 10_000, counts)).toBe(13.1072);
   expect(usualSegment(10, 30, 10_000, counts)).toBeUndefined();
   expect(usualSegment(0, 46, 10_000, counts)).toBeUndefined();
+});
+
+it.each([
+  ["", [0, 10]],
+  ["from=2&to=3.5", [2, 3.5]],
+  ["from=-1&to=99", [0, 10]],
+  ["from=8", [8, 10]],
+  ["from=5&to=2", [0, 10]],
+  ["from=x", [0, 10]],
+])("looks, of ten seconds, for %s at %s", (query, stretch) => expect(stretchOf(new URLSearchParams(query), 10)).toEqual(stretch));
+
+it("draws the channels that are chosen, or the first ones", () => {
+  const names = Array.from({ length: 12 }, (_, i) => `c${i}`);
+  expect(drawnOf(new URLSearchParams(), names)).toEqual(names.slice(0, 8));
+  expect(drawnOf(new URLSearchParams("show=c11&show=c3&show=gone"), names)).toEqual(["c3", "c11"]);
 });

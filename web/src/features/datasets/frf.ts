@@ -1,3 +1,5 @@
+import { zodResolver } from "@hookform/resolvers/zod";
+import type { Resolver } from "react-hook-form";
 import { z } from "zod";
 import type { Scalar } from "@/shared/api/types";
 import { readEntry } from "@/shared/units/number";
@@ -44,11 +46,24 @@ export const frfSchema = z
   .refine(({ system, to }) => system === "" || to !== "", { path: ["to"], message: "forms.required" });
 export type FrfFields = z.infer<typeof frfSchema>;
 
+/** Judges what can be seen: a number that was left wrong in a field of another estimator would hold the form back without a word. */
+export const frfResolver: Resolver<FrfFields> = (fields, ...rest) => {
+  const { estimator, system } = fields;
+  const hidden = {
+    ...(estimator !== "multisine" ? { period: undefined } : {}),
+    ...(estimator !== "stepped_sine" ? { frequencies: "", dwell: undefined, begin: undefined } : {}),
+    ...(isPeriodic(fields) ? { segment: undefined } : { settle: undefined }),
+    ...(system === "" ? { from: "", to: "" } : {}),
+  };
+  return zodResolver(frfSchema)({ ...fields, ...hidden }, ...rest);
+};
+
 /** The form as the address holds it. */
 export function readFrf(query: URLSearchParams, channels: string[]): FrfFields {
   const number = (key: string) => (query.get(key) ? Number(query.get(key)) : undefined);
   const one = <T extends string>(key: string, all: readonly T[]): T => all.find((value) => value === query.get(key)) ?? all[0]!;
-  const outputs = (query.get("outputs") ?? "").split(",").filter((name) => channels.includes(name));
+  // One by one, so that a channel's name may hold a comma; links of before had them all in one.
+  const outputs = query.getAll("outputs").flatMap((given) => (channels.includes(given) ? [given] : given.split(",").filter((name) => channels.includes(name))));
   return {
     input: channels.find((name) => name === query.get("input")) ?? channels[0] ?? "",
     outputs: outputs.length > 0 ? outputs : channels.slice(1, 2),
@@ -70,7 +85,8 @@ export function readFrf(query: URLSearchParams, channels: string[]): FrfFields {
 }
 
 export function writeFrf(fields: FrfFields): URLSearchParams {
-  const query = new URLSearchParams({ input: fields.input, outputs: fields.outputs.join(","), estimator: fields.estimator, window: fields.window, confidence: String(fields.confidence) });
+  const query = new URLSearchParams({ input: fields.input, estimator: fields.estimator, window: fields.window, confidence: String(fields.confidence) });
+  for (const output of fields.outputs) query.append("outputs", output);
   if (fields.segment !== undefined) query.set("segment", String(fields.segment));
   if (fields.period !== undefined && fields.estimator === "multisine") query.set("period", String(fields.period));
   for (const key of ["dwell", "begin"] as const) if (fields[key] !== undefined && fields.estimator === "stepped_sine") query.set(key, String(fields[key]));

@@ -1,4 +1,5 @@
 import { z } from "zod";
+import { readFields, writeFields, type Parameters } from "@/shared/forms/address";
 import type { components } from "@/shared/api/schema";
 
 type Schemas = components["schemas"];
@@ -87,6 +88,16 @@ export function fieldsOf(look: Look): ImportFields {
     gaps: proposed?.gaps ?? "fill",
     time_zone: proposed?.time_zone ?? "UTC",
   };
+}
+
+/** What was changed in a proposal, as parameters of an address: `delimiter=;`, and of the column at a place in the file `2.unit=kN`. */
+export function writeDraft({ columns, ...layout }: ImportFields, { columns: proposed, ...begin }: ImportFields): Parameters {
+  return Object.assign(writeFields(layout, begin), ...columns.map((column, i) => writeFields(column, proposed[i] ?? column, `${column.index}.`))) as Parameters;
+}
+
+export function readDraft(query: URLSearchParams, { columns, ...begin }: ImportFields): ImportFields {
+  const { columns: _, ...layout } = importSchema.shape;
+  return { ...readFields(query, begin, layout), columns: columns.map((column) => readFields(query, column, row.shape, `${column.index}.`)) };
 }
 
 /** What the form says, as the service takes it. */

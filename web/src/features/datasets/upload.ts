@@ -81,6 +81,8 @@ export async function upload(file: File, request: object, onProgress: (part: num
   for (let start = 0; start < file.size; start += SEGMENT) {
     const part = file.slice(start, Math.min(start + SEGMENT, file.size));
     const digest = await sha256(part);
+    // Whoever has stopped while nothing was being sent is heard, too.
+    signal.throwIfAborted();
     segments.push(digest);
     if (!present.has(digest)) await put(`/v1/datasets/${id}/segments/${digest}`, part, (sent) => onProgress((start + sent) / file.size), signal);
     onProgress(Math.min(1, (start + part.size) / file.size));

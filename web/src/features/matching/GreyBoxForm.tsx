@@ -8,13 +8,16 @@ import { z } from "zod";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
+import { readFields, writeFields } from "@/shared/forms/address";
+import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
+import { useAddress } from "@/shared/forms/useAddress";
 import type { LiveParameter } from "@/shared/live/protocol";
 import { firstSliders } from "@/shared/systems/movable";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit } from "@/shared/units/format";
-import { readKnown, readMore, recordingsOf, writeMore } from "./address";
+import { readKnown, readMore, readSought, recordingsOf, writeMore, writeSought } from "./address";
 import { FurtherRecordings } from "./FurtherRecordings";
 import { MatchFields, type Matched } from "./MatchFields";
 import { OffsetsSelect, StartButtons } from "./parts";
@@ -25,11 +28,14 @@ const schema = z.object({
   split: z.number("forms.number").min(0, "matching.share").max(1, "matching.share"),
   offsets: z.enum(["none", "estimate"]),
   initial_states: z.enum(["rest", "estimate"]),
-  starts: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(100),
+  starts: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(100, "forms.atMost 100"),
   known: z.string().refine((text) => readKnown(text) !== undefined, "optimise.badScenario"),
   max_evaluations: z.number("forms.number").int("forms.whole").min(1, "forms.positive"),
 });
 type Fields = z.infer<typeof schema>;
+
+const BEGIN = { split: 0.5, offsets: "none", initial_states: "rest", starts: 1, known: "", max_evaluations: 60 } as const satisfies Omit<Fields, "parameters">;
+const { parameters: _, ...SHAPE } = schema.shape;
 
 const SHOWN = ["/system", "/dataset", "/inputs", "/outputs", "/experiments", "/parameters", "/split", "/starts", "/max_evaluations"];
 
@@ -41,11 +47,14 @@ export function GreyBoxForm({ found }: { found: Matched }) {
   const [query, setQuery] = useSearchParams();
   const more = readMore(query);
   const all = found.opened?.parameters.filter((one) => !one.bound) ?? [];
-  const named = (query.get("p") ?? "").split(",").filter((path) => all.some((one) => one.path === path));
-  const { control, register, handleSubmit, watch, setValue, formState } = useForm<Fields>({
-    resolver: zodResolver(schema),
-    defaultValues: { parameters: (named.length > 0 ? named : firstSliders(all, 3)).map((path) => ({ path })), split: Number(query.get("split") ?? 0.5), offsets: "none", initial_states: "rest", starts: 1, known: "", max_evaluations: 60 },
-  });
+  const first = firstSliders(all, 3);
+  const held = {
+    read: (at: URLSearchParams): Fields => ({ ...readFields<Omit<Fields, "parameters">>(at, BEGIN, SHAPE), parameters: readSought(at, all.map(({ path }) => path), first) }),
+    write: ({ parameters, ...rest }: Fields) => ({ ...writeFields<Omit<Fields, "parameters">>(rest, BEGIN), ...writeSought(parameters, first) }),
+  };
+  const form = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: held.read(query) });
+  const { control, register, handleSubmit, watch, setValue, formState } = form;
+  useAddress(form, held);
   const bodyOf = (fields: Fields) => ({
     system: found.match.system,
     ...recordingsOf(found.match, fields, more),
@@ -65,16 +74,10 @@ export function GreyBoxForm({ found }: { found: Matched }) {
   const problem = isProblem(start.error) ? start.error : null;
   // With several recordings the first one is an experiment, too.
   const wrong = (pointer: string) => problem?.at(pointer) ?? problem?.at(`/experiments/0${pointer}`);
-  const own = (field: keyof Fields) => {
-    const message = formState.errors[field]?.message;
-    return message ? t(message) : wrong(`/${field}`);
-  };
+  const own = (field: keyof Fields, factor?: number) => faultAt(t, form, null, field, undefined, factor) ?? wrong(`/${field}`);
   const rows = watch("parameters");
   const byPath = new Map(all.map((one) => [one.path, one]));
-  const choose = (paths: string[]) => {
-    setValue("parameters", paths.map((path) => rows.find((row) => row.path === path) ?? { path }), { shouldValidate: formState.isSubmitted });
-    setQuery((before) => new URLSearchParams([...[...before].filter(([key]) => key !== "p"), ["p", paths.join(",")]]), { replace: true });
-  };
+  const choose = (paths: string[]) => setValue("parameters", paths.map((path) => rows.find((row) => row.path === path) ?? { path }), { shouldValidate: formState.isSubmitted });
   const ready = found.opened !== undefined && found.dataset !== undefined;
   return (
     <form onSubmit={(event) => void handleSubmit((fields) => start.mutate(fields))(event)} noValidate>
@@ -114,7 +117,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
               </Table>
             )}
             <Group align="flex-start">
-              <NumberField control={control} name="split" w={190} label={t("matching.split")} description={t("matching.splitDoc")} unit="%" factor={0.01} error={own("split")} />
+              <NumberField control={control} name="split" w={190} label={t("matching.split")} description={t("matching.splitDoc")} unit="%" factor={0.01} error={own("split", 0.01)} />
               <OffsetsSelect {...register("offsets")} />
               <NativeSelect size="xs" w={190} label={t("matching.initial")} description={t("matching.initialDoc")} {...register("initial_states")} data={[{ value: "rest", label: t("matching.rest") }, { value: "estimate", label: t("matching.estimate") }]} />
               <NumberField control={control} name="starts" w={110} label={t("matching.starts")} description={t("matching.startsDoc")} error={own("starts")} />

@@ -8,7 +8,10 @@ import { z } from "zod";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
+import { readFields, writeFields } from "@/shared/forms/address";
+import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
+import { useAddress } from "@/shared/forms/useAddress";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { given } from "./address";
@@ -18,7 +21,7 @@ import { OffsetsSelect, StartButtons } from "./parts";
 const second = z.number("forms.number").min(0, "forms.notNegative").optional();
 const schema = z
   .object({
-    limit: z.number("forms.number").positive("forms.positive").max(100),
+    limit: z.number("forms.number").positive("forms.positive").max(100, "forms.atMost 100"),
     offsets: z.enum(["none", "estimate"]),
     diagnose: z.enum(["failed", "always", "never"]),
     identification: z.string().trim(),
@@ -27,6 +30,9 @@ const schema = z
   })
   .refine(({ from, to }) => (from === undefined) === (to === undefined) && (from === undefined || from < to!), { path: ["to"], message: "matching.windowWrong" });
 type Fields = z.infer<typeof schema>;
+
+const BEGIN: Fields = { limit: 10, offsets: "none", diagnose: "failed", identification: "", from: undefined, to: undefined };
+const HELD = { read: (query: URLSearchParams) => readFields(query, BEGIN, schema.shape), write: (fields: Fields) => writeFields(fields, BEGIN) };
 
 const SHOWN = ["/system", "/dataset", "/inputs", "/outputs", "/limit_percent", "/identification", "/window"];
 /** Points of each curve that a page can show. */
@@ -51,7 +57,9 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
   const navigate = useNavigate();
   const queries = useQueryClient();
   const [query] = useSearchParams();
-  const { control, register, handleSubmit, formState } = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: { limit: Number(query.get("limit") ?? 10), offsets: query.get("offsets") === "estimate" ? "estimate" : "none", diagnose: "failed", identification: query.get("identification") ?? "" } });
+  const form = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: HELD.read(query) });
+  const { control, register, handleSubmit } = form;
+  useAddress(form, HELD);
   const bodyOf = ({ limit, identification, from, to, ...rest }: Fields) => ({
     system: found.match.system,
     dataset: found.match.dataset,
@@ -75,10 +83,7 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
   });
   const problem = isProblem(start.error) ? start.error : null;
   const wrong = (pointer: string) => problem?.at(pointer);
-  const own = (field: keyof Fields, pointer: string) => {
-    const message = formState.errors[field]?.message;
-    return message ? t(message) : wrong(pointer);
-  };
+  const own = (field: keyof Fields, pointer: string) => faultAt(t, form, problem, field, pointer);
   const seconds = (name: "from" | "to", label: string, error: string | undefined) => <NumberField control={control} name={name} w={110} label={label} unit="s" optional error={error} />;
   return (
     <form onSubmit={(event) => void handleSubmit((fields) => start.mutate(fields))(event)} noValidate>

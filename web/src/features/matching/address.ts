@@ -1,4 +1,5 @@
 import type { Scalar } from "@/shared/api/types";
+import type { Parameters } from "@/shared/forms/address";
 import { readScenarios } from "@/shared/systems/scenarios";
 
 /** A recording, and which of its channels is which signal. */
@@ -76,4 +77,39 @@ export function recordingsOf(match: Match, first: { split: number; known: string
   if (more.length === 0 && first.known.trim() === "") return { ...one(match), split: first.split };
   const experiments = [{ ...match, ...first }, ...more].map((each) => ({ ...one(each), split: each.split, parameters: readKnown(each.known) ?? {} }));
   return { experiments };
+}
+
+/** A parameter that is sought, with the bounds that it keeps to. */
+export interface Sought {
+  path: string;
+  lower?: Bound | undefined;
+  upper?: Bound | undefined;
+}
+type Bound = Exclude<Scalar, string>;
+
+/** The parameters that an address names as `p`, with their bounds as `bounds`; where it names none, those that a form begins with. */
+export function readSought(query: URLSearchParams, all: string[], begin: string[]): Sought[] {
+  const named = query.has("p") ? query.get("p")!.split(",").filter((path) => all.includes(path)) : begin;
+  let bounds: Record<string, unknown> = {};
+  try {
+    bounds = Object(JSON.parse(query.get("bounds") ?? "{}")) as Record<string, unknown>;
+  } catch {
+    // An address that was cut short holds no bounds.
+  }
+  return named.map((path) => {
+    const [lower, upper] = Array.isArray(bounds[path]) ? (bounds[path] as unknown[]).map(readBound) : [];
+    return { path, ...(lower !== undefined ? { lower } : {}), ...(upper !== undefined ? { upper } : {}) };
+  });
+}
+
+function readBound(given: unknown): Bound | undefined {
+  if (typeof given === "number") return given;
+  const { value, unit } = Object(given) as { value?: unknown; unit?: unknown };
+  return typeof value === "number" && typeof unit === "string" ? { value, unit } : undefined;
+}
+
+export function writeSought(sought: Sought[], begin: string[]): Parameters {
+  const named = sought.map(({ path }) => path).join(",");
+  const bounds = Object.fromEntries(sought.flatMap(({ path, lower, upper }) => (lower === undefined && upper === undefined ? [] : [[path, [lower ?? null, upper ?? null]]])));
+  return { p: named === begin.join(",") ? null : named, bounds: Object.keys(bounds).length > 0 ? JSON.stringify(bounds) : null };
 }

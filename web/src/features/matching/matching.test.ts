@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import contract from "../../../../openapi/openapi.json";
 import type { Schemas } from "@/shared/forms/schema";
-import { given, readMatch, readMore, recordingsOf, writeMatch, writeMore, type Experiment } from "./address";
+import { given, readMatch, readMore, readSought, recordingsOf, writeMatch, writeMore, writeSought, type Experiment } from "./address";
 import { directFields, methodIn, readValues } from "./direct";
 import { likely } from "./sources";
 
@@ -27,6 +27,16 @@ it("keeps further recordings in the address", () => {
   expect(readMore(writeMore(new URLSearchParams("p=k"), [laden]))).toEqual([laden]);
   expect(writeMore(new URLSearchParams("more=x"), []).has("more")).toBe(false);
   expect(readMore(new URLSearchParams("more={"))).toEqual([]);
+});
+
+it("keeps what is sought in the address, with its bounds", () => {
+  const sought = [{ path: "tau", upper: { value: 20, unit: "ms" } }, { path: "motor.k", lower: 0.1, upper: 2 }];
+  const query = new URLSearchParams(Object.entries(writeSought(sought, ["k"])).filter((one): one is [string, string] => one[1] !== null));
+  expect(readSought(query, ["k", "tau", "motor.k"], ["k"])).toEqual(sought);
+  expect(writeSought([{ path: "k" }], ["k"])).toEqual({ p: null, bounds: null });
+  expect(readSought(new URLSearchParams("bounds={"), ["k", "tau"], ["k"])).toEqual([{ path: "k" }]);
+  expect(readSought(new URLSearchParams('p=k&bounds={"k":["x",3]}'), ["k"], [])).toEqual([{ path: "k", upper: 3 }]);
+  expect(readSought(new URLSearchParams("p="), ["k"], ["k"])).toEqual([]);
 });
 
 it("asks for one recording beside its system, and for several as experiments", () => {

@@ -1,4 +1,3 @@
-import { zodResolver } from "@hookform/resolvers/zod";
 import { Alert, Button, Checkbox, Group, Modal, NativeSelect, Paper, Stack, Text, TextInput } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useState } from "react";
@@ -8,12 +7,15 @@ import { Link, useNavigate, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
+import { faultAt } from "@/shared/forms/faults";
 import { NumberField } from "@/shared/forms/NumberField";
+import { readFields, writeFields } from "@/shared/forms/address";
+import { useAddress } from "@/shared/forms/useAddress";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, withUnit } from "@/shared/units/format";
 import { agentsQuery, presence, rigQuery, templatesQuery, type AcquisitionRequest, type Rig, type Template } from "./api";
-import { editable, fieldsOf, requestOf, schema, type Fields } from "./request";
+import { editable, fieldsOf, requestOf, resolver, schema, type Fields } from "./request";
 
 /** The form of a measurement, filled from a template when the address names one. */
 export function MeasurePage() {
@@ -48,7 +50,12 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   const agents = useQuery(agentsQuery);
   const inputs = rig.document.inputs ?? [];
   const outputs = rig.document.outputs ?? [];
-  const { control, register, handleSubmit, watch, formState } = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: fieldsOf(template?.document, inputs.map((input) => input.name)) });
+  const [query] = useSearchParams();
+  const begin = fieldsOf(template?.document, inputs.map((input) => input.name));
+  const held = { read: (at: URLSearchParams) => readFields(at, begin, schema.shape), write: (fields: Fields) => writeFields(fields, begin) };
+  const form = useForm<Fields>({ resolver, defaultValues: held.read(query) });
+  const { control, register, handleSubmit, watch } = form;
+  useAddress(form, held);
   const [asked, setAsked] = useState<AcquisitionRequest | null>(null);
   const asIs = template !== undefined && !editable(template);
   const request = (fields: Fields): AcquisitionRequest => {
@@ -69,22 +76,19 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   });
   const error = start.error ?? keep.error;
   const problem = isProblem(error) ? error : null;
-  const wrong = (field: keyof Fields, pointer = `/${field}`) => {
-    const own = formState.errors[field]?.message;
-    return own ? t(own) : problem?.at(pointer);
-  };
+  const wrong = (field: keyof Fields, pointer?: string) => faultAt(t, form, problem, field, pointer);
   const values = watch();
   const agent = agents.data?.find((one) => one.id === rig.agent);
   const away = agents.isSuccess && (!agent || presence(agent) !== "ready");
   const output = outputs.find((one) => one.name === values.output);
-  const begin = handleSubmit((fields) => {
+  const measure = handleSubmit((fields) => {
     const body = request(fields);
     // What moves something is asked about first; listening moves nothing.
     if (body.drive) setAsked(body);
     else start.mutate(body);
   });
   return (
-    <form onSubmit={(event) => void begin(event)} noValidate>
+    <form onSubmit={(event) => void measure(event)} noValidate>
       <Stack gap="sm">
         {away && (
           <Alert color="orange" variant="outline" title={t("rigs.awayTitle")}>

@@ -1,24 +1,34 @@
+import { zodResolver } from "@hookform/resolvers/zod";
+import type { Resolver } from "react-hook-form";
 import { z } from "zod";
 import type { AcquisitionRequest, Template } from "./api";
 
 const positive = z.number("forms.number").positive("forms.positive");
 
-export const schema = z
-  .object({
-    name: z.string().trim().min(1, "forms.required").max(200),
-    channels: z.array(z.string()).min(1, "rigs.needChannel"),
-    sample_rate: positive,
-    duration: positive,
-    pre_trigger: z.number("forms.number").min(0, "forms.notNegative"),
-    averages: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(1000),
-    confirm: z.boolean(),
-    output: z.string(),
-    signal: z.enum(["step", "sine", "chirp"]),
-    amplitude: z.number("forms.number"),
-    frequency: positive,
-    end: positive,
-  });
+export const schema = z.object({
+  name: z.string().trim().min(1, "forms.required").max(200, "forms.longest 200"),
+  channels: z.array(z.string()).min(1, "rigs.needChannel"),
+  sample_rate: positive,
+  duration: positive,
+  pre_trigger: z.number("forms.number").min(0, "forms.notNegative"),
+  averages: z.number("forms.number").int("forms.whole").min(1, "forms.positive").max(1000, "forms.atMost 1000"),
+  confirm: z.boolean(),
+  output: z.string(),
+  signal: z.enum(["step", "sine", "chirp"]),
+  amplitude: z.number("forms.number"),
+  frequency: positive,
+  end: positive,
+});
 export type Fields = z.infer<typeof schema>;
+
+/** What a form begins with for a drive: any rig may play it. */
+const QUIET = { amplitude: 1, frequency: 5, end: 50 };
+
+/** Judges what can be seen: a number that was left wrong in a field which is not shown any more would hold the form back without a word. */
+export const resolver: Resolver<Fields> = (fields, ...rest) => {
+  const hidden = { ...(fields.output === "" ? QUIET : {}), ...(fields.signal === "step" ? { frequency: QUIET.frequency } : {}), ...(fields.signal !== "chirp" ? { end: QUIET.end } : {}) };
+  return zodResolver(schema)({ ...fields, ...hidden }, ...rest);
+};
 
 /** The request that a form makes; times in s, levels in V, frequencies in Hz as written. */
 export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
@@ -59,8 +69,8 @@ export function fieldsOf(document: AcquisitionRequest | undefined, channels: str
     confirm: document?.confirm ?? true,
     output: document?.drive?.output ?? "",
     signal: SIGNALS.has(String(signal?.kind)) ? (signal!.kind as Fields["signal"]) : "step",
-    amplitude: number(signal?.amplitude, 1),
-    frequency: number(signal?.frequency ?? signal?.start_frequency, 5),
-    end: number(signal?.end_frequency, 50),
+    amplitude: number(signal?.amplitude, QUIET.amplitude),
+    frequency: number(signal?.frequency ?? signal?.start_frequency, QUIET.frequency),
+    end: number(signal?.end_frequency, QUIET.end),
   };
 }

@@ -1,5 +1,5 @@
 import { zodResolver } from "@hookform/resolvers/zod";
-import { Autocomplete, Button, Group, NativeSelect, Paper, Stack, Switch, Text, Textarea, TextInput } from "@mantine/core";
+import { Alert, Autocomplete, Button, Group, NativeSelect, Paper, Stack, Switch, Textarea, TextInput } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { Controller, useForm } from "react-hook-form";
@@ -9,6 +9,9 @@ import { z } from "zod";
 import { api, must } from "@/shared/api/client";
 import { isProblem, type Problem } from "@/shared/api/problem";
 import { scheduleQuery, type ScheduledJob, type ScheduleRequest } from "@/shared/api/schedules";
+import { readFields, writeFields } from "@/shared/forms/address";
+import { faultAt } from "@/shared/forms/faults";
+import { useAddress } from "@/shared/forms/useAddress";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { cronWords, PRESETS, timeZones } from "./cron";
@@ -26,7 +29,7 @@ function jsonObject(text: string): Record<string, unknown> | null {
 }
 
 const schema = z.object({
-  name: z.string().trim().min(1, "forms.required").max(200),
+  name: z.string().trim().min(1, "forms.required").max(200, "forms.longest 200"),
   cron: z.string().refine((text) => cronWords(text, "en") !== null, "schedules.cronWrong"),
   time_zone: z.string().min(1, "forms.required"),
   kind: z.enum(KINDS),
@@ -49,9 +52,9 @@ export function ScheduleFormPage() {
   const given = jsonObject(query.get("job") ?? "") as unknown as ScheduledJob | null;
   const document = existing.data?.document;
   const job = document?.job ?? given;
-  const fields: Fields = {
-    name: document?.name ?? query.get("name") ?? "",
-    cron: document?.cron ?? query.get("cron") ?? PRESETS.nightly,
+  const begin: Fields = {
+    name: document?.name ?? "",
+    cron: document?.cron ?? PRESETS.nightly,
     time_zone: document?.time_zone ?? Intl.DateTimeFormat().resolvedOptions().timeZone,
     kind: job?.kind ?? "acquisition",
     body: JSON.stringify(job?.body ?? {}, null, 2),
@@ -63,16 +66,20 @@ export function ScheduleFormPage() {
   return (
     <div className="page">
       <PageHead title={document ? t("schedules.editOf", { name: document.name }) : t("schedules.new")} doc={t("schedules.formDoc")} />
-      <Form key={existing.data?.etag ?? "new"} fields={fields} id={id} etag={existing.data?.etag} />
+      <Form key={existing.data?.etag ?? "new"} begin={begin} id={id} etag={existing.data?.etag} onAnew={() => void existing.refetch()} />
     </div>
   );
 }
 
-function Form({ fields, id, etag }: { fields: Fields; id: string | undefined; etag: string | undefined }) {
+function Form({ begin, id, etag, onAnew }: { begin: Fields; id: string | undefined; etag: string | undefined; onAnew(): void }) {
   const { t, i18n } = useTranslation();
   const navigate = useNavigate();
   const queries = useQueryClient();
-  const { register, control, handleSubmit, watch, setValue, formState } = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: fields });
+  const [query] = useSearchParams();
+  const held = { read: (at: URLSearchParams) => readFields(at, begin, schema.shape), write: (fields: Fields) => writeFields(fields, begin) };
+  const form = useForm<Fields>({ resolver: zodResolver(schema), defaultValues: held.read(query) });
+  const { register, control, handleSubmit, watch, setValue } = form;
+  useAddress(form, held);
   const zones = useMemo(timeZones, []);
   const templates = useQuery({ queryKey: ["acquisition-templates"], queryFn: () => must(api.GET("/v1/acquisition-templates", { params: { query: { limit: 200 } } })) });
   const save = useMutation({
@@ -88,10 +95,7 @@ function Form({ fields, id, etag }: { fields: Fields; id: string | undefined; et
     },
   });
   const problem: Problem | null = isProblem(save.error) ? save.error : null;
-  const wrong = (field: keyof Fields, pointer: string) => {
-    const own = formState.errors[field]?.message;
-    return own ? t(own) : problem?.at(pointer);
-  };
+  const wrong = (field: keyof Fields, pointer: string) => faultAt(t, form, problem, field, pointer);
   const { cron, kind } = watch();
   return (
     <Paper withBorder p="md" maw={760}>
@@ -116,8 +120,17 @@ function Form({ fields, id, etag }: { fields: Fields; id: string | undefined; et
             <NativeSelect size="xs" label={t("schedules.missed")} {...register("missed")} data={(["none", "one", "all"] as const).map((value) => ({ value, label: t(`schedules.missedNames.${value}`) }))} />
           </Group>
           <Switch size="xs" label={t("schedules.beginPaused")} {...register("paused")} />
-          <ProblemAlert error={save.error} shown={SHOWN} />
-          {isProblem(save.error, 412) && <Text fz="sm">{t("schedules.changedMeanwhile")}</Text>}
+          {!isProblem(save.error, 412) && <ProblemAlert error={save.error} shown={SHOWN} />}
+          {isProblem(save.error, 412) && (
+            <Alert color="orange" variant="outline" title={t("schedules.changedMeanwhile")}>
+              <Stack gap="xs" align="flex-start">
+                {t("schedules.changedDoc")}
+                <Button variant="default" onClick={onAnew}>
+                  {t("schedules.anew")}
+                </Button>
+              </Stack>
+            </Alert>
+          )}
           <Group>
             <Button type="submit" loading={save.isPending}>
               {t("schedules.save")}

@@ -19,9 +19,9 @@ export function timeZones(): string[] {
   return [...new Set([own, "UTC", ...Intl.supportedValuesOf("timeZone")])];
 }
 
-/** A moment as the clocks of a time zone show it. */
+/** A moment as the clocks of a time zone show it, of 24 hours as the words of its expression are. */
 export function zoned(at: string, zone: string, language: string): string {
-  return new Intl.DateTimeFormat(language, { timeZone: zone, weekday: "long", day: "numeric", month: "long", hour: "2-digit", minute: "2-digit", timeZoneName: "short" }).format(new Date(at));
+  return new Intl.DateTimeFormat(language, { timeZone: zone, weekday: "long", day: "numeric", month: "long", hour: "2-digit", minute: "2-digit", hourCycle: "h23", timeZoneName: "short" }).format(new Date(at));
 }
 
 /** How far a moment is away: "in 3 hours". */

@@ -19,27 +19,29 @@ interface Props extends Omit<TextInputProps, "value" | "onChange"> {
   onCommit(value: Scalar | undefined): void;
   expressions?: boolean;
   optional?: boolean;
+  /** Why a number that can be read is not taken, if so. */
+  refuse?(value: Scalar): string | undefined;
 }
 
 /** A number with its unit, read when the entry is left or Enter is pressed: `2.4k`, `330 m`, `65 cm**2`, `=kp/20`. */
-export function NumberEntry({ value, unit = "", onCommit, expressions = false, optional = false, error, ...rest }: Props) {
+export function NumberEntry({ value, unit = "", onCommit, expressions = false, optional = false, refuse, error, ...rest }: Props) {
   const { t } = useTranslation();
   const [text, setText] = useState(shownScalar(value));
-  const [wrong, setWrong] = useState(false);
+  const [wrong, setWrong] = useState<string | null>(null);
   const given = shownScalar(value);
   useEffect(() => {
     setText(given);
-    setWrong(false);
+    setWrong(null);
   }, [given]);
   const read = readEntry(text, unit);
   const commit = () => {
-    if (text === given) return setWrong(false);
+    if (text === given) return setWrong(null);
     if (optional && text.trim() === "") return onCommit(undefined);
-    if (read.kind === "wrong" || (read.kind === "expression" && !expressions)) return setWrong(true);
-    setWrong(false);
-    if (read.kind === "number") onCommit(read.value);
-    else if (read.kind === "quantity") onCommit({ value: read.value, unit: read.unit });
-    else onCommit(read.text);
+    if (read.kind === "wrong" || (read.kind === "expression" && !expressions)) return setWrong(t("number.wrong"));
+    const found = read.kind === "number" ? read.value : read.kind === "quantity" ? { value: read.value, unit: read.unit } : read.text;
+    const refused = refuse?.(found) ?? null;
+    setWrong(refused);
+    if (refused === null) onCommit(found);
   };
   // What a prefix or comma was understood as is told before it counts.
   const understood = text !== given && read.kind === "number" && String(read.value) !== text.trim() ? `= ${withUnit(read.value, unit)}` : undefined;
@@ -47,7 +49,7 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
     <TextInput
       {...rest}
       value={text}
-      error={wrong ? t("number.wrong") : error}
+      error={wrong ?? error}
       description={rest.description ?? understood}
       onChange={(event) => setText(event.currentTarget.value)}
       onBlur={commit}

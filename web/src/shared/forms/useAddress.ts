@@ -1,0 +1,58 @@
+import { useEffect, useRef } from "react";
+import type { FieldValues, UseFormReturn } from "react-hook-form";
+import { useLocation, useNavigationType, useSearchParams } from "react-router";
+import { withParameters, type Parameters } from "./address";
+
+/** Milliseconds without another change after which the address follows: browsers refuse more than a few changes of it a second. */
+const REST = 250;
+
+interface Held<Fields> {
+  read(query: URLSearchParams): Fields;
+  write(fields: Fields): Parameters;
+}
+
+/** Keeps what is filled into a form in the address of its page: a link, a reload and the way back show it as it stood. */
+export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Fields>, held: Held<Fields>): void {
+  const [query, setQuery] = useSearchParams();
+  const location = useLocation();
+  const way = useNavigationType();
+  const latest = useRef({ query, setQuery, held });
+  useEffect(() => {
+    latest.current = { query, setQuery, held };
+  });
+  const { subscribe, getValues, reset } = form;
+  useEffect(() => {
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    const put = () => {
+      clearTimeout(timer);
+      timer = undefined;
+      const { query: before, setQuery: set, held: how } = latest.current;
+      const next = withParameters(before, how.write(getValues()));
+      if (next !== before) set(next, { replace: true, preventScrollReset: true });
+    };
+    const stop = subscribe({
+      formState: { values: true },
+      callback: () => {
+        clearTimeout(timer);
+        timer = setTimeout(put, REST);
+      },
+    });
+    // Whoever leaves a field may be about to leave the page: the way back leads to what was filled in.
+    const leave = () => {
+      if (timer !== undefined) put();
+    };
+    const leaving = ["focusout", "submit"];
+    for (const kind of leaving) document.addEventListener(kind, leave);
+    return () => {
+      clearTimeout(timer);
+      stop();
+      for (const kind of leaving) document.removeEventListener(kind, leave);
+    };
+  }, [subscribe, getValues]);
+  const shown = useRef(location.key);
+  useEffect(() => {
+    if (shown.current === location.key) return;
+    shown.current = location.key;
+    if (way === "POP") reset(latest.current.held.read(latest.current.query));
+  }, [location.key, way, reset]);
+}
