@@ -2,23 +2,28 @@ import { AppShell, Burger, Button, Group, Menu, Text } from "@mantine/core";
 import { useDisclosure } from "@mantine/hooks";
 import { Suspense } from "react";
 import { useTranslation } from "react-i18next";
-import { NavLink, Outlet, ScrollRestoration } from "react-router";
+import { Link, Outlet, ScrollRestoration, useLocation } from "react-router";
 import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
 import { TourCard } from "./TourCard";
 import classes from "./Shell.module.css";
 
 const PLACES = ["systems", "datasets", "jobs", "schedules", "rigs", "access", "about"] as const;
+/** Pages below no place of their own, and the place they belong to. */
+const BELONGS: Record<string, (typeof PLACES)[number]> = { acquisitions: "rigs", identify: "datasets", lineage: "datasets", validate: "datasets" };
 
 export function Shell() {
   const { t } = useTranslation();
   const [opened, { toggle, close }] = useDisclosure();
   const visitor = useVisitor().data;
   const { signOut } = useSigning();
+  const { pathname } = useLocation();
+  const first = pathname.split("/")[1] ?? "";
+  const here = BELONGS[first] ?? first;
   const links = PLACES.map((place) => (
-    <NavLink key={place} to={`/${place}`} className={classes.link!} onClick={close}>
+    <Link key={place} to={`/${place}`} className={classes.link!} onClick={close} aria-current={place === here ? (pathname === `/${place}` ? "page" : "true") : undefined}>
       {t(`nav.${place}`)}
-    </NavLink>
+    </Link>
   ));
   return (
     <AppShell header={{ height: 48 }} navbar={{ width: 220, breakpoint: "md", collapsed: { mobile: !opened, desktop: true } }}>
@@ -53,10 +58,13 @@ export function Shell() {
           </Group>
         </Group>
       </AppShell.Header>
-      <AppShell.Navbar p="sm">
-        {links}
-        <Preferences />
-      </AppShell.Navbar>
+      {/* Closed it is not there: out of sight, the tabulator key would still come to it. */}
+      {opened && (
+        <AppShell.Navbar p="sm" hiddenFrom="md">
+          {links}
+          <Preferences />
+        </AppShell.Navbar>
+      )}
       <AppShell.Main id="content" tabIndex={-1}>
         <Suspense>
           <Outlet />

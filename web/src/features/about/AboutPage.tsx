@@ -19,7 +19,7 @@ export function AboutPage() {
   return (
     <div className="page">
       <PageHead title={t("nav.about")} doc={t("about.doc")} />
-      <Stack gap="lg">
+      <Stack gap="lg" display={ready.isPending ? "none" : undefined}>
         <ProblemAlert error={ready.error} onRetry={() => void ready.refetch()} />
         <section>
           <Title order={2} mb="xs">

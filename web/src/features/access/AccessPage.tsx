@@ -22,7 +22,7 @@ export function AccessPage() {
   return (
     <div className="page">
       <PageHead title={t("nav.access")} doc={t("access.doc")} />
-      <Stack gap="lg">
+      <Stack gap="lg" display={keys.isPending || workspaces.isPending ? "none" : undefined}>
         {closed ? (
           <Empty title={t("access.closed")}>{closed.message}</Empty>
         ) : (

@@ -1,5 +1,5 @@
 import { Alert, Button, Group, List, SimpleGrid, Stack, Table, Text, Title } from "@mantine/core";
-import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
@@ -198,10 +198,9 @@ function Actions({ id, result, values }: { id: string; result: IdentificationRes
   const { t } = useTranslation();
   const queries = useQueryClient();
   const system = result.system?.id;
-  const stored = useQuery({ ...systemQuery(system ?? ""), enabled: system !== undefined });
   const revise = useMutation({
     mutationFn: async () => {
-      const { document, etag } = stored.data!;
+      const { document, etag } = await queries.fetchQuery(systemQuery(system!));
       const changed = withValues(document, Object.fromEntries(Object.entries(result.parameters).map(([name, { value, unit }]) => [name, { value, unit }])));
       return (await saveSystem(system!, changed, etag, id)).data;
     },
@@ -221,7 +220,7 @@ function Actions({ id, result, values }: { id: string; result: IdentificationRes
           </Button>
         )}
         {known && (
-          <Button variant="default" onClick={() => revise.mutate()} disabled={!stored.data || revise.isSuccess} loading={revise.isPending}>
+          <Button variant="default" onClick={() => revise.mutate()} disabled={revise.isSuccess} loading={revise.isPending}>
             {t("found.revise")}
           </Button>
         )}

@@ -40,6 +40,9 @@ export function AcquisitionPage() {
   const found = measurement.data;
   const units = new Map(rigs.data?.find((rig) => rig.name === found.rig)?.document.inputs?.map((input) => [input.name, input.unit]));
   const last = found.attempts.at(-1);
+  // Samples that are on their way have their place before they are there: nothing jumps.
+  const awaited: Live = { time: [], channels: Object.fromEntries(((found.document.channels ?? []) as string[]).map((name) => [name, { low: [], high: [] }])) };
+  const drawn = followed.live !== null || (found.attempt > 0 && !followed.ended && !["failed", "lost", "cancelled"].includes(found.status));
   return (
     <div className="page">
       <PageHead title={found.name} doc={t("rigs.attemptOn", { rig: found.rig, number: found.attempt })}>
@@ -94,7 +97,7 @@ export function AcquisitionPage() {
             </Text>
           </section>
         )}
-        {followed.live && <LivePlots live={followed.live} units={units} />}
+        {drawn && <LivePlots live={followed.live ?? awaited} units={units} />}
         {last && last.then.length > 0 && (
           <section>
             <Title order={2} mb="xs">

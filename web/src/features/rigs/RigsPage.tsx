@@ -1,5 +1,5 @@
 import { Badge, Button, Card, Code, Group, NativeSelect, SimpleGrid, Stack, Text, Title } from "@mantine/core";
-import { useInfiniteQuery, useQuery } from "@tanstack/react-query";
+import { keepPreviousData, useInfiniteQuery, useQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useSearchParams } from "react-router";
 import { DataTable } from "@/shared/ui/DataTable";
@@ -20,12 +20,14 @@ export function RigsPage() {
   const status = STATES.find((state) => state === query.get("status"));
   const rigs = useQuery(rigsQuery);
   const agents = useQuery(agentsQuery);
-  const acquisitions = useInfiniteQuery(acquisitionsQuery(status ? { status } : {}));
+  const acquisitions = useInfiniteQuery({ ...acquisitionsQuery(status ? { status } : {}), placeholderData: keepPreviousData });
   const rows = acquisitions.data?.pages.flatMap((page) => page.items) ?? [];
+  // Everything at once: what comes later would push down what is there.
+  const there = !rigs.isPending && !agents.isPending && !acquisitions.isPending;
   return (
     <div className="page">
       <PageHead title={t("nav.rigs")} doc={t("rigs.doc")} />
-      <Stack gap="lg">
+      <Stack gap="lg" display={there ? undefined : "none"}>
         <ProblemAlert error={rigs.error ?? agents.error ?? acquisitions.error} />
         {rigs.data?.length === 0 && (
           <Empty title={t("rigs.none")}>
@@ -89,7 +91,7 @@ function RigCard({ rig, agent }: { rig: Rig; agent: Parameters<typeof presence>[
         <PresenceBadge state={agent ? presence(agent) : "away"} />
       </Group>
       <Text fz="sm" c="dimmed">
-        {t("rigs.channels", { inputs: rig.document.inputs?.length ?? 0, outputs: rig.document.outputs?.length ?? 0 })}
+        {t("rigs.inputCount", { count: rig.document.inputs?.length ?? 0 })}, {t("rigs.outputCount", { count: rig.document.outputs?.length ?? 0 })}
       </Text>
       <Text fz="sm" c="dimmed">
         {(rig.document.devices ?? []).map((device) => device.model || device.name).join(", ")}

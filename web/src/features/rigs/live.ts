@@ -47,9 +47,11 @@ export interface Followed {
   live: Live | null;
   progress: number | null;
   message: string;
+  /** Whether nothing more will come. */
+  ended: boolean;
 }
 
-const START: Followed = { live: null, progress: null, message: "" };
+const START: Followed = { live: null, progress: null, message: "", ended: false };
 
 /** Follows the latest attempt of a measurement; the browser takes the stream up again where it broke off. */
 export function useMeasurement(id: string, attempt: number, over: boolean): Followed {
@@ -73,7 +75,10 @@ export function useMeasurement(id: string, attempt: number, over: boolean): Foll
     });
     source.addEventListener("status", (event) => {
       const { status } = JSON.parse(event.data as string) as { status: string };
-      if (["succeeded", "failed", "cancelled"].includes(status)) source.close();
+      if (["succeeded", "failed", "cancelled"].includes(status)) {
+        source.close();
+        setFollowed((before) => ({ ...before, ended: true }));
+      }
       void queries.invalidateQueries({ queryKey: ["acquisition", id] });
     });
     return () => source.close();

@@ -22,7 +22,7 @@ export function RevisionsPage() {
   const first = useQuery(revisionQuery(id, before));
   const second = useQuery(revisionQuery(id, after));
   const restore = useMutation({
-    mutationFn: () => saveSystem(id, first.data!, current.etag),
+    mutationFn: async () => saveSystem(id, await queries.ensureQueryData(revisionQuery(id, before)), current.etag),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["system", id] }),
   });
   const numbers = (revisions.data?.items ?? []).map((row) => String(row.revision));
@@ -34,7 +34,7 @@ export function RevisionsPage() {
         <Group align="flex-end">
           <Select label={t("revisions.from")} data={numbers} value={String(before)} onChange={(value) => setQuery({ from: value!, to: String(after) }, { replace: true })} w={140} />
           <Select label={t("revisions.to")} data={numbers} value={String(after)} onChange={(value) => setQuery({ from: String(before), to: value! }, { replace: true })} w={140} />
-          <Button variant="default" onClick={() => restore.mutate()} disabled={!first.data || before === current.revision} loading={restore.isPending}>
+          <Button variant="default" onClick={() => restore.mutate()} disabled={before === current.revision} loading={restore.isPending}>
             {t("revisions.restore", { number: before })}
           </Button>
         </Group>
