@@ -87,6 +87,9 @@ def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_pat
             del client.headers["X-Request-ID"], client.headers["traceparent"]
             job = finished(client, reply.json()["job"])
             assert job["status"] == "succeeded"
+            assert number(client, rf'servotune_job_seconds_total{{kind="{job["kind"]}",status="succeeded"}}') > 0
+            # The worker tells it with its next heartbeat.
+            assert number(client, r'servotune_kernel_warm_up_seconds{worker="[^"]+"}') > 0
             process.send_signal(signal.SIGTERM)
             assert process.wait(timeout=30) == 0
         require_one_trace(spans_of(received, TRACE), job)
@@ -97,6 +100,15 @@ def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_pat
     about = [line for line in lines if line.get("job") == job["id"]]
     assert {line["logger"] for line in about} >= {"storage.jobs.supervision"}
     assert {line.get("request") for line in about} == {"asked-for-it"}
+
+
+def number(client: httpx.Client, name: str, within: float = 60.0) -> float:
+    """Wait for a number of `/metrics`, by a pattern of its name and labels."""
+    until = time.monotonic() + within
+    while not (found := re.search(rf"^{name} (\S+)$", told := client.get("/metrics").text, flags=re.MULTILINE)):
+        assert time.monotonic() < until, told
+        time.sleep(0.1)
+    return float(found[1])
 
 
 def require_one_trace(spans: dict[str, Span], job: dict[str, Any]) -> None:
