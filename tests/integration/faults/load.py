@@ -19,18 +19,31 @@ from tests.support.desk import COMPUTE
 
 WORK = """
 import logging, sys, threading
+from storage.jobs import processes
 from storage.jobs.worker import Worker
-logging.basicConfig(level=logging.WARNING)
+logging.basicConfig(level=logging.INFO, format="%(asctime)s %(process)d %(name)s: %(message)s")
+if sys.argv[5] == "elsewhere":
+    processes.this_process = lambda: None
 Worker(sys.argv[1], compute=sys.argv[2], slots=int(sys.argv[3]), heartbeat=float(sys.argv[4])).run(threading.Event())
 """
 
 
 def start_worker(
-    url: str, *, slots: int = 1, log: Path | None = None, compute: str = COMPUTE, heartbeat: float = 0.2
+    url: str,
+    *,
+    slots: int = 1,
+    log: Path | None = None,
+    compute: str = COMPUTE,
+    heartbeat: float = 0.2,
+    elsewhere: bool = False,
 ) -> subprocess.Popen[bytes]:
-    """Start a worker, by default one whose heart beats so fast that it is missed after a second."""
+    """Start a worker, by default one whose heart beats so fast that it is missed after two seconds.
+
+    One ``elsewhere`` is as if on another machine: nobody can look whether its process exists.
+    """
+    command = [sys.executable, "-c", WORK, url, compute, str(slots), str(heartbeat)]
     with (log or Path("/dev/null")).open("ab") as written:
-        return subprocess.Popen([sys.executable, "-c", WORK, url, compute, str(slots), str(heartbeat)], stderr=written)
+        return subprocess.Popen([*command, "elsewhere" if elsewhere else "here"], stderr=written)
 
 
 @contextmanager

@@ -1,16 +1,24 @@
 """A worker is killed in the middle of an optimisation that was asked for over HTTP: another one goes on with it.
 
 `make faults` does so with the heartbeat of a service, with every method that keeps its state and with a grid in parts, on
-both databases, and holds the promise of 15 s.
+both databases, for workers of one machine, which see that a process is gone, and of several ones, which miss its heartbeats; and
+it holds the promise of 15 s, from the kill to the next line that the other worker tells. On one machine these are::
+
+    <= 1 s until somebody looks, 0.1 s until the queue is asked, some 0.1 s to fork and to go on
+
+and on several ones 8 s of heartbeats that are missed, and up to 1 s since the last one. A part of a grid also waits, where all
+workers compute one, until the first of them is done: a part takes some five seconds.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +36,7 @@ from tests.integration.faults.load import start_worker
 from tests.support.desk import wait_for
 from tests.support.postgres import create_database
 
+_log = logging.getLogger(__name__)
 #: s: the promise, of a service on a machine that is not busy.
 PROMISE = 15.0
 HEARTBEAT = HEARTBEAT_INTERVAL if FULL else 0.2
@@ -37,7 +46,9 @@ LONG = {
     "gradient": {"kind": "gradient", "starts": 100, "max_evaluations": 10_000_000},
     "grid": {"kind": "grid", "points": 1000},
 }
-CASES = [(kind, base) for kind in LONG for base in ("sqlite", "postgres")] if FULL else [("global", "sqlite")]
+HERE = [(kind, base, False) for kind in LONG for base in ("sqlite", "postgres")]
+ELSEWHERE = [(kind, "postgres", True) for kind in LONG]  # SQLite has one machine
+CASES = [*HERE, *ELSEWHERE] if FULL else [("global", "sqlite", False)]
 
 
 @pytest.fixture
@@ -52,9 +63,10 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 @contextmanager
-def two_workers(url: str, log: Path) -> Iterator[dict[int, Any]]:
+def two_workers(url: str, log: Path, *, elsewhere: bool) -> Iterator[dict[int, Any]]:
     """Give two workers as the service has them, by their process ids."""
-    running = [start_worker(url, log=log, compute="api.worker:run", heartbeat=HEARTBEAT) for _ in range(2)]
+    one = {"log": log, "compute": "api.worker:run", "heartbeat": HEARTBEAT, "elsewhere": elsewhere}
+    running = [start_worker(url, **one) for _ in range(2)]
     try:
         yield {worker.pid: worker for worker in running}
     finally:
@@ -100,24 +112,37 @@ def killed_and_taken_over(database: Database, job: str, workers: dict[int, Any],
     """Kill the worker of a row that runs when it is ``ready``; return that row as it was, when another worker has it."""
     wait_for(ready, "something to lose", timeout=300)
     killed = next(row for row in rows(database, job) if row.status == JobStatus.RUNNING)
+    began, at = time.monotonic(), datetime.now(UTC)
     kill_worker_of(database, killed, workers)
-    begun = time.monotonic()
 
     def again() -> bool:
         now = next(row for row in rows(database, job) if row.id == killed.id)
         return now.attempts > killed.attempts and now.worker != killed.worker
 
     wait_for(again, "the other worker", timeout=300)
-    took = time.monotonic() - begun
-    assert not FULL or took < PROMISE, f"{took:.1f} s"
+    begun = time.monotonic() - began
+    told = last_event(database, job)
+    wait_for(lambda: last_event(database, job) > told, "a line of the other worker", timeout=300)
+    went_on = time.monotonic() - began
+    _log.info("killed at %s, begun again after %.1f s, told of after %.1f s", at, begun, went_on)
+    assert not FULL or went_on < PROMISE, f"begun again after {begun:.1f} s, told of after {went_on:.1f} s"
     return killed
 
 
-@pytest.mark.parametrize(("kind", "url"), CASES, indirect=["url"])
-def test_another_worker_goes_on(kind: str, url: str, tmp_path: Path) -> None:
+def last_event(database: Database, job: str) -> int:
+    with database.session() as session:
+        return session.get_one(Job, job).last_event
+
+
+@pytest.mark.parametrize(("kind", "url", "elsewhere"), CASES, indirect=["url"])
+def test_another_worker_goes_on(kind: str, url: str, elsewhere: bool, tmp_path: Path) -> None:
     log = tmp_path / "workers.txt"
     try:
-        with serving(url) as service, two_workers(url, log) as workers, service.client() as client:
+        with (
+            serving(url) as service,
+            two_workers(url, log, elsewhere=elsewhere) as workers,
+            service.client() as client,
+        ):
             assert service.app is not None
             database = service.app.state.installation.database
             job = asked(client, kind)
