@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 
-from api.main import create_app
 from api.routers import HEALTH, ROUTERS
-from api.settings import Settings
+from tests.support import contract
 
-DOCUMENT: dict[str, Any] = create_app(Settings.model_construct()).openapi()
 ROUTES = {
     f"{method} {route.path_format}": route
     for router in (*ROUTERS, HEALTH)
@@ -20,11 +16,7 @@ ROUTES = {
     if isinstance(route, APIRoute)
     for method in route.methods
 }
-OPERATIONS = [
-    (f"{method.upper()} {path}", operation)
-    for path, operations in DOCUMENT["paths"].items()
-    for method, operation in operations.items()
-]
+OPERATIONS = list(contract.OPERATIONS.items())
 
 
 @pytest.mark.parametrize(("name", "operation"), OPERATIONS, ids=[name for name, _ in OPERATIONS])

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from api.export_openapi import render
 from engine import elements, signals
 from optimizers import methods
-
-SNAPSHOT = Path(__file__).parents[2] / "openapi" / "openapi.json"
-DOCUMENT: dict[str, Any] = json.loads(SNAPSHOT.read_text(encoding="utf-8"))
+from tests.support.contract import DOCUMENT, SNAPSHOT
 
 ENDPOINTS = [
     "POST /v1/systems",

@@ -21,9 +21,8 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from api.main import create_app
-from api.settings import Settings
 from tests.integration.api.conftest import Service, serving
+from tests.support import contract
 
 CHECKS = [
     not_a_server_error,
@@ -32,8 +31,7 @@ CHECKS = [
     response_headers_conformance,
     response_schema_conformance,
 ]
-DOCUMENT = create_app(Settings.model_construct()).openapi()
-SCHEMA = openapi.from_dict(DOCUMENT)
+SCHEMA = openapi.from_dict(contract.DOCUMENT)
 OPERATIONS = {operation.ok().label: operation.ok() for operation in SCHEMA.get_all_operations()}
 #: Of the examples of a property: one in so many.
 SHARE = 12
@@ -43,8 +41,7 @@ def cases() -> list[Any]:
     """Return every operation with right requests, and with wrong ones where anything of a request can be wrong."""
     found = []
     for label in sorted(OPERATIONS):
-        method, _, path = label.partition(" ")
-        described = DOCUMENT["paths"][path][method.lower()]
+        described = contract.OPERATIONS[label]
         found.append(pytest.param(label, GenerationMode.POSITIVE, id=f"right {label}"))
         if "parameters" in described or "requestBody" in described:
             found.append(pytest.param(label, GenerationMode.NEGATIVE, id=f"wrong {label}"))

@@ -8,8 +8,6 @@ from typing import Any
 import httpx
 import pytest
 
-from api.main import create_app
-from api.settings import Settings
 from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
 from storage.repositories import AlertRepository
@@ -17,13 +15,9 @@ from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upl
 from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT
 from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_schedules import NIGHTLY
+from tests.support import contract
 
-OPERATIONS = sorted(
-    f"{method.upper()} {path}"
-    for path, operations in create_app(Settings()).openapi()["paths"].items()
-    for method in operations
-    if path.startswith("/v1")
-)
+OPERATIONS = sorted(operation for operation in contract.OPERATIONS if operation.partition(" ")[2].startswith("/v1"))
 #: Every name, id and hash of the owner's things has this in it, or is one of the ids.
 MARK = "confidential"
 DATA = lag_recording(samples=500)
