@@ -28,9 +28,11 @@ from engine.kernels.spectrum_program import (
     HIGHEST,
     MS,
     MS_AT,
+    PEAK,
     PHASE,
     PHASE_AT,
     PHASE_MARGIN,
+    SENSITIVITY,
     SMALLEST,
     SpectrumProgram,
 )
@@ -48,13 +50,18 @@ _AGREED: Final = 1e-6
 """Relative step after which the next point is final: it is off by about the square of it."""
 _AGREED_PEAK: Final = 1e-5
 """The value at a peak depends on the square of what is left."""
+_SHARP: Final = 1e-4
+"""A step that would change the value at a peak by more than about this part of it is not the last: the peak is narrower than that."""
+_BELOW: Final = 1e-9
+"""What is lower than the sample at which a peak was seen is not that peak."""
 _TOUCHES: Final = 1e-9
 """A curve that turns so near to a level, by its square, may cross it twice or not at all."""
 
 KIND, CURVE, LEVEL, SIDE, HERE, LOW, HIGH, LAST, F_LAST, STEEP, RISING, MOVING, X, Y, OPEN = range(15)
 SLOT: Final = 15
-"""Fields of a slot: kind and curve, the level and on which side of it the curve was; the frequency, its bounds, the one before and
-what was to be 0 there; its slope and sign; which lanes move; the curve at the end; in lane 0, whether any lane moves."""
+"""Fields of a slot: kind and curve, the level and on which side of it the curve was, or how high a peak is at least; the frequency,
+its bounds, the one before and what was to be 0 there; its slope and sign; which lanes move; the curve at the end; in lane 0, whether any
+lane moves."""
 BRACKET: Final = 10
 
 
@@ -165,7 +172,8 @@ def _begin(
     store(state, kind, KIND)
     store(state, load(events[2], slot), CURVE)
     store(state, level, LEVEL)
-    store(state, square - level, SIDE)
+    # a peak is a peak of the inverse of what `_measured` says
+    store(state, select(kind >= float(TURN_UNIT), square - level, 1.0 / f1), SIDE)
     store(state, here, HERE)
     store(state, low, LOW)
     store(state, high, HIGH)
@@ -179,7 +187,7 @@ def _begin(
 def _measured(kind: Any, x: Any, y: Any, level: Any) -> Any:
     """Return what is 0 at a crossing, or turns at a peak: the inverse of a peak is a parabola also where that is sharp."""
     square = x * x + y * y
-    distance = square + 2.0 * x + 1.0
+    distance = (1.0 + x) * (1.0 + x) + y * y
     found = (square - level) / (square + level)
     found = select(kind == float(CROSS_AXIS), y, found)
     found = select(kind == float(PEAK_S), distance, found)
@@ -190,13 +198,17 @@ def _measured(kind: Any, x: Any, y: Any, level: Any) -> Any:
 
 @compiled
 def _missing(kind: Any, x: Any, y: Any, dx: Any, dy: Any, level: Any) -> Any:
-    """Return what is to become 0, and its slope at a crossing: |L|² - 1, Im L, |T|² - level, or the slope at a peak."""
+    """Return what is to become 0, and its slope at a crossing: |L|² - 1, Im L, |T|² - level, or the slope at a peak.
+
+    The third is what such a slope is the slope of, in the same scale.
+    """
     square, slope = x * x + y * y, 2.0 * (x * dx + y * dy)
-    nearness, distance = slope + 2.0 * dx, square + 2.0 * x + 1.0
+    nearness, distance = 2.0 * ((1.0 + x) * dx + y * dy), (1.0 + x) * (1.0 + x) + y * y
     f = select(kind == float(CROSS_AXIS), y, square - level)
     f = select(kind == float(PEAK_S), nearness, f)
     f = select(kind == float(PEAK_T), nearness * square - distance * slope, f)
-    return select(kind >= float(PEAK_H), slope, f), select(kind == float(CROSS_AXIS), dy, slope)
+    value = select(kind == float(PEAK_S), distance, select(kind == float(PEAK_T), distance * square, square))
+    return select(kind >= float(PEAK_H), slope, f), select(kind == float(CROSS_AXIS), dy, slope), value
 
 
 @compiled
@@ -216,7 +228,7 @@ def _advance(
         store(state, 0.0, OPEN)
         return
     peak = (kind >= float(PEAK_S)) & (kind <= float(TURN_LEVEL))
-    f, slope = _missing(kind, x, y, dx, dy, load(state, LEVEL))
+    f, slope, value = _missing(kind, x, y, dx, dy, load(state, LEVEL))
     steep, rising = load(state, STEEP), load(state, RISING)
     if turn > 0:
         apart = here - load(state, LAST)
@@ -231,6 +243,8 @@ def _advance(
     inside = (to >= low) & (to <= high)
     to = select(inside, to, 0.5 * (low + high))
     arrives = inside & (magnitude(to - here) <= select(peak, _AGREED_PEAK, _AGREED) * here)
+    changes = (to - here) * (to - here) * magnitude(steep)
+    arrives = arrives & (select(peak, changes, 0.0) <= _SHARP * value)
     store(state, steep, STEEP)
     store(state, low, LOW)
     store(state, high, HIGH)
@@ -268,6 +282,9 @@ def _conclude(readings: Real, state: Real, lane: int) -> None:
             if kind == TURN_UNIT:
                 suspect(readings, c, lane, float(DELAY))
     elif kind != NO_EVENT:
-        to, height = HIGHEST if kind == PEAK_H else MS + kind - PEAK_S, math.sqrt(size_of(kind, x, y))
+        to, square = HIGHEST if kind == PEAK_H else MS + kind - PEAK_S, size_of(kind, x, y)
+        if not square >= (1.0 - _BELOW) * state[SIDE, lane]:
+            suspect(readings, c, lane, float(SENSITIVITY << (kind - PEAK_S) if kind != PEAK_H else PEAK))
+        height = math.sqrt(square)
         if height > reading[to, lane]:
             reading[to, lane], reading[MS_AT + kind - PEAK_S, lane] = height, omega

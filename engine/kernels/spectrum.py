@@ -155,9 +155,8 @@ def _look(
     for p in range(3):
         for mark, content in ((best, -1.0), (second, -1.0), (where, 0.0), (runner_up, 0.0)):
             store(mark, content, p)
-    # whether the loop is larger than 1, counts, lies left and above at the sample before, and what rose up to there
+    # whether the loop is larger than 1, counts, lies left and above at the sample before
     over1, counts1, left1, above1 = m1 > 1.0, m1 > SMALLEST * SMALLEST, x1 < 0.0, y1 > 0.0
-    grew1, rose1 = m1 < 0.0, m1 < 0.0
     distance1 = (1.0 + x1) * (1.0 + x1) + y1 * y1
     distance2 = distance1
     for k in range(1, last + 1):
@@ -188,21 +187,20 @@ def _look(
                     level_doubt = select(abrupt & (falls == 0.0) & (gap * gap < way), float(BANDWIDTH), level_doubt)
                 if wants & PEAK:
                     high_doubt = select(abrupt & (m1 > 0.25 * static), float(PEAK), high_doubt)
-        grew, rose = m > m1, y > y1
         if 2 < k < last:
-            if wants & (PHASE | DELAY | BANDWIDTH) and anywhere(grew ^ grew1):
-                if wants & (PHASE | DELAY):
+            if wants & (PHASE | DELAY | BANDWIDTH):
+                bend = magnitude(m - 2.0 * m1 + m2)
+                if wants & (PHASE | DELAY) and anywhere(magnitude(m1 - 1.0) < bend):
                     unseen = _hidden(m2, m1, m, 1.0)
                     if anywhere(unseen):
                         full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_UNIT, k - 1, c)
-                if wants & BANDWIDTH:
+                if wants & BANDWIDTH and anywhere(magnitude(m1 - reference) < bend):
                     unseen = _hidden(m2, m1, m, reference) & (falls == 0.0)
                     if anywhere(unseen):
                         full |= _note(kinds, at, counts, of, lanes_of(unseen), TURN_LEVEL, k - 1, c)
-            if wants & GAIN and anywhere(rose ^ rose1):
+            if wants & GAIN and anywhere(magnitude(y1) < magnitude(y - 2.0 * y1 + y2)):
                 twice = _hidden(y2, y1, y, 0.0) & left1 & counts1
                 gain_doubt = select(twice, float(GAIN), gain_doubt)
-        grew1, rose1 = grew, rose
         if crossings:
             over = m > 1.0
             passes = over ^ over1
@@ -363,19 +361,17 @@ def _excess(rest: Any, near: Any, next_: Any, ratio: float) -> Any:
 
 @compiled
 def _hidden(left: Any, middle: Any, right: Any, goal: Any) -> Any:
-    """Where a curve turns at the middle of three samples, so near to a level that it may cross it twice unseen.
+    """Where a curve turns at one of three samples or between them, so near to a level that it may cross it twice unseen.
 
     The parabola through the samples, half as much again and a tenth of its bend reaches the level; the samples are all on
-    one side of it.
+    one side of it. That can only be where the middle one is nearer to the level than the bend.
     """
-    side = middle - goal
-    turns = ((middle - left) * (middle - right) > 0.0) & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0)
+    side, bend, way = middle - goal, left - 2.0 * middle + right, right - left
+    turns = (magnitude(way) <= 2.0 * magnitude(bend)) & (side * (left - goal) > 0.0) & (side * (right - goal) > 0.0)
     if not anywhere(turns):
         return turns
-    bend = left - 2.0 * middle + right
-    tip = middle - (right - left) * (right - left) / (8.0 * bend)
-    beyond = tip + 0.5 * (tip - middle) - _BEND * bend
-    return turns & (side * (beyond - goal) <= 0.0)
+    beyond = side - 1.5 * (way * way) / (8.0 * bend) - _BEND * bend
+    return turns & (side * beyond <= 0.0)
 
 
 @compiled
