@@ -4,8 +4,14 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+WARM := $(VENV)/.warm
 PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# What a goal needs is made two at a time (kernels beside pages, checks beside the tests of the pages); several goals in their order.
+ifeq ($(words $(MAKECMDGOALS)),1)
+MAKEFLAGS += --jobs=2
+endif
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo demo-lab serve test check web web-dev web-test screenshots format proof faults fuzz bench bench-service bench-web bench-optimizers openapi catalogue figures lock clean
@@ -20,6 +26,9 @@ $(INSTALLED): requirements.lock pyproject.toml
 	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'
 	@$(BIN)/python -m pip install -qq --require-hashes --only-binary :all: -r requirements.lock
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(WARM): $(INSTALLED)
 	@echo 'Compiling the kernels (about a minute, once for a machine) ...'
 	@$(BIN)/python -m engine.kernels.warm
 	@touch $@
@@ -34,7 +43,7 @@ $(PAGES): web/node_modules/.package-lock.json openapi/openapi.json $(shell find 
 	@echo 'Building the browser client into api/static ...'
 	@web/npm run build --silent -- --logLevel warn
 
-setup: $(INSTALLED) $(PAGES)  ## install everything into .venv, from locked versions, and build the browser client
+setup: $(INSTALLED) $(WARM) $(PAGES)  ## install everything into .venv, from locked versions, and build the browser client
 
 web: $(PAGES)  ## build the browser client into api/static
 
@@ -57,8 +66,10 @@ demo-lab: setup  ## a day in the lab on a simulated rig: measure, identify, vali
 serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
 	@$(BIN)/servotune serve
 
+# Files begin in the order of their names: browsers and databases first, and many short unit tests fill up the end. Without the
+# last option the files with the fewest tests would be the last, and those take the longest: one core would wait for the other.
 test: check web-test  ## every check and every test
-	@$(BIN)/pytest -q -n logical --dist loadfile
+	@$(BIN)/pytest -q -n logical --dist loadfile --no-loadscope-reorder
 
 check: setup  ## format, lint, types and import contracts
 	@$(BIN)/ruff format --check --quiet .
