@@ -13,14 +13,14 @@ from api.logs import CURRENT_REQUEST
 REQUEST_ID = "X-Request-ID"
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
-_ALWAYS = {
+ALWAYS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 #: Nothing of the API is a page: a browser that takes it for one may do nothing with it.
-_NO_PAGE = "default-src 'none'; frame-ancestors 'none'"
+NO_PAGE = "default-src 'none'; frame-ancestors 'none'"
 _YEAR = 365 * 24 * 3600
 
 
@@ -36,7 +36,7 @@ class Edge:
 
     def __init__(self, app: ASGIApp, *, encrypted: bool) -> None:
         self._app = app
-        self._headers = dict(_ALWAYS)
+        self._headers = dict(ALWAYS)
         if encrypted:
             self._headers["Strict-Transport-Security"] = f"max-age={_YEAR}"
 
@@ -57,7 +57,7 @@ class Edge:
                 for name, value in self._headers.items():
                     headers[name] = value
                 headers[REQUEST_ID] = request_id
-                headers.setdefault("Content-Security-Policy", _NO_PAGE)
+                headers.setdefault("Content-Security-Policy", NO_PAGE)
                 if path.startswith("/v1"):
                     headers.setdefault("Cache-Control", "no-store")
             await send(message)

@@ -12,7 +12,9 @@ import signal
 import socket
 
 import uvicorn
-from fastapi import FastAPI
+from starlette.types import ASGIApp
+
+from api.heads import BoundedHead
 
 #: New objects before the youngest are looked at; a page of a list alone makes hundreds that live for a moment.
 _YOUNG = 10_000
@@ -27,9 +29,9 @@ class _Server(uvicorn.Server):
         gc.set_threshold(_YOUNG)
 
 
-def run(app: FastAPI, *, host: str, port: int) -> bool:
-    """Answer requests until the process is told to stop (SIGTERM, SIGINT); return whether it ever began to."""
-    config = uvicorn.Config(
+def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace: int = 3) -> uvicorn.Config:
+    """Return how uvicorn is to serve the application; open event streams would hold a shutdown up longer than ``grace`` (s)."""
+    return uvicorn.Config(
         app,
         host=host,
         port=port,
@@ -37,16 +39,18 @@ def run(app: FastAPI, *, host: str, port: int) -> bool:
         log_config=None,
         access_log=False,
         server_header=False,
-        # Not the parser that some other package may bring (httptools): it has no limit on the head of a request.
-        http="h11",
+        http=BoundedHead,
         # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
         timeout_keep_alive=75,
         # Curves are float32, which compress badly, and a slider waits for each of them.
         ws_per_message_deflate=False,
-        # Open event streams would hold a shutdown up for ever.
-        timeout_graceful_shutdown=3,
+        timeout_graceful_shutdown=grace,
     )
-    server = _Server(config)
+
+
+def run(app: ASGIApp, *, host: str, port: int) -> bool:
+    """Answer requests until the process is told to stop (SIGTERM, SIGINT); return whether it ever began to."""
+    server = _Server(configuration(app, host=host, port=port))
     # uvicorn stops in good order and then raises the signal again; the worker is still to be stopped after that.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: None)

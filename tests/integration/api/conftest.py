@@ -19,6 +19,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from api.main import create_app
+from api.serving import configuration
 from api.settings import Settings
 from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
@@ -63,9 +64,7 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
     # Tests show many wrong keys.
     app = create_app(Settings(database_url=database_url, **({"wrong_keys_per_minute": 0} | settings)))
     listener = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(
-        uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1, timeout_keep_alive=75)
-    )
+    server = uvicorn.Server(configuration(app, grace=1))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     port = listener.getsockname()[1]
