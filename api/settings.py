@@ -1,37 +1,8 @@
-"""Every setting of the service, in one table.
+"""Every setting of the service: its name, default and limits; what each one means is in ``docs/settings.md``, in one table.
 
-| environment variable | default | meaning |
-|---|---|---|
-| ``SERVOTUNE_DATABASE_URL`` | ``sqlite:///./servotune.db`` | SQLAlchemy URL of the one database |
-| ``SERVOTUNE_BOOTSTRAP_KEY`` | (random, printed once) | the first admin key |
-| ``SERVOTUNE_PUBLIC_URL`` | (that of the request) | address under which browsers reach the service |
-| ``SERVOTUNE_SIGN_IN_HOURS`` | 12 | how long a browser stays signed in, h |
-| ``SERVOTUNE_REQUESTS_PER_MINUTE`` | 30000 | requests of one key or browser, for each process; 0: no limit |
-| ``SERVOTUNE_WRONG_KEYS_PER_MINUTE`` | 60 | wrong keys of one address, for each process; 0: no limit |
-| ``SERVOTUNE_OIDC_ISSUER`` | (none) | OpenID provider through which people sign in |
-| ``SERVOTUNE_OIDC_CLIENT_ID`` | (none) | name of this service at the provider |
-| ``SERVOTUNE_OIDC_CLIENT_SECRET`` | (none) | its secret there, for a provider that wants one |
-| ``SERVOTUNE_OIDC_CLAIM`` | ``groups`` | claim that names a person's groups |
-| ``SERVOTUNE_OIDC_ROLES`` | ``{}`` | group -> workspace and scopes, as JSON; the first one counts |
-| ``SERVOTUNE_BODY_LIMIT`` | 1048576 | largest JSON body, bytes |
-| ``SERVOTUNE_BODY_SECONDS`` | 120 | longest time in which a body arrives, s |
-| ``SERVOTUNE_SEGMENT_LIMIT`` | 8388608 | largest segment of a dataset, bytes |
-| ``SERVOTUNE_MAX_SAMPLES`` | 100000 | samples of one curve |
-| ``SERVOTUNE_MAX_VARIANTS`` | 1000 | variants of one request |
-| ``SERVOTUNE_MAX_NUMBERS`` | 5000000 | samples x curves x variants of one reply |
-| ``SERVOTUNE_COMPUTE_SLOTS`` | (CPU cores) | requests that compute at the same time |
-| ``SERVOTUNE_WORKER_SLOTS`` | 1 | jobs that a worker computes at the same time |
-| ``SERVOTUNE_REQUEST_SECONDS`` | 60 | longest computation inside a request, s |
-| ``SERVOTUNE_JOB_MEMORY`` | 8589934592 | memory that one job may use, bytes; 0: no limit |
-| ``SERVOTUNE_WORKER_STALE_SECONDS`` | 30 | age at which a worker's heartbeat counts as missing, s |
-| ``SERVOTUNE_IDEMPOTENCY_HOURS`` | 24 | how long a stored reply is replayed, h |
-| ``SERVOTUNE_WEBHOOK_NETWORKS`` | ``[]`` | private networks that webhooks may call, as JSON: ``["10.1.0.0/16"]`` |
-| ``SERVOTUNE_SECRET_KEY`` | (none) | encrypts the secrets of webhooks in the database; several, separated by commas: the first encrypts |
-| ``SERVOTUNE_AUDIT_DAYS`` | 400 | how long the audit log reaches back, days |
-| ``SERVOTUNE_JOB_DAYS`` | 400 | how long a job that has ended is kept with its result, days |
-| ``SERVOTUNE_LOG_LEVEL`` | ``info`` | level of the log on standard error |
-| ``SERVOTUNE_LOG_FORMAT`` | ``text`` | lines for people, or ``json`` |
-| ``SERVOTUNE_OTLP_ENDPOINT`` | (none) | who collects traces of requests and jobs, by OTLP over HTTP |
+::
+
+    SERVOTUNE_<NAME>=<value>
 """
 
 from __future__ import annotations
@@ -57,7 +28,7 @@ class Role(BaseModel):
 
 
 class Settings(BaseSettings):
-    """The settings of one process, read from ``SERVOTUNE_*``; the module docstring is their table."""
+    """The settings of one process, read from ``SERVOTUNE_*``."""
 
     model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True, hide_input_in_errors=True)
 

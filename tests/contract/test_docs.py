@@ -16,6 +16,9 @@ from optimizers.result import Status
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 MAKEFILE = (ROOT / "Makefile").read_text()
+SETTINGS = (ROOT / "docs" / "settings.md").read_text()
+VARIABLE = r"^\| `(SERVOTUNE_[A-Z_]+)` \|"
+OTHERS = re.findall(VARIABLE, SETTINGS.partition("## Of other programs")[2], flags=re.MULTILINE)
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
@@ -42,8 +45,8 @@ def test_links_lead_to_files(page: Path) -> None:
 
 
 def test_the_settings_table_is_complete() -> None:
-    table = (ROOT / "docs" / "settings.md").read_text()
-    documented = re.findall(r"^\| `(SERVOTUNE_[A-Z_]+)` \|", table, flags=re.MULTILINE)
+    table = SETTINGS.partition("## Of other programs")[0]
+    documented = re.findall(VARIABLE, table, flags=re.MULTILINE)
     assert sorted(documented) == sorted(f"SERVOTUNE_{name.upper()}" for name in Settings.model_fields)
     for name, field in Settings.model_fields.items():
         if isinstance(field.default, int | float | str):
@@ -52,6 +55,32 @@ def test_the_settings_table_is_complete() -> None:
             assert re.search(
                 rf"\| `?{re.escape(f'{default:g}' if isinstance(default, float) else str(default))}`? \|", row
             ), row
+
+
+def test_every_variable_that_is_read_anywhere_is_in_the_one_table_of_settings() -> None:
+    folders = (
+        "agent",
+        "api",
+        "bench",
+        "engine",
+        "examples",
+        "optimizers",
+        "rig_simulator",
+        "servotune",
+        "storage",
+        "tests",
+    )
+    code = [ROOT / "Makefile", ROOT / "web" / "vite.config.ts"]
+    code += [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    read = {name for path in code for name in re.findall(r"\bSERVOTUNE_[A-Z]+(?:_[A-Z]+)*\b(?!_)", path.read_text())}
+    documented = re.findall(VARIABLE, SETTINGS, flags=re.MULTILINE)
+    assert len(documented) == len(set(documented))
+    assert read - {f"SERVOTUNE_{name.upper()}" for name in Settings.model_fields} == set(OTHERS)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "settings.md"], ids=lambda page: page.name)
+def test_no_other_page_has_a_table_of_settings(page: Path) -> None:
+    assert re.findall(VARIABLE, page.read_text(), flags=re.MULTILINE) == []
 
 
 def test_the_glossary_speaks_the_language_of_the_code() -> None:
