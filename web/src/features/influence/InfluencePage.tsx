@@ -12,7 +12,7 @@ import { firstSliders } from "@/shared/systems/movable";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatMetric, formatNumber, words } from "@/shared/units/format";
 import classes from "./InfluencePage.module.css";
-import { barsOf, columnIn, sizeOf } from "./table";
+import { barsOf, changeIn, columnIn, sizeOf } from "./table";
 
 const FIRST = ["rise_time", "response_time", "overshoot", "bandwidth", "phase_margin", "sensitivity_peak", "damping_ratio"];
 
@@ -33,7 +33,7 @@ export function InfluencePage() {
   const loop = query.get("loop") ?? loops[0] ?? "";
   const parameters = list("p", opened ? firstSliders(opened.parameters, 8) : []);
   const metrics = list("m", FIRST.filter((name) => loop || catalogue?.get(name)?.domain !== "loop"));
-  const change = Number(query.get("change") ?? 10);
+  const change = changeIn(query.get("change"));
   const kind = query.get("kind") === "coefficient" ? "coefficient" : "elasticity";
   const [shownChange, setShownChange] = useState(change);
   useEffect(() => setShownChange(change), [change]);
@@ -44,7 +44,7 @@ export function InfluencePage() {
     placeholderData: keepPreviousData,
     queryFn: () => must(api.POST("/v1/influence", { body: { system: id, input, output, ...(loop ? { open_at: loop } : {}), parameters, metrics, change: change / 100, duration: "auto", keep: false } })),
   });
-  const chosen = query.get("row") ?? metrics[0] ?? "";
+  const chosen = metrics.find((metric) => metric === query.get("row")) ?? metrics[0] ?? "";
   const value = (metric: string, parameter: string): number | null => {
     const cell = kind === "elasticity" ? study.data?.elasticities[metric]?.[parameter] : study.data?.coefficients[metric]?.[parameter];
     return (cell?.value as number | null | undefined) ?? null;

@@ -17,3 +17,9 @@ export function barsOf(value: (metric: string, parameter: string) => number | nu
 export function columnIn(text: string | null, parameters: string[]): string | null {
   return text !== null && parameters.includes(text) ? text : null;
 }
+
+/** The finite change of an address in per cent: as far as the slider goes, and not 0. */
+export function changeIn(text: string | null): number {
+  const change = Math.round(Number(text ?? NaN));
+  return Number.isFinite(change) && change !== 0 && Math.abs(change) <= 50 ? change : 10;
+}

@@ -1,7 +1,8 @@
 import { Button, Group, NativeSelect, Progress, Text } from "@mantine/core";
-import { useInfiniteQuery } from "@tanstack/react-query";
+import { useInfiniteQuery, useMutation, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { useSearchParams } from "react-router";
+import { api, must } from "@/shared/api/client";
 import { ENDED, jobsQuery } from "@/shared/api/jobs";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
@@ -9,9 +10,9 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { When } from "@/shared/ui/When";
-import { words } from "@/shared/units/format";
+import { withUnit, words } from "@/shared/units/format";
 
-const KINDS = ["optimization", "identification", "validation", "import"];
+const KINDS = ["optimization", "identification", "validation", "import", "preview", "processing", "average", "acquisition"];
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 
 export function JobsPage() {
@@ -20,6 +21,11 @@ export function JobsPage() {
   const kind = query.get("kind") ?? "";
   const status = query.get("status") ?? "";
   const jobs = useInfiniteQuery(jobsQuery({ ...(kind ? { kind } : {}), ...(status ? { status } : {}) }));
+  const queries = useQueryClient();
+  const cancel = useMutation({
+    mutationFn: (id: string) => must(api.POST("/v1/jobs/{identifier}/cancel", { params: { path: { identifier: id } } })),
+    onSettled: () => queries.invalidateQueries({ queryKey: ["jobs"] }),
+  });
   const rows = jobs.data?.pages.flatMap((page) => page.items) ?? [];
   const choose = (key: string, value: string) =>
     setQuery((before) => {
@@ -32,11 +38,12 @@ export function JobsPage() {
     <div className="page">
       <PageHead title={t("nav.jobs")} doc={t("jobs.doc")} />
       <ProblemAlert error={jobs.error} onRetry={() => void jobs.refetch()} />
+      <ProblemAlert error={cancel.error} />
       <Group mb="sm" align="flex-end">
         <NativeSelect size="xs" label={t("jobs.kind")} value={kind} onChange={(event) => choose("kind", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...KINDS.map((k) => ({ value: k, label: t(`jobs.kinds.${k}`, k) }))]} />
         <NativeSelect size="xs" label={t("jobs.status")} value={status} onChange={(event) => choose("status", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((s) => ({ value: s, label: t(`status.${s}`) }))]} />
       </Group>
-      {jobs.isSuccess && rows.length === 0 && <Empty title={t("jobs.none")}>{t("jobs.noneDoc")}</Empty>}
+      {jobs.isSuccess && rows.length === 0 && (kind || status ? <Empty title={t("jobs.noneSuch")}>{t("jobs.noneSuchDoc")}</Empty> : <Empty title={t("jobs.none")}>{t("jobs.noneDoc")}</Empty>)}
       {rows.length > 0 && (
         <DataTable
           testId="jobs"
@@ -52,7 +59,7 @@ export function JobsPage() {
               cell: (job) =>
                 ENDED.has(job.status) ? (
                   <Text fz="xs" c="dimmed" lineClamp={1}>
-                    {job.message}
+                    {job.status === "succeeded" ? t("jobs.took", { time: withUnit((Date.parse(job.finished_at ?? "") - Date.parse(job.started_at ?? "")) / 1000, "s", 3) }) : job.message}
                   </Text>
                 ) : (
                   <Progress value={100 * job.progress} aria-label={t("jobs.progress")} />
@@ -60,6 +67,19 @@ export function JobsPage() {
             },
             { title: t("jobs.begun"), cell: (job) => <When at={job.created_at} /> },
             { title: t("jobs.ended"), cell: (job) => <When at={job.finished_at} /> },
+            {
+              title: "",
+              cell: (job) =>
+                job.status === "succeeded" ? (
+                  <Button variant="subtle" size="compact-xs" component="a" href={`/v1/jobs/${job.id}/result`} download={`${job.id}.json`} aria-label={t("jobs.downloadOf", { id: job.id })}>
+                    {t("jobs.download")}
+                  </Button>
+                ) : ENDED.has(job.status) ? null : (
+                  <Button variant="subtle" size="compact-xs" color="red" onClick={() => cancel.mutate(job.id)} loading={cancel.isPending && cancel.variables === job.id} aria-label={t("jobs.cancelOf", { id: job.id })}>
+                    {t("jobs.cancel")}
+                  </Button>
+                ),
+            },
           ]}
         />
       )}

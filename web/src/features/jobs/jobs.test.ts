@@ -1,7 +1,8 @@
 import { expect, it } from "vitest";
 import { resampled } from "./optimization/BeforeAfter";
 import { fitRows, panelAt } from "./results";
-import { nearest, sliceOf } from "./optimization/map";
+import { cellIn, placeIn, placesIn } from "./optimization/look";
+import { flatOf, nearest, sliceOf, valuesAt } from "./optimization/map";
 import { bestOf } from "./events";
 
 it("the best so far is read from what a job says", () => {
@@ -21,9 +22,17 @@ it("a map of three variables is looked at in slices", () => {
   const map = { axes, objective, violation: objective.map((v) => (v > 200 ? 1 : 0)) };
   expect(sliceOf(map, "c", "a", { b: 1 }).map((cell) => [cell.x, cell.y, cell.objective, cell.met])).toEqual([[0, 0, 121, true], [0, 1, 221, false], [1, 0, 122, true], [1, 1, 222, false], [2, 0, 123, true], [2, 1, 223, false]]);
   expect(nearest([1, 2, 4], 3.2)).toBe(2);
+  expect(objective[flatOf(map, [1, 0, 2])]).toBe(213);
+  expect(valuesAt(map, [1, 0, 2])).toEqual({ a: 2, b: 1, c: 3 });
+  expect(["1,0,2", "1,0", "2,0,0", "1,,2", "x,0,0", "", null].map((text) => cellIn(text, map))).toEqual([[1, 0, 2], null, null, null, null, null, null]);
 });
 
 it("puts every fit beside what needs no model to reach it", () => {
   const rows = fitRows({ estimation: { y: { fit_percent: 95 } }, validation: { y: { fit_percent: 94 } }, baselines: { mean: { y: { fit_percent: 0 } } } }, { y: { fit_percent: 99 } });
   expect(rows.map((row) => [row.part, row.trivial, row.numbers.fit_percent])).toEqual([["estimation", false, 95], ["validation", false, 94], ["mean", true, 0], ["one_step", true, 99]]);
+});
+
+it("an address names places that there are", () => {
+  expect(["0", "2", "3", "-1", "1.5", "", null].map((text) => placeIn(text, 3))).toEqual([0, 2, null, null, null, null, null]);
+  expect(["2,0", "2,2,9", "", null].map((text) => placesIn(text, 3))).toEqual([[2, 0], [2], [0, 1, 2], [0, 1, 2]]);
 });

@@ -13,10 +13,22 @@ export interface GoalResult {
   active: boolean;
   /** The scenario that counted, by its place in the request. */
   scenario?: number | null;
+  /** By how many per cent the metric changes when a variable grows by one, at the optimum. */
+  elasticities?: Record<string, number | null>;
 }
 export interface Curves {
   time: (number | null)[];
   outputs: Record<string, (number | null)[]>;
+}
+/** A goal at the optimum, computed again by the exact engine, and once more in another way where there is one. */
+export interface Proof {
+  goal: number;
+  value: number | null;
+  verdict?: string;
+  violation: number | null;
+  independent?: number | null;
+  scenario: number;
+  at?: { time?: number | null; frequency?: number | null } | null;
 }
 export interface FrontPoint {
   parameters: Record<string, number>;
@@ -28,7 +40,7 @@ export interface OptimizationResult {
   advice: string;
   best: Record<string, number>;
   goals: GoalResult[];
-  certificate: { valid: boolean; worst_violation: number | null; goals: { goal: number; value: number | null; violation: number | null; scenario: number; independent?: number | null }[] };
+  certificate: { valid: boolean; worst_violation: number | null; goals: Proof[] };
   curves: { before: Record<string, Curves>; after: Record<string, Curves> };
   history: { evaluation: number; objective: number | null; violation: number | null; variables?: Record<string, number> }[];
   evaluations: number;
@@ -38,6 +50,14 @@ export interface OptimizationResult {
   knee?: number | null;
   map?: GridMap | null;
   system: { id: string; revision: number } | null;
+  /** At a place without values for all goals: which of them stand against each other, by their shares. */
+  conflict?: { goal: number; share: number | null }[];
+  cross_check?: { method: string; status: string; objective: number | null; violation: number | null; gap: number | null }[];
+  robustness?: { worst: { parameters: Record<string, number>; violation: number | null; objective: number | null } };
+  yield?: { share: number; lower95: number; upper95: number; samples: number; unstable: number };
+  /** Of several structures: the best one, and what each came to. */
+  chosen?: string;
+  alternatives?: { name: string; status: string; objective: number | null; certificate: { valid: boolean } }[];
 }
 
 /** Measures of agreement in per cent, by name. */

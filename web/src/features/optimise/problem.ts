@@ -1,55 +1,82 @@
-import type { ProblemForm } from "@/shared/systems/search";
 import { readScenarios } from "@/shared/systems/scenarios";
+import { readCurve } from "./curves";
+import { needsOf, type Goal, type Search, type Variable } from "./schema";
 
 export interface Domains {
   /** What a metric needs: "time", "path", "loop" or "system". */
   get(metric: string): string | undefined;
 }
 
-/** Goals of these are said with a band, or with a curve that another is held against: a form of two bounds cannot say them. */
-const WITH_MORE = new Set(["band_energy", "envelope", "tracking_error"]);
-
 /** The metrics that a row can ask for; what it already asks for stays among them. */
 export function goalMetrics<M extends { kind: string; domain: string }>(metrics: Iterable<M>, loops: string[], asked: string): M[] {
-  return [...metrics].filter(({ kind, domain }) => kind === asked || !(WITH_MORE.has(kind) || kind.endsWith("_bound") || (domain === "loop" && loops.length === 0)));
+  return [...metrics].filter(({ kind, domain }) => kind === asked || domain !== "loop" || loops.length > 0);
+}
+
+/** What has been said; the service knows what to take for the rest. */
+function said<Fields extends object>(fields: Fields): Partial<Fields> {
+  return Object.fromEntries(Object.entries(fields).filter(([, value]) => value !== undefined && value !== "")) as Partial<Fields>;
+}
+
+function variableOf({ parameter, chosen, lower, upper, scale, start, choices, expression }: Variable): object {
+  if (chosen === "tied") return said({ parameter, expression });
+  if (chosen === "list") return said({ parameter, choices, start });
+  return said({ parameter, lower, upper, scale, start, integer: chosen === "whole" ? true : undefined });
+}
+
+function placeOf(goal: Goal, domain: string | undefined, experiment: string): object {
+  if (domain === "loop") return { open_at: goal.loop };
+  if (domain === "path") return { from: goal.from, to: goal.output };
+  return domain === "system" ? {} : { experiment, output: goal.output };
+}
+
+/** What a metric is held against besides bounds; what cannot be read has been told before. */
+function heldAgainst(goal: Goal): object {
+  const needs = needsOf(goal.metric);
+  if (needs === "band") return { band: goal.band };
+  if (needs === "reference") return { reference: readCurve(goal.reference ?? "", "time") };
+  if (needs === "") return {};
+  const curve = (text: string | undefined) => (text?.trim() ? readCurve(text, needs === "envelope" ? "time" : "frequency") : undefined);
+  return { bounds: said({ upper: curve(goal.upperCurve), lower: curve(goal.lowerCurve), scale: needs === "envelope" ? goal.curveScale : undefined }) };
+}
+
+/** Goals of the request with the rows that ask for them: a row that names no experiment asks for each. */
+function goalsOf(form: Search, domains: Domains): { row: number; goal: object }[] {
+  return form.goals.flatMap((goal, row) => {
+    const domain = domains.get(goal.metric);
+    const within = (domain ?? "time") === "time" && goal.experiment === "" ? form.experiments.map(({ name }) => name) : [goal.experiment];
+    const { metric, sense, lower, upper, target, tolerance, soft, weight } = goal;
+    return within.map((experiment) => ({ row, goal: { metric, ...placeOf(goal, domain, experiment), ...heldAgainst(goal), ...said({ sense, lower, upper, target, tolerance, weight, hard: soft ? false : undefined }) } }));
+  });
+}
+
+/** The row of each goal of the request. */
+export function rowsOf(form: Search, domains: Domains): number[] {
+  return goalsOf(form, domains).map(({ row }) => row);
+}
+
+/** An option that holds several numbers has one for each variable that is chosen freely. */
+function optionOf(value: number | string | number[], form: Search): unknown {
+  if (!Array.isArray(value)) return value;
+  const free = form.variables.filter(({ chosen }) => chosen !== "tied");
+  return Object.fromEntries(free.flatMap(({ parameter }, i) => (value[i] === undefined ? [] : [[parameter, value[i]]])));
 }
 
 /** The body of an optimisation, in the words of the contract. */
-export function bodyOf(form: ProblemForm, system: string, domains: Domains): Record<string, unknown> {
-  const goals = form.goals.map((goal) => {
-    const domain = domains.get(goal.metric);
-    const where = domain === "loop" ? { open_at: form.loop } : domain === "path" ? { from: form.input, to: goal.output } : domain === "system" ? {} : { experiment: "step", output: goal.output };
-    return { metric: goal.metric, ...where, ...(goal.sense ? { sense: goal.sense } : {}), ...(goal.lower !== undefined ? { lower: goal.lower } : {}), ...(goal.upper !== undefined ? { upper: goal.upper } : {}) };
-  });
+export function bodyOf(form: Search, system: string, domains: Domains): Record<string, unknown> {
   const scenarios = readScenarios(form.scenarios);
+  const queue = said({ priority: form.priority === "normal" ? undefined : form.priority, time_limit: form.limit });
   return {
     system,
-    variables: form.variables.map(({ parameter, lower, upper }) => ({ parameter, ...(lower !== undefined ? { lower } : {}), ...(upper !== undefined ? { upper } : {}) })),
-    experiments: [{ name: "step", input: { port: form.input, signal: { kind: "step", amplitude: form.amplitude } } }],
-    goals,
+    variables: form.variables.map(variableOf),
+    experiments: form.experiments.map(({ name, commands, duration }) => ({ name, input: commands.length === 1 ? commands[0] : commands, ...said({ duration }) })),
+    goals: goalsOf(form, domains).map(({ goal }) => goal),
     ...(scenarios && scenarios.length > 0 ? { scenarios: [{}, ...scenarios] } : {}),
-    method: { kind: form.method, ...form.options },
+    ...(form.across === "mean" ? { across_scenarios: "mean" } : {}),
+    ...(form.uncertain.length > 0 ? { uncertain: form.uncertain.map(said) } : {}),
+    ...(form.draws ? { yield_samples: form.draws } : {}),
+    ...(form.structures.length > 0 ? { alternatives: [{ name: "this system" }, ...form.structures.map(({ id, name }) => ({ name: name || id, system: id }))] } : {}),
+    method: { kind: form.method, ...Object.fromEntries(Object.entries(form.options).map(([name, value]) => [name, optionOf(value, form)])) },
+    ...(form.others.length > 0 ? { cross_check: form.others } : {}),
+    ...(Object.keys(queue).length > 0 ? { queue } : {}),
   };
-}
-
-/** A script that asks the same through the client library. */
-export function pythonOf(body: object, url: string): string {
-  const literal = (value: unknown, indent: string): string => {
-    const inner = `${indent}    `;
-    if (value === null || value === undefined) return "None";
-    if (typeof value === "boolean") return value ? "True" : "False";
-    if (Array.isArray(value)) return value.length === 0 ? "[]" : `[\n${value.map((v) => `${inner}${literal(v, inner)},\n`).join("")}${indent}]`;
-    if (typeof value === "object") {
-      const entries = Object.entries(value);
-      return entries.length === 0 ? "{}" : `{\n${entries.map(([k, v]) => `${inner}${JSON.stringify(k)}: ${literal(v, inner)},\n`).join("")}${indent}}`;
-    }
-    return JSON.stringify(value);
-  };
-  const { system, ...rest } = body as { system: unknown };
-  const named = Object.entries(rest).map(([key, value]) => `    ${key}=${literal(value, "    ")},\n`).join("");
-  return `import servotune\n\nclient = servotune.connect(${JSON.stringify(url)}, key="...")\njob = client.optimize(\n    ${literal(system, "    ")},\n${named})\nresult = job.wait()\nprint(result["best"])\n`;
-}
-
-export function curlOf(body: object, url: string): string {
-  return `curl -X POST ${url}/v1/optimizations -H "Authorization: Bearer $SERVOTUNE_KEY" -H "Content-Type: application/json" -d '${JSON.stringify(body).replaceAll("'", "'\\''")}'\n`;
 }

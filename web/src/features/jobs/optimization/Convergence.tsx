@@ -12,5 +12,9 @@ export function Convergence({ points }: { points: Best[] }) {
   const dark = useComputedColorScheme("light") === "dark";
   const spec = useMemo<PlotSpec>(() => ({ title: t("jobs.convergence"), x: { label: t("jobs.evaluations"), unit: "", log: true }, y: { label: t("jobs.objective"), unit: "" }, series: [{ label: t("jobs.best"), ...stroke(0, dark), width: 2 }], dark }), [dark, t]);
   const curves = useMemo(() => [{ x: points.map((p) => Math.max(1, p.evaluation)), y: points.map((p) => p.objective) }], [points]);
-  return <Plot spec={spec} curves={curves} height={200} summary={t("jobs.convergence")} />;
+  return (
+    <div data-testid="convergence" data-points={points.length}>
+      <Plot spec={spec} curves={curves} height={200} summary={t("jobs.convergence")} />
+    </div>
+  );
 }

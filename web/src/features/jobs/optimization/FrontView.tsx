@@ -1,11 +1,12 @@
-import { Group, NativeSelect, SimpleGrid, Table, Text, Title, UnstyledButton, useComputedColorScheme } from "@mantine/core";
-import { useEffect, useMemo, useRef, useState } from "react";
+import { Group, MultiSelect, NativeSelect, SimpleGrid, Table, Text, Title, UnstyledButton, useComputedColorScheme } from "@mantine/core";
+import { useEffect, useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { Chart } from "@/shared/charts/Chart";
 import { axisOf, inks } from "@/shared/charts/inks";
 import { formatMetric, formatNumber, named, withUnit, words } from "@/shared/units/format";
 import type { FrontPoint, GoalResult } from "../results";
+import { placeIn, placesIn, useLook } from "./look";
 import classes from "./FrontView.module.css";
 
 interface Props {
@@ -25,8 +26,9 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
   const dark = useComputedColorScheme("light") === "dark";
   const names = useMemo(() => goals.map((goal, i) => `${t(`metrics.${goal.metric}`, words(goal.metric))}${goals.some((other, k) => k !== i && other.metric === goal.metric) ? ` ${i + 1}` : ""}`), [goals, t]);
   const varying = useMemo(() => goals.map((_, i) => i).filter((i) => new Set(front.map((point) => point.goals[i]?.value ?? null)).size > 1), [front, goals]);
-  const [x, setX] = useState(varying[0] ?? 0);
-  const [y, setY] = useState(varying[1] ?? Math.min(1, goals.length - 1));
+  const { query, put } = useLook();
+  const x = placeIn(query.get("fx"), goals.length) ?? varying[0] ?? 0;
+  const y = placeIn(query.get("fy"), goals.length) ?? varying[1] ?? Math.min(1, goals.length - 1);
   const shown = (i: number, value: Metric | undefined): number => (value?.value == null ? NaN : spoken(goals[i]!.metric, value));
   const unitOf = (i: number): string => {
     const value = front.find((point) => point.goals[i]?.value != null)?.goals[i];
@@ -49,20 +51,22 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
       ],
     };
   }, [front, x, y, selected, knee, dark, names, t]);
+  const lines = placesIn(query.get("axes"), goals.length + variables.length);
   const parallel = useMemo(() => {
     const { accent, mark, ink, faint } = inks(dark);
-    const axes = [...goals.map((_, i) => ({ name: label(i), of: (point: FrontPoint) => shown(i, point.goals[i]) })), ...variables.map((name) => ({ name: named(name, units.get(name) ?? ""), of: (point: FrontPoint) => point.parameters[name] ?? NaN }))];
+    const all = [...goals.map((_, i) => ({ name: label(i), of: (point: FrontPoint) => shown(i, point.goals[i]) })), ...variables.map((name) => ({ name: named(name, units.get(name) ?? ""), of: (point: FrontPoint) => point.parameters[name] ?? NaN }))];
+    const axes = lines.flatMap((i) => all[i] ?? []);
     const line = (point: FrontPoint) => axes.map((axis) => axis.of(point));
     const short = (name: string) => name.replace(/ \[/, "\n[");
     return {
-      parallel: { left: 44, right: 60, top: 52, bottom: 16, parallelAxisDefault: { scale: true, nameGap: 16, splitNumber: 4, nameTextStyle: { color: ink, fontSize: 11 }, axisLabel: { color: ink, formatter: (value: number) => formatNumber(value, 3) }, axisLine: { lineStyle: { color: faint } } } },
+      parallel: { left: 44, right: 60, top: 58, bottom: 16, parallelAxisDefault: { scale: true, nameGap: 16, splitNumber: 4, nameTextStyle: { color: ink, fontSize: 11, lineHeight: 14 }, axisLabel: { color: ink, formatter: (value: number) => formatNumber(value, 3) }, axisLine: { lineStyle: { color: faint } } } },
       parallelAxis: axes.map((axis, dim) => ({ dim, name: short(axis.name) })),
       series: [
         { type: "parallel", name: "front", lineStyle: { color: accent, width: 1.2, opacity: 0.55 }, data: front.map(line) },
         { type: "parallel", name: "selected", lineStyle: { color: mark, width: 3.5, opacity: 1 }, data: selected === null ? [] : [line(front[selected]!)], silent: true },
       ],
     };
-  }, [front, goals, variables, units, selected, dark, names]);
+  }, [front, goals, variables, units, selected, dark, names, lines.join()]);
   const chosen = useRef<HTMLTableRowElement>(null);
   useEffect(() => {
     // Newer browsers answer with a promise, which React would take for what is to be called at the end.
@@ -78,12 +82,11 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
       <Text fz="sm" c="dimmed" mb="xs">
         {t("jobs.frontDoc")}
       </Text>
-      {goals.length > 2 && (
-        <Group gap="sm" mb="xs">
-          {axis(x, setX, t("jobs.across"))}
-          {axis(y, setY, t("jobs.upwards"))}
-        </Group>
-      )}
+      <Group gap="sm" mb="xs" align="flex-end">
+        {goals.length > 1 && axis(x, (next) => put({ fx: String(next), fy: String(next === y ? x : y) }), t("jobs.across"))}
+        {goals.length > 1 && axis(y, (next) => put({ fx: String(next === x ? y : x), fy: String(next) }), t("jobs.upwards"))}
+        <MultiSelect label={t("jobs.axes")} data={[...names, ...variables].map((name, i) => ({ value: String(i), label: name }))} value={lines.map(String)} onChange={(next) => put({ axes: next.length === 0 || next.length === goals.length + variables.length ? null : next.toSorted((a, b) => Number(a) - Number(b)).join(",") })} maw={620} />
+      </Group>
       <SimpleGrid cols={{ base: 1, md: 2 }}>
         <Chart option={scatter} height={300} summary={t("jobs.frontSummary", { x: names[x], y: names[y] })} onPick={pick} />
         <Chart option={parallel} height={300} summary={t("jobs.parallelSummary")} onPick={pick} />

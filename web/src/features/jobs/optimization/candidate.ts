@@ -7,7 +7,7 @@ export interface Asked {
   experiments?: { name: string; input: unknown; duration?: unknown }[];
   goals: AskedGoal[];
   scenarios?: Record<string, Scalar>[];
-  alternatives?: unknown[] | null;
+  alternatives?: { name: string; system?: unknown }[] | null;
 }
 export interface AskedGoal {
   metric: string;

@@ -8,16 +8,21 @@ import { candidateOf, studiesOf, type Asked, type StudyVariant } from "./candida
 /** Milliseconds for which a slider must rest until its candidate is computed. */
 const REST = 150;
 
+/** What a job was asked for. */
+export function useAsked(job: string, wanted: boolean) {
+  return useQuery({
+    queryKey: ["job", job, "request"],
+    enabled: wanted,
+    staleTime: Infinity,
+    queryFn: async () => (await must(api.GET("/v1/jobs/{identifier}/request", { params: { path: { identifier: job } } }))) as unknown as Asked,
+  });
+}
+
 /** Curves and metrics at the values of a step or of a point of the front, computed by the service as they are looked at. */
 export function useCandidate(job: string, goals: GoalResult[], values: Record<string, number> | null) {
   const rested = useDebouncedValue(values, REST)[0];
   const metrics = useQuery(metricsQuery);
-  const asked = useQuery({
-    queryKey: ["job", job, "request"],
-    enabled: values !== null,
-    staleTime: Infinity,
-    queryFn: async () => (await must(api.GET("/v1/jobs/{identifier}/request", { params: { path: { identifier: job } } }))) as unknown as Asked,
-  });
+  const asked = useAsked(job, values !== null);
   // Of several structures the request does not say which one these values belong to.
   const known = asked.data !== undefined && metrics.data !== undefined && !asked.data.alternatives?.length;
   const found = useQuery({
