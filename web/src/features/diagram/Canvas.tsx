@@ -1,5 +1,5 @@
 import { useComputedColorScheme } from "@mantine/core";
-import { applyNodeChanges, Background, Controls, ReactFlow, useReactFlow, type Edge, type Node, type NodeChange } from "@xyflow/react";
+import { applyNodeChanges, Background, Controls, ReactFlow, useReactFlow, useStore, type Edge, type Node, type NodeChange, type ReactFlowProps } from "@xyflow/react";
 import { memo, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { BlockNode, FrameNode, OutputNode } from "./BlockNode";
@@ -12,8 +12,10 @@ import type { Point } from "./store";
 
 const EDGES = { signal: SignalEdge };
 const NODES = { block: BlockNode, sink: OutputNode, frame: FrameNode };
-/** From here on only what is seen is drawn. */
-const MANY = 120;
+/** From here on only what is seen is drawn: below, it costs less to keep the others than to bring them back. */
+const MANY = 500;
+/** Below this magnification nobody reads what stands on a block: neither texts nor ports nor the grid are painted. */
+const FAR = 0.4;
 
 interface Props {
   nodes: Node[];
@@ -52,25 +54,15 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
   }, [built]);
   const labels = useMemo(() => ({ "node.a11yDescription.default": t("diagram.nodeHelp"), "edge.a11yDescription.default": t("diagram.edgeHelp") }), [t]);
 
-  const change = (changes: NodeChange[]) => {
-    setNodes((before) => applyNodeChanges(changes, before));
-    const picked = changes.filter((c) => c.type === "select");
-    if (picked.length > 0) {
-      onSelect((before) => {
-        const next = new Set(before);
-        for (const c of picked) if (c.selected) next.add(c.id); else next.delete(c.id);
-        return [...next];
-      });
-      if (picked.some((c) => c.selected)) onWire(null);
-    }
-    // Arrow keys move blocks, too; each press is a gesture of its own.
-    const moved = changes.flatMap((c) => (c.type === "position" && c.dragging === false && c.position ? [[c.id, c.position] as const] : []));
-    if (moved.length > 0) onMove({ ...Object.fromEntries(nodes.map((node) => [node.id, node.position])), ...Object.fromEntries(moved) });
-  };
+  const far = useStore((state) => state.transform[2] < FAR);
+  const act = useRef<Props>(null!);
+  act.current = { nodes: built, edges, fixed, onSelect, onWire, onMove, onConnect, onOpen, onDrop, onWanted };
+  const on = useHandlers(act, setNodes, holder);
   return (
     <div
       ref={holder}
       className={classes.canvas}
+      data-far={far}
       onDragOver={(event) => {
         if (!fixed && event.dataTransfer.types.includes(DRAGGED)) event.preventDefault();
       }}
@@ -91,25 +83,7 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
         nodeTypes={NODES}
         edgeTypes={EDGES}
         colorMode={dark ? "dark" : "light"}
-        onNodesChange={change}
-        onEdgeClick={(_, edge) => {
-          onSelect(() => []);
-          onWire(edge.id);
-        }}
-        onPaneClick={() => {
-          onWire(null);
-          onSelect(() => []);
-        }}
-        onNodeDoubleClick={(_, node) => onOpen(node.id)}
-        onConnect={({ source, sourceHandle, target, targetHandle }) => {
-          if (!target.startsWith(OUT)) onConnect({ block: source, port: sourceHandle ?? "out" }, { block: target, port: targetHandle ?? "in" });
-        }}
-        onConnectEnd={(event, { isValid, fromHandle, to }) => {
-          const over = (event.target as Element | null)?.classList.contains("react-flow__pane");
-          if (!isValid && over && to && fromHandle?.type === "source" && fromHandle.id) onWanted(flow.screenToFlowPosition(pointOf(event)), { block: fromHandle.nodeId, port: fromHandle.id });
-        }}
-        onMoveStart={() => holder.current?.setAttribute("data-moving", "")}
-        onMoveEnd={() => holder.current?.removeAttribute("data-moving")}
+        {...on}
         nodesDraggable={!fixed}
         nodesConnectable={!fixed}
         deleteKeyCode={null}
@@ -121,12 +95,57 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
         onlyRenderVisibleElements={built.length > MANY}
         ariaLabelConfig={labels}
       >
-        <Background gap={20} />
+        {!far && <Background gap={20} />}
         <Controls showInteractive={false} />
       </ReactFlow>
     </div>
   );
 });
+
+/** What the picture is told. The same functions for ever: new ones would make every block be drawn again for each movement of one. */
+function useHandlers(act: { current: Props }, setNodes: (update: (before: Node[]) => Node[]) => void, holder: { current: HTMLElement | null }) {
+  const flow = useReactFlow();
+  return useMemo(
+    () =>
+      ({
+        onNodesChange(changes: NodeChange[]) {
+          setNodes((before) => applyNodeChanges(changes, before));
+          const { nodes, onSelect, onWire, onMove } = act.current;
+          const picked = changes.filter((c) => c.type === "select");
+          if (picked.length > 0) {
+            onSelect((before) => {
+              const next = new Set(before);
+              for (const c of picked) if (c.selected) next.add(c.id); else next.delete(c.id);
+              return [...next];
+            });
+            if (picked.some((c) => c.selected)) onWire(null);
+          }
+          // Arrow keys move blocks, too; each press is a gesture of its own.
+          const moved = changes.flatMap((c) => (c.type === "position" && c.dragging === false && c.position ? [[c.id, c.position] as const] : []));
+          if (moved.length > 0) onMove({ ...Object.fromEntries(nodes.map((node) => [node.id, node.position])), ...Object.fromEntries(moved) });
+        },
+        onEdgeClick(_, edge) {
+          act.current.onSelect(() => []);
+          act.current.onWire(edge.id);
+        },
+        onPaneClick() {
+          act.current.onWire(null);
+          act.current.onSelect(() => []);
+        },
+        onNodeDoubleClick: (_, node) => act.current.onOpen(node.id),
+        onConnect({ source, sourceHandle, target, targetHandle }) {
+          if (!target.startsWith(OUT)) act.current.onConnect({ block: source, port: sourceHandle ?? "out" }, { block: target, port: targetHandle ?? "in" });
+        },
+        onConnectEnd(event, { isValid, fromHandle, to }) {
+          const over = (event.target as Element | null)?.classList.contains("react-flow__pane");
+          if (!isValid && over && to && fromHandle?.type === "source" && fromHandle.id) act.current.onWanted(flow.screenToFlowPosition(pointOf(event)), { block: fromHandle.nodeId, port: fromHandle.id });
+        },
+        onMoveStart: () => holder.current?.setAttribute("data-moving", ""),
+        onMoveEnd: () => holder.current?.removeAttribute("data-moving"),
+      }) satisfies ReactFlowProps,
+    [act, setNodes, holder, flow],
+  );
+}
 
 const SNAP: [number, number] = [10, 10];
 

@@ -3,6 +3,8 @@ import { useReactFlow } from "@xyflow/react";
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useBlocker, useSearchParams } from "react-router";
+import { useStore } from "zustand";
+import { useShallow } from "zustand/react/shallow";
 import type { Block, SystemDocument } from "@/shared/api/types";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
@@ -33,7 +35,9 @@ const FIT = { padding: 0.08, maxZoom: 1.2 };
 export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: Catalogue; draftOf: string | null }) {
   const { t } = useTranslation();
   const flow = useReactFlow();
-  const { document: root, places, routes, edit, place, undo, redo, past, future } = useEditor();
+  const { document: root, places, routes, edit, place } = useEditor();
+  const { undo, redo } = useEditor.temporal.getState();
+  const [canUndo, canRedo] = useStore(useEditor.temporal, useShallow((history) => [history.pastStates.length > 0, history.futureStates.length > 0]));
   const [query, setQuery] = useSearchParams();
   const within = query.get("in") ?? "";
   const asked = useMemo(() => within.split(".").filter(Boolean), [within]);
@@ -258,11 +262,11 @@ export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: C
           saving={saving}
           frames={frames}
           grouping={!frames && split(selected).blocks.size > 0}
-          canUndo={past.length > 0}
-          canRedo={future.length > 0}
+          canUndo={canUndo}
+          canRedo={canRedo}
           onGo={(to) => go(to)}
-          onUndo={undo}
-          onRedo={redo}
+          onUndo={() => undo()}
+          onRedo={() => redo()}
           onArrange={() => void arrange()}
           onFrames={toggleFrames}
           onGroup={group}

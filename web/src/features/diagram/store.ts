@@ -1,3 +1,4 @@
+import { temporal } from "zundo";
 import { create } from "zustand";
 import type { SystemDocument } from "@/shared/api/types";
 
@@ -17,14 +18,13 @@ export interface Kept {
   routes: Routes;
 }
 
+/** What is undone and done again. */
 interface Version {
   document: SystemDocument;
   places: Places;
 }
 
 interface Editor extends Version {
-  past: Version[];
-  future: Version[];
   routes: Routes;
   /** What the service has: with `etag` it is told which version an edit was made from. */
   base: SystemDocument;
@@ -34,38 +34,37 @@ interface Editor extends Version {
   edit(change: Partial<Version>): void;
   /** Places that nobody chose (automatic layout) are no gesture. */
   place(scope: string, places: Record<string, Point>, routes: Record<string, Route>): void;
-  undo(): void;
-  redo(): void;
   saved(document: SystemDocument, etag: string): void;
 }
 
 const LONGEST = 200;
+const NOTHING: SystemDocument = { blocks: {}, outputs: {} };
 
-export const useEditor = create<Editor>((set) => ({
-  document: { blocks: {}, outputs: {} },
-  places: {},
-  routes: {},
-  past: [],
-  future: [],
-  base: { blocks: {}, outputs: {} },
-  etag: "*",
-  start: (document, base, etag, kept) => set({ document, base, etag, ...kept, past: [], future: [] }),
-  edit: (change) =>
-    set((now) => ({
-      ...change,
-      past: [...now.past.slice(-LONGEST + 1), { document: now.document, places: now.places }],
-      future: [],
-    })),
-  place: (scope, places, routes) => set((now) => ({ places: { ...now.places, [scope]: places }, routes: { ...now.routes, [scope]: routes } })),
-  undo: () =>
-    set((now) => {
-      const before = now.past.at(-1);
-      return before ? { ...before, past: now.past.slice(0, -1), future: [{ document: now.document, places: now.places }, ...now.future] } : {};
+export const useEditor = create<Editor>()(
+  temporal(
+    (set) => ({
+      document: NOTHING,
+      places: {},
+      routes: {},
+      base: NOTHING,
+      etag: "*",
+      start(document, base, etag, kept) {
+        set({ document, base, etag, ...kept });
+        useEditor.temporal.getState().clear();
+      },
+      edit: (change) => set(change),
+      place(scope, places, routes) {
+        const history = useEditor.temporal.getState();
+        history.pause();
+        set((now) => ({ places: { ...now.places, [scope]: places }, routes: { ...now.routes, [scope]: routes } }));
+        history.resume();
+      },
+      saved: (document, etag) => set({ base: document, etag }),
     }),
-  redo: () =>
-    set((now) => {
-      const [next, ...future] = now.future;
-      return next ? { ...next, past: [...now.past, { document: now.document, places: now.places }], future } : {};
-    }),
-  saved: (document, etag) => set({ base: document, etag }),
-}));
+    {
+      partialize: ({ document, places }): Version => ({ document, places }),
+      equality: (before, now) => before.document === now.document && before.places === now.places,
+      limit: LONGEST,
+    },
+  ),
+);

@@ -22,10 +22,8 @@ import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
 import { firstSliders } from "@/shared/systems/movable";
-import { mainOutput, pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
+import { mainOutput, pathsOf, readState, USUAL, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "./useLive";
-
-const METRICS = ["rise_time", "response_time", "settling_time", "overshoot", "peak", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
 
 const NONE: Record<string, number | null> = {};
 
@@ -56,7 +54,6 @@ export function PanelPage() {
     pending.current = frame;
   }, []);
   const [verdict, setVerdict] = useState("ok");
-  const [picked, setMetric] = useState<string | null>(null);
 
   // The vectors' parameters belong to what is opened, so a new slider opens anew; that costs milliseconds.
   const [known, setKnown] = useState<Awaited<ReturnType<typeof useLive>>["opened"]>(null);
@@ -72,7 +69,7 @@ export function PanelPage() {
       ...(state.input || state.amplitude !== 1 ? (input ? { input: { port: input, signal: { kind: "step", amplitude: state.amplitude } } } : {}) : {}),
       ...(output ? { output } : {}),
       ...(frequency ? { frequency } : {}),
-      metrics: [...METRICS, ...state.goals.map((goal) => goal.metric).filter((name) => !METRICS.includes(name))],
+      metrics: [...new Set([...(state.metrics ?? USUAL), ...state.goals.map((goal) => goal.metric)])],
       ...(state.measured.length > 0 ? { measured: state.measured } : {}),
       duration: state.duration ?? "auto",
     },
@@ -151,8 +148,7 @@ export function PanelPage() {
 
   const first = live.measured.get(0);
   const second = state.reference ? live.measured.get(1) : undefined;
-  // Until somebody chooses: the first metric that anything here has an influence on.
-  const metric = picked ?? Object.keys(first?.elasticities ?? {})[0] ?? "overshoot";
+  const metric = state.metric ?? Object.keys(first?.elasticities ?? {})[0] ?? "overshoot";
   const elasticities = first?.elasticities[metric] ?? NONE;
   const influences = useMemo(() => {
     const largest = Math.max(0, ...Object.values(elasticities).map((e) => Math.abs(e ?? 0)));
@@ -232,7 +228,7 @@ export function PanelPage() {
         )}
         {known && <GoalBar goals={goals} current={first?.metrics ?? {}} metrics={live.opened?.metrics ?? known.metrics} search={searchAt(id, searched)} onChange={(next) => change({ goals: next })} />}
         <Group gap="sm" align="center">
-          {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} goals={goals} onSelect={setMetric} />}
+          {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} goals={goals} onSelect={(chosen) => change({ metric: chosen })} />}
           {verdict !== "ok" && (
             <Badge color="red" variant="filled" tt="none" size="lg" role="status">
               {t(`verdicts.${verdict}`, verdict)}

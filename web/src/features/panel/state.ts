@@ -19,6 +19,10 @@ export interface Overlay {
   relative: boolean;
 }
 
+/** What the strip can show: metrics that need nothing but the curves. The first are shown until somebody chooses. */
+export const USUAL = ["rise_time", "response_time", "settling_time", "overshoot", "peak", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+export const MEASURABLE = [...USUAL, "peak_time", "undershoot", "delay_margin", "complementary_peak", "critical_frequency", "iae", "ise", "itae", "control_effort", "max_velocity", "max_acceleration"];
+
 /** What a front panel shows; all of it stands in its address. */
 export interface PanelState {
   /** Parameters with a slider. */
@@ -46,9 +50,13 @@ export interface PanelState {
   duration: number | null;
   /** Plots in their order: `step:position`, `bode`, `phase`, `nyquist`, `poles`, `spectrum:position`. */
   plots: string[] | null;
+  /** Metrics in the strip; null stands for the usual ones. */
+  metrics: string[] | null;
+  /** The metric whose influences lie behind the labels; null: the first that anything has an influence on. */
+  metric: string | null;
 }
 
-const OWN = new Set(["s", "cmp", "in", "amp", "out", "loop", "path", "T", "v", "ref", "k", "log", "lin", "g", "sn", "ds"]);
+const OWN = new Set(["s", "cmp", "in", "amp", "out", "loop", "path", "T", "v", "ref", "k", "log", "lin", "g", "sn", "ds", "ms", "m"]);
 /** Between the parts of a snapshot or an overlay in the address. */
 const PART = "~";
 
@@ -67,6 +75,7 @@ export function readState(query: URLSearchParams): PanelState {
   const pair = list("path");
   const duration = Number(query.get("T"));
   const amplitude = Number(query.get("amp") ?? 1);
+  const metrics = (list("ms") ?? []).filter((name) => MEASURABLE.includes(name));
   return {
     sliders: list("s") ?? [],
     values: prefixed("p."),
@@ -79,6 +88,8 @@ export function readState(query: URLSearchParams): PanelState {
     path: pair?.length === 2 ? [pair[0]!, pair[1]!] : null,
     duration: Number.isFinite(duration) && duration > 0 ? duration : null,
     plots: list("v"),
+    metrics: metrics.length > 0 ? metrics : null,
+    metric: query.get("m"),
     knobs: list("k") ?? [],
     scales: Object.fromEntries([...(list("log") ?? []).map((path) => [path, "log"]), ...(list("lin") ?? []).map((path) => [path, "linear"])]) as Record<string, Scale>,
     goals: (list("g") ?? []).flatMap(readGoal),
@@ -107,6 +118,8 @@ export function writeState(state: PanelState, before: URLSearchParams): URLSearc
   if (state.path) put("path", state.path.join(","));
   put("T", state.duration);
   put("v", state.plots?.join(","));
+  put("ms", state.metrics?.join(","));
+  put("m", state.metric);
   put("k", state.knobs.join(","));
   for (const [key, scale] of [["log", "log"], ["lin", "linear"]] as const) put(key, Object.keys(state.scales).filter((path) => state.scales[path] === scale).join(","));
   put("g", state.goals.map(writeGoal).join(","));
