@@ -46,7 +46,7 @@ _EXTRA: Final = 3
 """How often the samples of a response are doubled where the usual ones leave doubt."""
 _DENSITIES: Final = (1, 3, 12, 64)
 """How densely frequency is sampled, at first and where that is not enough, and so much further beyond the poles."""
-_MARGIN: Final = 10.0
+_MARGIN: Final = 6.0
 _DECADES: Final = 10.0
 _NEAR_SINGULAR: Final = 1e-6
 """A divisor of an algebraic loop that is so much smaller than at the document's values leaves doubt."""

@@ -52,6 +52,8 @@ _AGREED_PEAK: Final = 1e-5
 """The value at a peak depends on the square of what is left."""
 _SHARP: Final = 1e-4
 """A step that would change the value at a peak by more than about this part of it is not the last: the peak is narrower than that."""
+_STRAIGHT: Final = 1e-12
+"""Where the square of a last step of the curve is less than this, by the square of its size, the curve goes straight to its end."""
 _BELOW: Final = 1e-9
 """What is lower than the sample at which a peak was seen is not that peak."""
 _TOUCHES: Final = 1e-9
@@ -245,13 +247,24 @@ def _advance(
     arrives = inside & (magnitude(to - here) <= select(peak, _AGREED_PEAK, _AGREED) * here)
     changes = (to - here) * (to - here) * magnitude(steep)
     arrives = arrives & (select(peak, changes, 0.0) <= _SHARP * value)
+    # after so short a last step nothing need be evaluated again
+    ahead, square, distance = select(moving > 0.0, to - here, 0.0), x * x + y * y, (1.0 + x) * (1.0 + x) + y * y
+    size = select((kind >= float(PEAK_S)) & (kind <= float(PEAK_T)) & (distance < square), distance, square)
+    straight = arrives & ((dx * dx + dy * dy) * (ahead * ahead) <= _STRAIGHT * size)
+    straight = straight & (select(peak, changes, 0.0) <= _BELOW * value)
+    still = select(arrives, 0.0, moving)
+    store(state, here + ahead, HERE)
+    store(state, still, MOVING)
+    if not anywhere(select(straight, 0.0, moving) > 0.0):
+        store(state, x + dx * ahead, X)
+        store(state, y + dy * ahead, Y)
+        store(state, 0.0, OPEN)
+        return
     store(state, steep, STEEP)
     store(state, low, LOW)
     store(state, high, HIGH)
     store(state, here, LAST)
     store(state, f, F_LAST)
-    store(state, select(moving > 0.0, to, here), HERE)
-    store(state, select(arrives, 0.0, moving), MOVING)
 
 
 @compiled
