@@ -6,7 +6,6 @@ any parameter values, `Diagram.realize_stack` for many at once, in both cases cl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.blocks import Blocks
 from engine.described import describe
 from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
@@ -27,14 +27,11 @@ from engine.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.nonlinear.system import NonlinearSystem
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.realize import Interconnection, Wiring
-from engine.scopes import listed
 from engine.traced import Graph, Traced
 from engine.wires import LOOP, Wires
 
 __all__ = ["LOOP", "Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
 
-MAX_STATES: Final = 200
-MAX_DELAYS: Final = 50
 _REMEMBERED: Final = 64
 
 
@@ -104,14 +101,13 @@ class Diagram:
             name: scope.unit_of(block, port) or "" for name, (scope, block, port) in root.outputs.items()
         }
         self._flat = flat
-        self._bindings = flat.numbers.bindings
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)
         self._systems: dict[str | None, LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = describe(flat.numbers)
         self.warnings = (*self._wires.warnings, *flat.warnings)
         self.constants: Mapping[str, float] = dict(constants or {})
-        self._realizations = self._realize_base()
+        self._blocks = Blocks(flat, self.parameters)
 
     @property
     def nonlinear(self) -> bool:
@@ -168,7 +164,7 @@ class Diagram:
         overrides : mapping, optional
             Parameter values (SI) by path.
         """
-        realizations, values = self._changed(overrides or {})
+        realizations, values = self._blocks.changed(overrides or {})
         found = self._linearized(realizations, self._laws(realizations, values))
         number = next(n for n in self._channels.numbers if self._flat.blocks[n].path == law)
         found[number] = Realization.static(np.ones((1, 1)))
@@ -204,27 +200,17 @@ class Diagram:
             if system is None:
                 if len(self._systems) >= _REMEMBERED:
                     self._systems.clear()
-                realizations = self._realizations
+                realizations = self._blocks.base
                 if self.nonlinear:
                     realizations = self._linearized(realizations, self.laws())
                 system = self._systems[open_at] = self._assemble(realizations, wiring)
                 for name in ARRAYS:
                     getattr(system, name).setflags(write=False)
             return system
-        realizations, values = self._changed(overrides)
+        realizations, values = self._blocks.changed(overrides)
         if self.nonlinear:
             realizations = self._linearized(realizations, self._laws(realizations, values))
         return self._assemble(realizations, wiring)
-
-    def _changed(self, overrides: Mapping[str, float | complex]) -> tuple[list[Realization], list[Scalar]]:
-        """Return all realisations and all values after ``overrides``."""
-        slots = {self._slot(path): _single(path, value) for path, value in overrides.items()}
-        change = self._bindings.change(frozenset(slots))
-        values = self._bindings.override(slots, change)
-        realizations = list(self._realizations)
-        for number in change.blocks:
-            realizations[number] = self._realize_block(number, values)
-        return realizations, values
 
     def laws(
         self, overrides: Mapping[str, float | complex] | None = None, steps: Mapping[str, float] | None = None
@@ -239,16 +225,9 @@ class Diagram:
             One lane for each parameter, as in `realize_lanes`.
         """
         if not steps:
-            return self._laws(*self._changed(overrides or {}))
-        lanes = self._lanes(steps, {path: value.real for path, value in (overrides or {}).items()})
-        slots: dict[int, Scalar] = {self._slot(path): value for path, value in lanes.items()}
-        change = self._bindings.change(frozenset(slots))
-        with np.errstate(all="ignore"):
-            values = self._bindings.override_many(slots, change)
-            realizations = list(self._realizations)
-            for number in change.blocks:
-                realizations[number] = self._realize_block(number, values)
-        return self._laws(realizations, values, np.ones(len(steps), dtype=bool))
+            return self._laws(*self._blocks.changed(overrides or {}))
+        plain = {path: value.real for path, value in (overrides or {}).items()}
+        return self._laws(*self._blocks.changed_lanes(steps, plain), np.ones(len(steps), dtype=bool))
 
     def _laws(
         self,
@@ -260,7 +239,7 @@ class Diagram:
         wiring = self._channels.wiring(closed, self._interconnection.outputs)
         linear = self._channels.without(realizations)
         assembled = self._interconnection.assemble(linear, wiring, admitted=admitted)
-        own = {number: self._bindings.blocks[number].fill(values) for number in self._channels.numbers}
+        own = {number: self._blocks.of(number, values) for number in self._channels.numbers}
         return self._channels.system(assembled.matrices, closed, own)
 
     def _linearized(self, realizations: list[Realization], system: NonlinearSystem) -> list[Realization]:
@@ -304,20 +283,9 @@ class Diagram:
         if len(sizes) != 1 or len(next(iter(sizes))) != 1:
             raise DiagramError(f"overrides must be arrays of one length, got shapes {sorted(sizes)}")
         (count,) = next(iter(sizes))
-        slots: dict[int, Scalar] = {self._slot(path): value * 1.0 for path, value in batch.items()}
-        change = self._bindings.change(frozenset(slots))
+        realizations, values, admitted = self._blocks.changed_members(batch, count)
         wiring = self._wires.wiring(open_at)
         with np.errstate(all="ignore"):
-            values = self._bindings.override_many(slots, change)
-            admitted = self._bindings.admitted(values, change, count)
-            realizations = list(self._realizations)
-            for number in change.blocks:
-                try:
-                    realizations[number] = self._realize_block(number, values)
-                except (
-                    EngineError
-                ):  # the block exists for no member at all; its realisation at the document's values stays
-                    admitted[:] = False
             if self.nonlinear:
                 realizations = self._linearized_members(realizations, values, admitted)
             assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
@@ -356,8 +324,8 @@ class Diagram:
         overrides, open_at
             As in `realize`, which tells what is raised, too.
         """
-        values = {**{path: self._value(path) for path in steps}, **(overrides or {})}
-        lanes = self._lanes(steps, overrides or {})
+        values = {**{path: self._blocks.value(path) for path in steps}, **(overrides or {})}
+        lanes = self._blocks.lanes(steps, overrides or {})
         stack = self.realize_stack(lanes, open_at)
         if not stack.valid.all():
             for path, step in steps.items():
@@ -374,20 +342,13 @@ class Diagram:
             If a path does not exist or a block cannot be realised at the document's values.
         """
         graph = Graph() if graph is None else graph
-        slots: dict[int, Scalar] = {self._slot(path): graph.parameter(self._value(path)) for path in varied}
-        change = self._bindings.change(frozenset(slots))
-        values = self._bindings.override_many(slots, change)
-        realizations = self._channels.without(self._realizations)
-        for number in change.blocks:
-            if number not in self._channels.numbers:
-                realizations[number] = self._realize_block(number, values)
-        bounds = [(self._bindings.slots[index].param, values[index]) for index in change.checked]
+        realizations, values, bounds = self._blocks.traced(varied, graph, self._channels.numbers)
         return TracedDiagram(
             graph=graph,
-            realizations=tuple(realizations),
-            bounds=tuple((param, value) for param, value in bounds if param is not None and isinstance(value, Traced)),
+            realizations=tuple(self._channels.without(realizations)),
+            bounds=bounds,
             interconnection=self._interconnection,
-            laws=tuple(self._bindings.blocks[number].fill(values) for number in self._channels.numbers),
+            laws=tuple(self._blocks.of(number, values) for number in self._channels.numbers),
             opened=self._channels.wiring(self._wires.wiring(None), self._interconnection.outputs),
         )
 
@@ -395,64 +356,11 @@ class Diagram:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
         return self._wires.wiring(open_at)
 
-    def _lanes(self, steps: Mapping[str, float], overrides: Mapping[str, float]) -> dict[str, npt.NDArray[Any]]:
-        """Return values by path, (lanes,), lane k carrying the infinitesimal of parameter k."""
-        values = {**{path: self._value(path) for path in steps}, **overrides}
-        lanes = {path: np.full(len(steps), value, dtype=complex) for path, value in values.items()}
-        for lane, (path, step) in enumerate(steps.items()):
-            lanes[path][lane] += 1j * step
-        return lanes
-
-    def _value(self, path: str) -> float:
-        return float(self._bindings.base[self._slot(path)].real)
-
-    def _realize_base(self) -> list[Realization]:
-        """Return all blocks at the document's values, refusing what is too large before anything is built of it."""
-        realizations: list[Realization] = []
-        states = delays = 0
-        for number in range(len(self._flat.blocks)):
-            realization = self._realize_block(number, self._bindings.base)
-            states, delays = states + realization.a.shape[-1], delays + realization.delays.shape[-1]
-            for name, count, limit in (("states", states, MAX_STATES), ("delays", delays, MAX_DELAYS)):
-                if count > limit:
-                    raise DiagramError(f"{name} must be at most {limit}, got {count} or more", at=("blocks",))
-            realizations.append(realization)
-        return realizations
-
-    def _realize_block(self, number: int, values: list[Scalar]) -> Realization:
-        try:
-            return self._flat.elements[number].realize(self._bindings.blocks[number].fill(values))
-        except EngineError as error:
-            block = self._flat.blocks[number]
-            raise error.of(block.path).within(*block.at) from None
-        except (ZeroDivisionError, OverflowError):
-            block = self._flat.blocks[number]
-            raise DiagramError(f"{block.path} must have finite coefficients, but they overflow", at=block.at) from None
-
     def _assemble(self, realizations: list[Realization], wiring: Wiring) -> LinearSystem:
         assembled = self._interconnection.assemble(realizations, wiring)
         return LinearSystem(**assembled.matrices, inputs=wiring.inputs, outputs=wiring.outputs)
-
-    def _slot(self, path: str) -> int:
-        index = self._flat.numbers.paths.get(path)
-        if index is None:
-            raise DiagramError(
-                f"parameter must be one of the system's ({listed(self.parameters)}), got '{path}'", at=(path,)
-            )
-        if self.parameters[path].bound:
-            expression = self._bindings.slots[index].expression
-            given = "" if expression is None else expression.text
-            raise DiagramError(f"{path} must not be varied: the expression '{given}' gives its value", at=(path,))
-        return index
 
 
 def _restored(system: System, constants: Mapping[str, float]) -> Diagram:
     made = compile_system(system)
     return made.about(constants) if constants else made
-
-
-def _single(path: str, value: complex) -> Scalar:
-    number = complex(value) if np.iscomplexobj(value) else float(value.real)
-    if not math.isfinite(number.real):
-        raise DiagramError(f"{path} must be finite, got {number.real}", at=(path,))
-    return number

@@ -22,7 +22,8 @@ from engine.linear.screening_frequency import LOOP_METRICS, PATH_METRICS, Path, 
 from engine.linear.screening_march import Lanes, Mesh, Responses, balance, march
 from engine.linear.screening_masks import LOOP_MASKS, PATH_MASKS, TIME_MASKS, ratio
 from engine.linear.screening_time import METRICS as TIME_METRICS
-from engine.linear.screening_time import Readings, Trace
+from engine.linear.screening_time import Readings
+from engine.linear.screening_trace import Trace
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram

@@ -15,7 +15,8 @@ import numpy as np
 
 from engine.linear.screening_frequency import Path, Scan, solved
 from engine.linear.screening_march import GRID, POINTS
-from engine.linear.screening_time import Readings, Trace, evaluate_polynomial
+from engine.linear.screening_time import Readings
+from engine.linear.screening_trace import Trace, evaluate_polynomial
 from engine.linear.system import Array
 from engine.masks import Envelope, FrequencyBounds, Magnitude, Mask, Polyline, Segment
 
