@@ -145,7 +145,7 @@ export function DatasetPage() {
               <Button variant="default" onClick={() => look(from + third, to + third)} disabled={to >= end} aria-label={t("datasets.later")}>
                 →
               </Button>
-              <Button variant="default" onClick={() => look(0, end)}>
+              <Button variant="default" onClick={() => put((next) => ["from", "to"].forEach((key) => next.delete(key)))}>
                 {t("datasets.whole")}
               </Button>
             </Group>

@@ -3,6 +3,7 @@ import { useQueryClient } from "@tanstack/react-query";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useNavigate } from "react-router";
+import { isProblem } from "@/shared/api/problem";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber } from "@/shared/units/format";
 import { FORMATS, formatOf, type Format } from "./importing";
@@ -28,7 +29,7 @@ export function UploadPanel({ file, onClose }: { file: File; onClose(): void }) 
       await queries.invalidateQueries({ queryKey: ["datasets"] });
       void navigate(`/datasets/${id}/import`);
     } catch (error) {
-      if (!(error instanceof DOMException)) setFailure(error);
+      if (!(error instanceof DOMException && error.name === "AbortError")) setFailure(error);
       setSent(null);
     }
   };
@@ -37,14 +38,14 @@ export function UploadPanel({ file, onClose }: { file: File; onClose(): void }) 
       <Title order={2} mb="xs">
         {t("datasets.importOf", { name: file.name })}
       </Title>
-      <Group align="flex-end">
-        <TextInput label={t("systems.name")} value={name} onChange={(event) => setName(event.currentTarget.value)} w={260} disabled={known} />
-        <NativeSelect size="xs" label={t("importing.format")} value={format} onChange={(event) => setFormat(event.currentTarget.value as Format)} data={FORMATS.map((value) => ({ value, label: t(`importing.formats.${value}`) }))} disabled={known} />
-        <Text fz="sm" pb={4}>
+      <Group align="flex-start">
+        <TextInput label={t("systems.name")} value={name} onChange={(event) => setName(event.currentTarget.value)} w={260} disabled={known} error={isProblem(failure) ? failure.at("/name") : undefined} />
+        <NativeSelect size="xs" label={t("importing.format")} value={format} onChange={(event) => setFormat(event.currentTarget.value as Format)} data={FORMATS.map((value) => ({ value, label: t(`importing.formats.${value}`) }))} disabled={known} error={isProblem(failure) ? failure.at("/format") : undefined} />
+        <Text fz="sm" pt={26}>
           {formatNumber(file.size / 1e6, 3)} MB
         </Text>
       </Group>
-      <ProblemAlert error={failure} />
+      <ProblemAlert error={failure} shown={["/name", "/format"]} />
       {sent !== null && <Progress value={100 * sent} aria-label={t("datasets.sent")} my="sm" />}
       {known && sent === null && (
         <Text fz="sm" my="xs" role="status">

@@ -17,7 +17,7 @@ import { firstSliders } from "@/shared/systems/movable";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit } from "@/shared/units/format";
-import { readKnown, readMore, readSought, recordingsOf, writeMore, writeSought } from "./address";
+import { placesOf, readKnown, readMore, readSought, recordingsOf, writeMore, writeSought } from "./address";
 import { FurtherRecordings } from "./FurtherRecordings";
 import { MatchFields, type Matched } from "./MatchFields";
 import { OffsetsSelect, StartButtons } from "./parts";
@@ -37,7 +37,7 @@ type Fields = z.infer<typeof schema>;
 const BEGIN = { split: 0.5, offsets: "none", initial_states: "rest", starts: 1, known: "", max_evaluations: 60 } as const satisfies Omit<Fields, "parameters">;
 const { parameters: _, ...SHAPE } = schema.shape;
 
-const SHOWN = ["/system", "/dataset", "/inputs", "/outputs", "/experiments", "/parameters", "/split", "/starts", "/max_evaluations"];
+const SHOWN = ["/system", "/parameters", "/starts", "/max_evaluations"];
 
 /** Parameters of a system, sought in one recording or several. */
 export function GreyBoxForm({ found }: { found: Matched }) {
@@ -78,6 +78,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
   const rows = watch("parameters");
   const byPath = new Map(all.map((one) => [one.path, one]));
   const choose = (paths: string[]) => setValue("parameters", paths.map((path) => rows.find((row) => row.path === path) ?? { path }), { shouldValidate: formState.isSubmitted });
+  const shown = [...SHOWN, ...["", ...[null, ...more].map((_, i) => `/experiments/${i}`)].flatMap((before) => [...placesOf(found.opened, before), `${before}/parameters`])];
   const ready = found.opened !== undefined && found.dataset !== undefined;
   return (
     <form onSubmit={(event) => void handleSubmit((fields) => start.mutate(fields))(event)} noValidate>
@@ -85,7 +86,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
         <MatchFields {...found} wrong={wrong} />
         {ready && (
           <>
-            {more.length > 0 && <TextInput maw={420} label={t("matching.known")} description={t("matching.knownDoc")} placeholder="load = 25 kg; current = 0.5" {...register("known")} error={own("known")} />}
+            {more.length > 0 && <TextInput maw={420} label={t("matching.known")} description={t("matching.knownDoc")} placeholder="load = 25 kg; current = 0.5" {...register("known")} error={own("known") ?? problem?.at("/experiments/0/parameters")} />}
             <FurtherRecordings more={more} opened={found.opened!} onChange={(next) => setQuery((before) => writeMore(before, next), { replace: true })} wrong={(pointer) => problem?.at(pointer)} />
             <MultiSelect label={t("matching.parameters")} description={t("matching.parametersDoc")} data={all.map((one) => one.path)} value={rows.map((row) => row.path)} onChange={choose} searchable error={own("parameters")} />
             {rows.length > 0 && (
@@ -123,7 +124,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
               <NumberField control={control} name="starts" w={110} label={t("matching.starts")} description={t("matching.startsDoc")} error={own("starts")} />
               <NumberField control={control} name="max_evaluations" w={130} label={t("matching.budget")} description={t("matching.budgetDoc")} error={own("max_evaluations")} />
             </Group>
-            <ProblemAlert error={start.error} shown={SHOWN} />
+            <ProblemAlert error={start.error} shown={shown} />
             <StartButtons go={t("matching.find")} busy={start.isPending} onSchedule={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.identify"), { kind: "identification", body: bodyOf(fields) })))()} />
           </>
         )}

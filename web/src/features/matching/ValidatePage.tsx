@@ -14,7 +14,7 @@ import { NumberField } from "@/shared/forms/NumberField";
 import { useAddress } from "@/shared/forms/useAddress";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { given } from "./address";
+import { given, placesOf } from "./address";
 import { MatchFields, useMatch } from "./MatchFields";
 import { OffsetsSelect, StartButtons } from "./parts";
 
@@ -34,7 +34,7 @@ type Fields = z.infer<typeof schema>;
 const BEGIN: Fields = { limit: 10, offsets: "none", diagnose: "failed", identification: "", from: undefined, to: undefined };
 const HELD = { read: (query: URLSearchParams) => readFields(query, BEGIN, schema.shape), write: (fields: Fields) => writeFields(fields, BEGIN) };
 
-const SHOWN = ["/system", "/dataset", "/inputs", "/outputs", "/limit_percent", "/identification", "/window"];
+const SHOWN = ["/system", "/limit_percent", "/identification", "/window"];
 /** Points of each curve that a page can show. */
 const POINTS = 4000;
 
@@ -104,7 +104,7 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
             <Text fz="xs" c="dimmed">
               {t("matching.windowDoc")}
             </Text>
-            <ProblemAlert error={start.error} shown={SHOWN} />
+            <ProblemAlert error={start.error} shown={[...SHOWN, ...placesOf(found.opened)]} />
             <StartButtons go={t("matching.judge")} busy={start.isPending} onSchedule={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.validate"), { kind: "validation", body: bodyOf(fields) })))()} />
           </>
         )}

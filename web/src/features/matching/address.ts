@@ -1,5 +1,6 @@
 import type { Scalar } from "@/shared/api/types";
 import type { Parameters } from "@/shared/forms/address";
+import type { Opened } from "@/shared/live/protocol";
 import { readScenarios } from "@/shared/systems/scenarios";
 
 /** A recording, and which of its channels is which signal. */
@@ -77,6 +78,12 @@ export function recordingsOf(match: Match, first: { split: number; known: string
   if (more.length === 0 && first.known.trim() === "") return { ...one(match), split: first.split };
   const experiments = [{ ...match, ...first }, ...more].map((each) => ({ ...one(each), split: each.split, parameters: readKnown(each.known) ?? {} }));
   return { experiments };
+}
+
+/** The places of a recording in a request that have a field: what is wrong elsewhere, such as that nothing is matched at all, is told below the form. */
+export function placesOf(opened: Pick<Opened, "inputs" | "outputs"> | undefined, before = ""): string[] {
+  const ports = [...(opened?.inputs ?? []).map((name) => `inputs/${name}`), ...(opened?.outputs ?? []).map(({ name }) => `outputs/${name}`)];
+  return ["dataset", "split", ...ports].map((place) => `${before}/${place}`);
 }
 
 /** A parameter that is sought, with the bounds that it keeps to. */

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import contract from "../../../../openapi/openapi.json";
 import type { Schemas } from "@/shared/forms/schema";
-import { given, readMatch, readMore, readSought, recordingsOf, writeMatch, writeMore, writeSought, type Experiment } from "./address";
+import { given, placesOf, readMatch, readMore, readSought, recordingsOf, writeMatch, writeMore, writeSought, type Experiment } from "./address";
 import { directFields, methodIn, readValues } from "./direct";
 import { likely } from "./sources";
 
@@ -27,6 +27,12 @@ it("keeps further recordings in the address", () => {
   expect(readMore(writeMore(new URLSearchParams("p=k"), [laden]))).toEqual([laden]);
   expect(writeMore(new URLSearchParams("more=x"), []).has("more")).toBe(false);
   expect(readMore(new URLSearchParams("more={"))).toEqual([]);
+});
+
+it("has a field for every port, and none for all of them together", () => {
+  const places = placesOf({ inputs: ["u"], outputs: [{ name: "y", unit: "m" }] }, "/experiments/1");
+  expect(places).toEqual(["/experiments/1/dataset", "/experiments/1/split", "/experiments/1/inputs/u", "/experiments/1/outputs/y"]);
+  expect(placesOf(undefined)).toEqual(["/dataset", "/split"]);
 });
 
 it("keeps what is sought in the address, with its bounds", () => {

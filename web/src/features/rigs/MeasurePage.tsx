@@ -15,7 +15,7 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, withUnit } from "@/shared/units/format";
 import { agentsQuery, presence, rigQuery, templatesQuery, type AcquisitionRequest, type Rig, type Template } from "./api";
-import { editable, fieldsOf, requestOf, resolver, schema, type Fields } from "./request";
+import { driveFaults, editable, fieldsOf, requestOf, resolver, schema, type Fields } from "./request";
 
 /** The form of a measurement, filled from a template when the address names one. */
 export function MeasurePage() {
@@ -41,7 +41,7 @@ export function MeasurePage() {
   );
 }
 
-const SHOWN = ["/name", "/channels", "/sample_rate", "/duration", "/pre_trigger", "/averages", "/drive"];
+const SHOWN = ["/name", "/channels", "/sample_rate", "/duration", "/pre_trigger", "/averages"];
 
 function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   const { t } = useTranslation();
@@ -76,7 +76,9 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   });
   const error = start.error ?? keep.error;
   const problem = isProblem(error) ? error : null;
-  const wrong = (field: keyof Fields, pointer?: string) => faultAt(t, form, problem, field, pointer);
+  const wrong = (field: keyof Fields) => faultAt(t, form, problem, field);
+  const driven = driveFaults(problem);
+  const wrongDrive = (field: keyof typeof driven) => faultAt(t, form, null, field) ?? driven[field];
   const values = watch();
   const agent = agents.data?.find((one) => one.id === rig.agent);
   const away = agents.isSuccess && (!agent || presence(agent) !== "ready");
@@ -120,11 +122,11 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
         ) : (
           <>
             <Group grow preventGrowOverflow={false} align="flex-start">
-              <NativeSelect size="xs" label={t("rigs.drives")} {...register("output")} error={wrong("output", "/drive/output")} data={[{ value: "", label: t("rigs.nothing") }, ...outputs.map((one) => ({ value: one.name, label: one.name }))]} />
+              <NativeSelect size="xs" label={t("rigs.drives")} {...register("output")} error={wrongDrive("output")} data={[{ value: "", label: t("rigs.nothing") }, ...outputs.map((one) => ({ value: one.name, label: one.name }))]} />
               {values.output && <NativeSelect size="xs" label={t("rigs.signal")} {...register("signal")} data={(["step", "sine", "chirp"] as const).map((kind) => ({ value: kind, label: t(`rigs.signals.${kind}`) }))} />}
-              {values.output && <NumberField control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrong("amplitude", "/drive")} />}
-              {values.output && values.signal !== "step" && <NumberField control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrong("frequency")} />}
-              {values.output && values.signal === "chirp" && <NumberField control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrong("end")} />}
+              {values.output && <NumberField control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrongDrive("amplitude")} />}
+              {values.output && values.signal !== "step" && <NumberField control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrongDrive("frequency")} />}
+              {values.output && values.signal === "chirp" && <NumberField control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrongDrive("end")} />}
             </Group>
             {output && (
               <Text fz="xs" c="dimmed">
@@ -134,7 +136,7 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
           </>
         )}
         <Checkbox size="xs" label={t("rigs.confirm")} description={t("rigs.confirmDoc")} {...register("confirm")} />
-        <ProblemAlert error={error} shown={SHOWN} />
+        <ProblemAlert error={error} shown={asIs ? SHOWN : [...SHOWN, "/drive"]} />
         {keep.isSuccess && (
           <Text fz="sm" role="status">
             {t("rigs.kept", { name: keep.data.name })}

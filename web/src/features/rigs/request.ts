@@ -1,6 +1,7 @@
 import { zodResolver } from "@hookform/resolvers/zod";
 import type { Resolver } from "react-hook-form";
 import { z } from "zod";
+import type { Problem } from "@/shared/api/problem";
 import type { AcquisitionRequest, Template } from "./api";
 
 const positive = z.number("forms.number").positive("forms.positive");
@@ -73,4 +74,12 @@ export function fieldsOf(document: AcquisitionRequest | undefined, channels: str
     frequency: number(signal?.frequency ?? signal?.start_frequency, QUIET.frequency),
     end: number(signal?.end_frequency, QUIET.end),
   };
+}
+
+/** What the service finds wrong with a drive, at the field that each fault belongs to; what belongs to none of them is about the level. */
+export function driveFaults(problem: Problem | null): Partial<Record<"output" | "amplitude" | "frequency" | "end", string>> {
+  const places = { output: ["/drive/output"], frequency: ["/drive/signal/frequency", "/drive/signal/start_frequency"], end: ["/drive/signal/end_frequency"] };
+  const level = problem?.document.errors?.find(({ pointer }) => /^\/drive(\/|$)/.test(pointer) && !Object.values(places).flat().includes(pointer));
+  const at = (pointers: string[]) => pointers.map((pointer) => problem?.at(pointer)).find((detail) => detail !== undefined);
+  return { output: at(places.output), amplitude: level?.detail, frequency: at(places.frequency), end: at(places.end) };
 }

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
+import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
 import { joined } from "./live";
-import { requestOf } from "./request";
+import { driveFaults, requestOf } from "./request";
 
 const agent = (seen_at: string, has_rig = true) => ({ seen_at, has_rig, time: "2026-11-22T10:01:00Z", lease_seconds: 30 }) as AgentReply;
 
@@ -35,4 +36,13 @@ it("asks for what the form says, in SI", () => {
     drive: { output: "valve", signal: { kind: "chirp", amplitude: 2, start_frequency: { value: 5, unit: "Hz" }, end_frequency: { value: 50, unit: "Hz" }, duration: 2 } },
   });
   expect(requestOf({ ...fields, output: "" }, "bench")).not.toHaveProperty("drive");
+});
+
+it("tells what is wrong with a drive at its own field", () => {
+  const of = (pointer: string) => driveFaults(new Problem({ title: "", status: 422, detail: "", errors: [{ pointer, detail: "wrong" }] }));
+  expect(of("/drive/signal/start_frequency")).toEqual({ frequency: "wrong" });
+  expect(of("/drive/signal/end_frequency")).toEqual({ end: "wrong" });
+  expect(of("/drive/output")).toEqual({ output: "wrong" });
+  expect([of("/drive"), of("/drive/signal/amplitude")]).toEqual([{ amplitude: "wrong" }, { amplitude: "wrong" }]);
+  expect([of("/driver"), driveFaults(null)]).toEqual([{}, {}]);
 });

@@ -17,6 +17,8 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { cronWords, PRESETS, timeZones } from "./cron";
 
 const KINDS = ["optimization", "identification", "validation", "acquisition"] as const;
+/** Kinds of jobs that are about a recording. */
+const DATA_OF = new Set<string>(["identification", "validation"]);
 const SHOWN = ["/name", "/cron", "/time_zone", "/newest", "/job"];
 
 function jsonObject(text: string): Record<string, unknown> | null {
@@ -84,7 +86,7 @@ function Form({ begin, id, etag, onAnew }: { begin: Fields; id: string | undefin
   const templates = useQuery({ queryKey: ["acquisition-templates"], queryFn: () => must(api.GET("/v1/acquisition-templates", { params: { query: { limit: 200 } } })) });
   const save = useMutation({
     mutationFn: async ({ kind, body, newest, ...rest }: Fields) => {
-      const document = { ...rest, newest: newest.trim() || null, job: { kind, body: jsonObject(body) } } as unknown as ScheduleRequest;
+      const document = { ...rest, newest: (DATA_OF.has(kind) && newest.trim()) || null, job: { kind, body: jsonObject(body) } } as unknown as ScheduleRequest;
       if (id !== undefined && etag !== undefined) return must(api.PUT("/v1/schedules/{identifier}", { params: { path: { identifier: id }, header: { "If-Match": etag } }, body: document }));
       return must(api.POST("/v1/schedules", { body: document }));
     },
@@ -114,7 +116,7 @@ function Form({ begin, id, etag, onAnew }: { begin: Fields; id: string | undefin
             )}
           </Group>
           <Textarea label={t("schedules.body")} description={t(`schedules.bodyDoc.${kind}`)} autosize minRows={6} maxRows={22} {...register("body")} error={wrong("body", "/job")} classNames={{ input: "numbers" }} spellCheck={false} />
-          {kind !== "acquisition" && kind !== "optimization" && <TextInput label={t("schedules.newest")} description={t("schedules.newestDoc")} {...register("newest")} error={wrong("newest", "/newest")} />}
+          {DATA_OF.has(kind) && <TextInput label={t("schedules.newest")} description={t("schedules.newestDoc")} {...register("newest")} error={wrong("newest", "/newest")} />}
           <Group grow preventGrowOverflow={false}>
             <NativeSelect size="xs" label={t("schedules.overlap")} {...register("overlap")} data={(["skip", "queue", "cancel_previous"] as const).map((value) => ({ value, label: t(`schedules.overlapNames.${value}`) }))} />
             <NativeSelect size="xs" label={t("schedules.missed")} {...register("missed")} data={(["none", "one", "all"] as const).map((value) => ({ value, label: t(`schedules.missedNames.${value}`) }))} />
