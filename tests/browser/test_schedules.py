@@ -58,6 +58,14 @@ def test_a_schedule_is_made_paused_run_and_deleted(page: Page, job) -> None:
     row = page.get_by_test_id("runs").get_by_role("row").nth(1)
     expect(row).to_contain_text("started")
     assert faults(page) == []
+    # In words and on the clocks of the schedule, the next one with how far it is away.
+    expect(page.get_by_test_id("next").get_by_role("listitem").first).to_contain_text(
+        re.compile(r"\w+day, .*02:30 [A-Z].* · (in \d+ (hours?|minutes?)|tomorrow)")
+    )
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_text("None while it is paused.")).to_be_visible()
+    page.get_by_role("button", name="Resume").click()
+    expect(page.get_by_test_id("next").get_by_role("listitem")).to_have_count(5)
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_text("None while it is paused.")).to_be_visible()
     page.get_by_role("link", name="Change").click()
@@ -85,3 +93,26 @@ def test_what_the_service_refuses_stands_at_its_field(page: Page, job) -> None:
     expect(page.locator(".mantine-Textarea-error")).to_be_visible()
     assert page.url.endswith(urlencode({"job": json.dumps({**job, "body": {"system": "sys_none"}})}))
     assert faults(page) == []
+
+
+def test_two_who_change_one_schedule_lose_nothing(page: Page, client, job) -> None:
+    document = {"name": "shared", "cron": "30 2 * * *", "time_zone": "UTC", "paused": True, "job": job}
+    made = client.post("/v1/schedules", json=document).json()["id"]
+    page.goto(f"/schedules/{made}/edit")
+    page.get_by_role("textbox", name="Name").fill("x" * 201)
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("must have at most 200 characters, got xxx")).to_be_visible()
+    page.get_by_role("textbox", name="Name").fill("shared by two")
+    tag = client.get(f"/v1/schedules/{made}").headers["ETag"]
+    changed = client.put(f"/v1/schedules/{made}", json={**document, "cron": "0 * * * *"}, headers={"If-Match": tag})
+    assert changed.status_code == 200
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("Somebody else has changed it meanwhile")).to_be_visible()
+    assert faults(page) == []
+    page.get_by_role("button", name="Take over what is there now").click()
+    expect(page.get_by_role("textbox", name="Cron expression")).to_have_value("0 * * * *")
+    expect(page.get_by_role("textbox", name="Name")).to_have_value("shared by two")
+    page.get_by_role("button", name="Save").click()
+    page.wait_for_url(re.compile(r"/schedules/sch_\w+$"))
+    kept = client.get(f"/v1/schedules/{made}").json()["document"]
+    assert (kept["name"], kept["cron"]) == ("shared by two", "0 * * * *")
