@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import resource
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -63,9 +64,11 @@ class _Watch:
 
 
 def prepare() -> None:
-    """Load the compiled kernels, so that no job waits for them, and write the log as the worker does."""
+    """Load the compiled kernels and the packages of searches, so that no job waits for them, and write the log as the worker does."""
     settings = Settings()
     logs.configure(settings.log_level, form=settings.log_format)
+    for package in ("scipy.signal", "scipy.stats"):  # searches and identifications load them where they need them
+        importlib.import_module(package)
     warm()
 
 

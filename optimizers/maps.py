@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
+from optimizers.evenly import latin_hypercubes, sobol_sequence
 from optimizers.problem import Axis, Vector
 from optimizers.result import GridMap
 
@@ -53,8 +53,8 @@ class Combinations:
 def sample(kind: str, total: int, dimensions: int, rng: np.random.Generator) -> Matrix:
     """Return ``total`` evenly spread points of the unit cube: a scrambled Sobol sequence or a Latin hypercube."""
     if kind == "sobol":
-        return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(math.ceil(math.log2(total)))[:total])
-    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(total))
+        return np.asarray(sobol_sequence(dimensions, rng).random_base2(math.ceil(math.log2(total)))[:total])
+    return np.asarray(latin_hypercubes(dimensions, rng).random(total))
 
 
 def joined(parts: Sequence[GridMap]) -> GridMap:

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
-from scipy.signal import lfilter
+
+from optimizers.filters import filtered
 
 Samples = npt.NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class Autoregression:
 
     def innovations(self, residuals: Samples) -> Samples:
         """Return w; at the beginning, where what it remembers was not recorded, the residuals themselves."""
-        found = np.asarray(lfilter(self.coefficients, [1.0], residuals))
+        found = filtered(self.coefficients, [1.0], residuals)
         found[: self.order] = residuals[: self.order]
         return found
 

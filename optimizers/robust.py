@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
-from scipy.stats import qmc
 
 from optimizers.blocks import in_blocks
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
+from optimizers.evenly import sobol_sequence
 from optimizers.excess import signed_excess
 from optimizers.problem import Across, Problem, Scenario, Vector
 from optimizers.result import Monitor, Result, Robustness, Share, Status, Unwatched
@@ -114,7 +114,7 @@ def adversary(problem: Problem, best: Mapping[str, float], seed: int, monitor: M
     tracker = Tracker(evaluator, _Quiet(monitor), budget=10**9)
     count = len(problem.ranges)
     corners = np.array(list(itertools.islice(itertools.product((0.0, 1.0), repeat=count), _LOOKED_AT)))
-    sample = qmc.Sobol(count, rng=np.random.default_rng(seed)).random(_FEW if problem.diagram.nonlinear else _SAMPLES)
+    sample = sobol_sequence(count, np.random.default_rng(seed)).random(_FEW if problem.diagram.nonlinear else _SAMPLES)
     points = np.vstack([corners, sample])
     parts: list[Assessment] = []
     tried: list[Vector] = []

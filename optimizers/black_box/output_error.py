@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from optimizers.black_box.continuous import Discrete
+from optimizers.filters import filtered
 from optimizers.methods.least_squares import minimize_squares
 
 Samples = npt.NDArray[np.float64]
@@ -48,13 +48,14 @@ class OutputError:
         u, y = _shifted(self._u, delay), self._y
         for _ in range(_REPEATED):
             whole = np.append(1.0, f)
-            uf, yf = lfilter([1.0], whole, u), lfilter([1.0], whole, y)
+            uf, yf = filtered([1.0], whole, u), filtered([1.0], whole, y)
             recursion = [-_shifted(yf, k) for k in range(1, order + 1)]
             table = np.stack([*recursion, *(_shifted(uf, k) for k in range(order + 1)), np.ones(y.size)], axis=1)
             if not self._offset:
                 table = table[:, :-1]
             # the first samples begin from a state that is not in the regression
-            f = _reflected(np.linalg.lstsq(table[order:], yf[order:], rcond=1e-12)[0][:order])
+            solved, *_ = np.linalg.lstsq(table[order:], yf[order:], rcond=1e-12)
+            f = _reflected(np.asarray(solved[:order], dtype=np.float64))
             left = float(np.linalg.norm(self._left(f, delay)[0])) / self._spread
             if left < least:
                 best, least = f, left
@@ -72,7 +73,7 @@ class OutputError:
             if np.abs(np.roots(np.append(1.0, x))).max(initial=0.0) >= 1:
                 return np.full(self._y.size, np.inf), np.zeros((self._y.size, x.size))
             left, q, simulated = self._left(x, delay)
-            moved = lfilter([1.0], np.append(1.0, x), simulated)
+            moved = filtered([1.0], np.append(1.0, x), simulated)
             jacobian = np.stack([_shifted(moved, k) for k in range(1, x.size + 1)], axis=1)
             return left / self._spread, (jacobian - q @ (q.T @ jacobian)) / self._spread
 
@@ -110,10 +111,10 @@ class OutputError:
     def _columns(self, f: Samples, delay: int) -> Samples:
         """Return the regressors of B, of the initial state and of the constant."""
         whole = np.append(1.0, f)
-        driven = lfilter([1.0], whole, _shifted(self._u, delay))
+        driven = filtered([1.0], whole, _shifted(self._u, delay))
         impulse = np.zeros(self._y.size)
         impulse[0] = 1.0
-        free = lfilter([1.0], whole, impulse)
+        free = filtered([1.0], whole, impulse)
         columns = [_shifted(driven, k) for k in range(f.size + 1)]
         columns += [_shifted(free, k) for k in range(f.size)]
         return np.stack([*columns, np.ones(self._y.size)] if self._offset else columns, axis=1)

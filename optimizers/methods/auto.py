@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any, ClassVar, final
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine.errors import EngineError
 from engine.parameters import Param
@@ -19,6 +18,7 @@ from optimizers.certificate import TOLERANCE
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.evaluate import Evaluator
+from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import Method
 from optimizers.problem import Problem
 from optimizers.result import Monitor, Quiet, Result
@@ -111,7 +111,7 @@ def _is_convex(problem: Problem) -> bool:
 
 def _share(evaluator: Evaluator, rng: np.random.Generator, monitor: Monitor) -> float:
     """Return the share of a Sobol sample that meets every goal."""
-    points = qmc.Sobol(len(evaluator.problem.axes), rng=rng).random(_SAMPLE)
+    points = sobol_sequence(len(evaluator.problem.axes), rng).random(_SAMPLE)
     tracker = Tracker(evaluator, Quiet(monitor), budget=10 * _SAMPLE)
     met = 0
     try:

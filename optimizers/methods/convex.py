@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine.parameters import Param
 from optimizers.convex.convex_concave import Procedure
@@ -23,6 +22,7 @@ from optimizers.convex.point import Point
 from optimizers.convex.ratios import INTEGRATED_ERROR, ratios_of
 from optimizers.convex.youla import best_linear
 from optimizers.evaluate import Evaluator
+from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
@@ -159,7 +159,7 @@ def _starts(
 ) -> Iterator[Vector]:
     """Yield stable points, the present one first if it is, then the most promising of a Sobol sequence, wide apart."""
     first = problem.start()
-    sample = qmc.Sobol(len(problem.axes), rng=rng).random(_SAMPLE)
+    sample = sobol_sequence(len(problem.axes), rng).random(_SAMPLE)
     positions = np.vstack([first, sample])
     points = np.stack([axis.value(positions[:, k]) for k, axis in enumerate(problem.axes)], axis=1)
     order = [0, *(1 + np.array(procedure.ranking(points[1:], points[0])))]

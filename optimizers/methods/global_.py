@@ -16,13 +16,13 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
 from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
+from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
@@ -190,7 +190,7 @@ def _sample(tracker: Tracker, rng: np.random.Generator) -> Vector:
     problem = tracker.evaluator.problem
     count = min(_SAMPLE, max(1, tracker.budget // 8))
     tracker.monitor.progress(0.0, "sampling")
-    sobol = qmc.Sobol(len(problem.axes), rng=rng).random_base2(math.ceil(math.log2(count)))[: count - 1]
+    sobol = sobol_sequence(len(problem.axes), rng).random_base2(math.ceil(math.log2(count)))[: count - 1]
     for _ in in_blocks(tracker, np.vstack([problem.start(), sobol]), roughly=True):
         pass
     assert tracker.best is not None

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
@@ -21,6 +20,7 @@ from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
@@ -174,7 +174,7 @@ def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:
     """Return points from the best to the worst: the start and a Sobol sequence."""
     problem, compiled = tracker.evaluator.problem, tracker.evaluator.compiled
     count = max(1, min(_SAMPLE, tracker.budget // 3) if compiled else min(_FEW, tracker.budget // 8))
-    sobol = qmc.Sobol(len(problem.axes), rng=rng)
+    sobol = sobol_sequence(len(problem.axes), rng)
     points = np.vstack([problem.start(), sobol.random_base2(math.ceil(math.log2(count)))[: count - 1]])
     violation, objective = np.empty(len(points)), np.empty(len(points))
     for rows, found in in_blocks(tracker, points, roughly=True):

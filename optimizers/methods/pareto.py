@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine.parameters import Param
 from engine.verdicts import Measured
@@ -24,6 +23,7 @@ from optimizers.blocks import in_blocks
 from optimizers.candidates import Candidates, packed, unpacked
 from optimizers.certificate import TOLERANCE, certificate_of, number_of, worst_scenario
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
+from optimizers.evenly import sobol_sequence
 from optimizers.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
 from optimizers.fronts import hypervolume, knee, undominated
 from optimizers.methods._base import Method
@@ -236,7 +236,7 @@ def _sample(tracker: Tracker, candidates: Candidates, size: int, rng: np.random.
     tracker.monitor.progress(0.0, "sampling")
     problem = candidates.problem
     count = max(size, min(_SAMPLE, tracker.budget // 8))
-    sobol = qmc.Sobol(len(problem.axes), rng=rng).random_base2(math.ceil(math.log2(count)))[: count - 1]
+    sobol = sobol_sequence(len(problem.axes), rng).random_base2(math.ceil(math.log2(count)))[: count - 1]
     positions = np.vstack([problem.start(), sobol])
     values, violation = _assessed(tracker, candidates, positions)
     rank = np.where(violation <= TOLERANCE, 0.0, violation)

@@ -34,6 +34,8 @@ def test_import_contracts_hold() -> None:
     [
         # control, cvxpy and matplotlib cost seconds each: only the function that needs one imports it.
         ("api.main", ("control", "cvxpy", "matplotlib", "nidaqmx", "mpmath", "servotune")),
+        # scipy.stats alone is a fifth of the service's start.
+        ("api.main", ("scipy.signal", "scipy.stats")),
         # Each of them costs a cold start a twentieth to a fifth of a second.
         ("engine.screening", ("scipy.fft", "scipy.interpolate", "scipy.optimize", "scipy.sparse", "scipy.special")),
         ("api.convert.systems", ("pint", "scipy.optimize", "scipy.sparse", "scipy.special")),
