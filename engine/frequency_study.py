@@ -171,7 +171,7 @@ def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdic
     details = []
     if last is not None:
         details.append(
-            f"the gain of this loop never fades, so its crossings have no end: listed up to {last:.3g} rad/s"
+            f"the crossings of this loop have no end, or are too many to follow: listed up to {last:.3g} rad/s"
         )
     if count is not None and (count.closed_loop > 0) != (verdict is Verdict.UNSTABLE):
         details.append(

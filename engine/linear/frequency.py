@@ -234,9 +234,18 @@ class FrequencyResponse:
         top = float(np.abs(corners).max(initial=0.0))
         return np.asarray(corners[np.abs(corners) > 1e-12 * top])
 
-    @cached_property
+    @property
     def scan(self) -> tuple[Real, npt.NDArray[np.complex128]]:
         """Frequencies (rad/s, rising) and the response there, fine enough that nothing hides between neighbours."""
+        return self._scan[:2]
+
+    @property
+    def resolved(self) -> float:
+        """The frequency, rad/s, up to which the scan follows the turns of the delays; infinite where that is all there is."""
+        return self._scan[2]
+
+    @cached_property
+    def _scan(self) -> tuple[Real, npt.NDArray[np.complex128], float]:
         corners = self.corner_frequencies
         size = np.abs(corners)
         total_delay = float(self.system.delays[0].real.sum())
@@ -252,13 +261,15 @@ class FrequencyResponse:
             width = max(abs(corner.real), 1e-9 * abs(corner))
             around = abs(corner.imag) + width * np.array([-8, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])
             omega = np.concatenate([omega, around[(around > low) & (around < high)]])
+        resolved = np.inf
         if total_delay:
-            omega = np.concatenate([omega, self._turns(low, high, total_delay)])
+            turns, resolved = self._turns(low, high, total_delay)
+            omega = np.concatenate([omega, turns])
         omega = np.unique(omega)
         # two points that differ by rounding alone make a false summit between them, and hide the bracket of the true one
         omega = omega[np.diff(omega, prepend=0.0) > 1e-12 * omega]
         values = self(omega)
-        return self._refined(omega, values)
+        return *self._refined(omega, values), resolved
 
     def _extend(self, low: float, high: float) -> tuple[float, float]:
         """Move the ends until an integrator has lifted, and a roll-off has lowered, the magnitude enough."""
@@ -275,14 +286,15 @@ class FrequencyResponse:
             high *= 10
         return low, high
 
-    def _turns(self, low: float, high: float, total_delay: float) -> Real:
-        """Return points at equal steps of the delays' phase, as far as the magnitude matters."""
+    def _turns(self, low: float, high: float, total_delay: float) -> tuple[Real, float]:
+        """Return points at equal steps of the delays' phase, as far as the magnitude matters, and how far they suffice."""
         coarse = np.geomspace(low, high, 400)
         magnitude = np.abs(self(coarse))
         matters = np.flatnonzero(magnitude > 0.3 * self._floor * min(1.0, magnitude.max()))
         last = coarse[min(matters[-1] + 1, len(coarse) - 1)] if len(matters) else high
         step = 0.2 / total_delay
-        return np.arange(step, min(last, step * _MOST_POINTS / 2), step)
+        enough = step * _MOST_POINTS / 2
+        return np.arange(step, min(last, enough), step), enough if last > enough else np.inf
 
     def _refined(self, omega: Real, values: npt.NDArray[np.complex128]) -> tuple[Real, npt.NDArray[np.complex128]]:
         fresh = np.ones(len(omega) - 1, dtype=bool)
@@ -308,11 +320,13 @@ class FrequencyResponse:
             fresh[shifted] = fresh[shifted + 1] = True
         return omega, values
 
-    def crossings(self, shape: Shape, level: Array | float, *, floor: float = 0.0) -> list[Array]:
+    def crossings(
+        self, shape: Shape, level: Array | float, *, floor: float = 0.0, until: float = np.inf
+    ) -> list[Array]:
         """Return the frequencies where ``shape`` passes through ``level``, rising, each of shape (lanes,).
 
         Where the magnitude stays below ``floor`` nothing is looked for: behind a delay a fading response crosses an axis
-        thousands of times.
+        thousands of times. Neither is it beyond ``until`` (rad/s).
         """
         base = float(np.ravel(np.asarray(level))[0].real)
         omega, values = self.scan
@@ -323,6 +337,7 @@ class FrequencyResponse:
         magnitude = np.abs(values)
         # the scan is straight to one percent: half the floor at both neighbours keeps what lies between below it
         matters = np.maximum(magnitude[:-1], magnitude[1:]) >= 0.5 * floor
+        matters &= omega[1:] <= until
         changes = (level_of[:-1] < 0) != (level_of[1:] < 0)
         where = np.flatnonzero(changes & matters & finite[:-1] & finite[1:])
 

@@ -40,7 +40,7 @@ class NyquistCount:
 
 
 def nyquist_count(response: FrequencyResponse, opened: Poles, closed: Poles) -> NyquistCount | None:
-    """Return the count, or None where L passes through -1, or never ceases to go round it.
+    """Return the count, or None where L passes through -1, or goes round it further than its scan follows its phase.
 
     Parameters
     ----------
@@ -52,6 +52,10 @@ def nyquist_count(response: FrequencyResponse, opened: Poles, closed: Poles) -> 
     if opened.neutral or closed.neutral:
         return None
     omega, values = response.scan
+    followed = omega <= response.resolved
+    if np.any(np.abs(values[~followed]) >= 1):
+        return None
+    omega, values = omega[followed], values[followed]
     on_axis = opened.on_axis & ~opened.at_zero & (opened.values.imag > 0)
     passed = np.sort(opened.values.imag[on_axis])
     near = (np.abs(omega[:, None] - passed) < _NEAR * omega[:, None]).any(axis=1)  # there the phase is rounding
@@ -73,6 +77,8 @@ def nyquist_count(response: FrequencyResponse, opened: Poles, closed: Poles) -> 
 
 
 def listed_to(response: FrequencyResponse) -> float | None:
-    """Return the frequency, rad/s, up to which crossings are listed, where a direct gain behind a delay never fades."""
+    """Return the frequency, rad/s, up to which crossings are listed, where the loop gain has not faded by then."""
     omega, values = response.scan
+    if response.resolved < omega[-1]:
+        return response.resolved
     return float(omega[-1]) if response.system.m and abs(values[-1]) >= SMALLEST_LOOP_GAIN else None

@@ -8,7 +8,6 @@ from the eigenvalues of the spectrally discretised transport along the delay lin
 
 References
 ----------
-D. Breda, S. Maset, R. Vermiglio, "Stability of Linear Delay Differential Equations", Springer 2015, chapter 5.
 J. Hale, S. Verduyn Lunel, "Strong stabilization of neutral functional differential equations", IMA J. Math. Control
 Inf. 19 (2002): a neutral loop is stable only if max over phases of ρ(D22 e^{jφ}) < 1.
 """
@@ -23,6 +22,7 @@ import numpy.typing as npt
 from scipy.linalg import eig, matrix_balance
 
 from engine.circles import circles
+from engine.linear.pole_guesses import guesses
 from engine.linear.tangent import slopes, solve
 from engine.verdicts import Verdict
 
@@ -35,9 +35,6 @@ _EPS = float(np.finfo(float).eps)
 _NEARLY_DEFECTIVE = 1e-3
 _LEFT = 32.0  # and the bound of a single pole adds 4
 _SHARES = np.linspace(0.05, 0.99, 95)
-
-_MOST = 16
-"""So many of the rightmost poles of a delay system are looked for, beside twice its states."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,14 +183,7 @@ def _characteristic(system: LaneSystem, s: Complex) -> tuple[Complex, Complex]:
 
 def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:
     tau = float(system.delays[0].real.max())
-    guesses = _discretised(system)
-    guesses = guesses[guesses.imag >= -1e-9 * np.abs(guesses)]
-    guesses = guesses[np.argsort(-guesses.real)][: _MOST + 2 * system.n]
-    # poles that decay so fast within one delay leave nothing behind
-    guesses = guesses[guesses.real > guesses.real[0] - 60.0 / tau]
-    # beside a very short delay the slow poles are lost in the rounding of the discretised line
-    slow = _without_delays(system)
-    upper = _polished(system, np.concatenate([guesses, slow[slow.imag >= 0]]))
+    upper = _polished(system, guesses(system))
     paired = np.abs(upper.imag) > 1e-7 * np.maximum(np.abs(upper), _slowest_rate(system))
     upper = np.where(paired, upper, upper.real)
     f, slope = _characteristic(system, upper)
@@ -223,15 +213,6 @@ def _slowest_rate(system: LaneSystem) -> float:
     return 1e-3 * min(1 / float(system.delays[0].real.max()), size)
 
 
-def _without_delays(system: LaneSystem) -> Complex:
-    """Return the poles that there would be if all delays were 0; none where that is an ill-posed loop."""
-    inner = np.eye(system.m) - system.d22[0].real
-    if np.linalg.cond(inner) > 1e12:
-        return np.zeros(0, complex)
-    closed = system.a[0].real + system.b2[0].real @ np.linalg.solve(inner, system.c2[0].real)
-    return np.asarray(np.linalg.eigvals(closed), dtype=complex)
-
-
 def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
     """Return the scales (n + m,), powers of 2, that balance states and delayed signals against each other."""
     n, m = system.n, system.m
@@ -241,10 +222,10 @@ def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
     return np.array(np.diag(matrix_balance(whole, permute=False)[1]), dtype=np.float64)
 
 
-def _polished(system: LaneSystem, guesses: Complex) -> Complex:
-    """Return the distinct poles that Newton on det F, s -= 1 / tr(F⁻¹ F_s), reaches from the guesses."""
+def _polished(system: LaneSystem, begun: Complex) -> Complex:
+    """Return the distinct poles that Newton on det F, s -= 1 / tr(F⁻¹ F_s), reaches from where it has ``begun``."""
     tau, rate = float(system.delays[0].real.max()), _slowest_rate(system)
-    s = guesses.copy()
+    s = begun.copy()
     step = np.full(len(s), np.inf + 0j)
     moving = np.arange(len(s))
     with np.errstate(all="ignore"):
@@ -260,7 +241,7 @@ def _polished(system: LaneSystem, guesses: Complex) -> Complex:
             moving = moving[np.abs(newton) > 4e-15 * np.maximum(np.abs(s[moving]), 1e-12)]
             if not len(moving):
                 break
-        near = np.abs(s - guesses) <= 0.5 * np.maximum(np.abs(guesses), 1 / tau)
+        near = np.abs(s - begun) <= 0.5 * np.maximum(np.abs(begun), 1 / tau)
         still = np.abs(step) <= 1e-6 * np.maximum(np.abs(s), 1e-3 * rate)
     kept: list[complex] = []
     for value in s[near & still]:
@@ -281,33 +262,6 @@ def _inverses(f: Complex) -> Complex:
             except np.linalg.LinAlgError:
                 continue
         return found
-
-
-def _discretised(system: LaneSystem) -> Complex:
-    """Return the eigenvalues of the system with each delay line as a Chebyshev-collocated transport equation."""
-    n, m = system.n, system.m
-    points = int(np.clip(240 // max(m, 1), 24, 60))
-    theta = np.cos(np.pi * np.arange(points + 1) / points)
-    c = np.ones(points + 1)
-    c[[0, -1]] = 2
-    c *= (-1.0) ** np.arange(points + 1)
-    d = np.outer(c, 1 / c) / (theta[:, None] - theta[None, :] + np.eye(points + 1))
-    d -= np.diag(d.sum(axis=1))
-    size = n + m * points
-    big = np.zeros((size, size))
-    read = np.zeros((m, size))  # w_i = end of line i
-    for i in range(m):
-        read[i, n + i * points + points - 1] = 1
-    z = np.zeros((m, size))
-    z[:, :n] = system.c2[0].real
-    z += system.d22[0].real @ read
-    big[:n, :n] = system.a[0].real
-    big[:n] += system.b2[0].real @ read
-    for i, tau in enumerate(system.delays[0].real):
-        rows = slice(n + i * points, n + (i + 1) * points)
-        big[rows, rows] = 2 / tau * d[1:, 1:]
-        big[rows] += 2 / tau * np.outer(d[1:, 0], z[i])
-    return np.asarray(np.linalg.eigvals(matrix_balance(big, permute=False)[0]))
 
 
 def _motion(system: LaneSystem, s: complex, left: Complex, right: Complex) -> Complex:

@@ -22,11 +22,11 @@ Crossing = tuple["Array", "Array"]
 
 
 def gain_margins(response: FrequencyResponse, static: Array | None) -> list[Crossing]:
-    """Return every gain margin; at ω = 0 too where L(0) is finite and negative."""
+    """Return every gain margin as far as the scan follows the phase; at ω = 0 too where L(0) is finite and negative."""
     found: list[Crossing] = []
     if static is not None and float(static[0].real) < -SMALLEST_LOOP_GAIN:
         found.append((np.zeros(static.shape), -1 / static))
-    for frequency in response.crossings(imaginary_part, 0.0, floor=SMALLEST_LOOP_GAIN):
+    for frequency in response.crossings(imaginary_part, 0.0, floor=SMALLEST_LOOP_GAIN, until=response.resolved):
         re, _ = response.pair(frequency)
         if float(re[0].real) < -SMALLEST_LOOP_GAIN:
             found.append((frequency, -1 / re))
