@@ -64,7 +64,7 @@ def _rightmost(found: Complex, *, most: int, sure: float, leave: float) -> Compl
     rank = np.cumsum(size <= sure)
     wanted = (np.arange(len(found)) < most) | ((size <= sure) & (rank <= most))
     first = found[size <= sure] if rank[-1] else found
-    return found[wanted & (found.real > first.real[0] - leave)]
+    return np.asarray(found[wanted & (found.real > first.real[0] - leave)])
 
 
 def _beyond(system: LaneSystem, sure: float) -> Complex:
