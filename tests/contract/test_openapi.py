@@ -133,6 +133,43 @@ def test_every_post_that_creates_takes_an_idempotency_key(endpoint, operation) -
         assert "Idempotency-Key" in [parameter["name"] for parameter in operation["parameters"]]
 
 
+#: What is sent has its hash in its address; a key is revoked and a visit ends whatever has become of it meanwhile.
+UNCONDITIONAL = {
+    "PUT /v1/datasets/{identifier}/segments/{sha256}",
+    "DELETE /v1/keys/{identifier}",
+    "DELETE /v1/session",
+}
+
+
+@pytest.mark.parametrize(("endpoint", "operation"), operations())
+def test_what_changes_a_document_says_which_revision_it_is_for(endpoint, operation) -> None:
+    if endpoint.startswith(("PUT", "DELETE")):
+        names = {parameter["name"] for parameter in operation.get("parameters", ())}
+        assert ("If-Match" in names) == (endpoint not in UNCONDITIONAL)
+
+
+def properties_of(operation):
+    """Return the names in the JSON that a call answers when all is well."""
+    reply = operation["responses"].get("200", {}).get("content", {}).get("application/json", {}).get("schema", {})
+    if "$ref" in reply:
+        reply = DOCUMENT["components"]["schemas"][reply["$ref"].rpartition("/")[2]]
+    return set(reply.get("properties", ()))
+
+
+@pytest.mark.parametrize(("endpoint", "operation"), operations())
+def test_every_list_comes_in_pages(endpoint, operation) -> None:
+    if not properties_of(operation) >= {"items"}:
+        return
+    assert "next_cursor" in properties_of(operation)
+    # A catalogue is what the software knows: it is short, and the same for everybody.
+    asked = {parameter["name"] for parameter in operation.get("parameters", ())}
+    assert (asked >= {"cursor", "limit"}) != endpoint.startswith("GET /v1/catalog/")
+
+
+def test_the_lists_are_found() -> None:
+    assert sum(properties_of(operation) >= {"items"} for _, operation in operations()) >= 20
+
+
 def tags(schema):
     """Return the mapping of every discriminator in a schema."""
     if isinstance(schema, dict):
