@@ -231,6 +231,40 @@ def test_edits_outlive_a_restart_of_the_service_and_of_the_page(page: Page, syst
     expect(page.get_by_label("k", exact=True)).to_have_value("6")
 
 
+def test_what_is_wrong_inside_stands_on_the_subsystem_and_leads_there(page: Page, client) -> None:
+    inner = {"blocks": {"in": {"kind": "input"}, "lag": {"kind": "transfer_function", "numerator": [1], "denominator": [1, 1]}}, "connections": [{"from": "in", "to": "lag"}], "outputs": {"out": "lag"}}  # fmt: skip
+    outer = {"name": "inside", "blocks": {"u": {"kind": "input"}, "drive": {"kind": "subsystem", "system": inner}}, "connections": [{"from": "u", "to": "drive"}], "outputs": {"y": "drive"}}  # fmt: skip
+    opened(page, str(client.post("/v1/systems", json=outer).json()["id"]))
+    node(page, "drive").dblclick()
+    node(page, "lag").click()
+    enter(page, "denominator *", "0, 0")
+    expect(node(page, "lag").locator('[data-problem="true"]')).to_be_visible()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Alt+ArrowUp")
+    expect(node(page, "drive").locator('[data-problem="true"]')).to_be_visible()
+    page.get_by_role("alert").get_by_role("button", name="drive.lag").click()
+    expect(page.get_by_label("denominator *")).to_be_visible()
+    assert "in=drive" in page.url
+
+
+def test_a_tab_that_is_overtaken_is_told_and_takes_what_is_there(two, system) -> None:
+    page, other = two
+    enter(other, "k", "7")
+    other.keyboard.press("Control+s")
+    expect(other.get_by_test_id("check")).to_have_text("saved")
+    # Whoever comes back to a tab is told, without having saved anything.
+    page.evaluate("window.dispatchEvent(new Event('visibilitychange'))")
+    expect(page.get_by_test_id("overtaken")).to_be_visible()
+    enter(page, "k", "5")
+    page.get_by_test_id("overtaken").get_by_role("button").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_role("radio", name="theirs: 7")).to_be_visible()
+    dialog.get_by_role("button", name="Take theirs").click()
+    expect(dialog).to_have_count(0)
+    expect(page.get_by_label("k", exact=True)).to_have_value("7")
+    expect(page.get_by_test_id("overtaken")).to_have_count(0)
+
+
 def test_three_hundred_blocks_stay_fluid(page: Page, client) -> None:
     frames = measured(page, client, moves=10)
     # How fast they are, `make bench-web` says; here, that every movement was painted and the block is where it was taken.

@@ -237,6 +237,49 @@ def test_a_recording_lies_over_its_curve_with_its_noise(page: Page, motor, servi
     assert faults(page) == []
 
 
+def steady_speed(resistance: float) -> float:
+    """Return the motor's speed at 24 V, rad/s: K = k/(R b + k^2)."""
+    return 24 * 0.2 / (resistance * 1e-3 + 0.2**2)
+
+
+def test_earlier_settings_stay_behind_as_shadows_and_influences_lie_behind_the_labels(page: Page, motor) -> None:
+    opened(page, motor, "s=motor.resistance,motor.inertia&in=voltage&amp=24&path=voltage,speed&v=step:speed&T=3")
+    entry = page.get_by_role("textbox", name="Value of motor.resistance")
+    entry.fill("2400 mohm")
+    entry.press("Enter")
+    expect(page).to_have_url(re.compile(r"p\.motor\.resistance=2\.4"))
+    expect(page.get_by_test_id("metrics")).to_have_attribute("data-stale", "false")
+    page.get_by_role("button", name="Export speed").click()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name="Table").click()
+    header, *rows = [line.split(",") for line in download.value.path().read_text().splitlines()]
+    now, before = (
+        next(i for i, text in enumerate(header) if name in text and "rad/s" in text) for name in ("current", "before 1")
+    )
+    assert float(rows[-1][now]) == pytest.approx(steady_speed(2.4), rel=1e-2)
+    assert float(rows[-1][before]) == pytest.approx(steady_speed(0.5), rel=1e-2)
+    # The chosen metric colours the labels and stands in the address. A heavier rotor is slower: T = J R/(R b + k^2).
+    page.get_by_test_id("metrics").get_by_role("button", name="rise time").click()
+    expect(page).to_have_url(re.compile("[?&]m=rise_time"))
+    slider = page.get_by_role("slider", name="motor.inertia").locator("xpath=../..")
+    expect(slider.locator("[data-sign=plus]")).to_have_attribute("style", "width: 100%;")
+    page.get_by_role("button", name="Reset motor.resistance to the document's value").click()
+    expect(entry).to_have_value("0.5")
+    page.reload()
+    expect(page.get_by_text("Bars: influence on rise time")).to_be_visible()
+
+
+def test_settings_are_saved_as_a_revision(page: Page, client) -> None:
+    own = study(client, "dc-motor")
+    opened(page, own, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed&p.motor.resistance=0.8")
+    page.get_by_role("button", name="Save as revision").click()
+    expect(page).not_to_have_url(re.compile(r"p\.motor\.resistance"))
+    expect(page.get_by_role("textbox", name="Value of motor.resistance")).to_have_value("0.8")
+    saved = client.get(f"/v1/systems/{own}").json()
+    assert saved["revision"] == 2
+    assert saved["document"]["blocks"]["motor"]["resistance"] in (0.8, {"value": 0.8, "unit": "ohm"})
+
+
 def test_dragging_paints_in_time(page: Page, motor, record_property) -> None:
     opened(page, motor, COMPARED + ",1.1&v=step:speed,bode,phase")
     page.evaluate(DRAG, {"count": 10})  # the first ones load and compile

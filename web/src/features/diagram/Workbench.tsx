@@ -29,6 +29,8 @@ import { useFrames } from "./useFrames";
 import { useKeys } from "./useKeys";
 import { useSaving } from "./useSaving";
 
+/** From one block to the next, px: a block is 132 wide. */
+const APART = 160;
 const FIT = { padding: 0.08, maxZoom: 1.2 };
 
 /** The diagram of a system, or of a system inside of it, with everything that edits it. */
@@ -177,7 +179,8 @@ export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: C
     const one = selected.length === 1 ? dissolved(document, selected[0]!, catalogue) : undefined;
     if (!one) return;
     const from = own?.[selected[0]!] ?? { x: 0, y: 0 };
-    change(one.document, Object.fromEntries(one.names.map((name, i) => [name, { x: from.x + 40 * i, y: from.y + 30 * i }])));
+    // Beside each other: none lies over another.
+    change(one.document, Object.fromEntries(one.names.map((name, i) => [name, { x: from.x + APART * i, y: from.y }])));
     pick(...one.names);
   };
   const open = (name: string) => {
