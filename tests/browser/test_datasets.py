@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import closing
 
 import h5py
 import numpy as np
 import pytest
 import scipy.io
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.browser.driving import faults
 
@@ -39,6 +40,18 @@ def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, 
     page.get_by_role("button", name="Import", exact=True).click()
     expect(page.get_by_role("row").filter(has_text="Force")).to_contain_text("unit")
     page.get_by_role("textbox", name="Unit of column 3").fill("kN")
+    page.get_by_role("textbox", name="Scale of column 3").fill("0")
+    page.get_by_role("textbox", name="Name of column 2").fill("")
+    page.get_by_role("button", name="Import", exact=True).click()
+    expect(page.get_by_text("must not be 0, got 0")).to_be_visible()
+    expect(page.get_by_text("must not be empty")).to_be_visible()
+    page.get_by_role("textbox", name="Name of column 2").fill("position")
+    page.get_by_role("textbox", name="Scale of column 3").fill("2")
+    page.get_by_role("textbox", name="Scale of column 3").blur()
+    # The address holds what was changed in the proposal.
+    page.reload()
+    expect(page.get_by_role("textbox", name="Unit of column 3")).to_have_value("kN")
+    expect(page.get_by_role("textbox", name="Scale of column 3")).to_have_value("2")
     page.get_by_role("button", name="Import", exact=True).click()
     page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
     expect(page.get_by_text("4000 samples")).to_be_visible(timeout=60_000)
@@ -47,6 +60,10 @@ def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, 
     assert faults(page) == []
     page.get_by_role("button", name="Zoom in").click()
     expect(page.get_by_label("From")).to_have_value("1.333")
+    page.get_by_label("From").fill("3.5")
+    page.get_by_label("From").press("Enter")
+    expect(page.get_by_text("must lie between 0 and 2.666 s, got 3.5 s")).to_be_visible()
+    page.get_by_role("button", name="Whole recording").click()
     with page.expect_download() as table:
         page.get_by_role("button", name="Export Spectrum of position").click()
         page.get_by_role("menuitem", name="Table").click()
@@ -55,6 +72,33 @@ def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, 
     # 5 Hz and 2 mm, on lines as far apart as the recording is short; Hann's window shows at least 85 % between two lines.
     assert float(peak[0]) == pytest.approx(2 * math.pi * 5, abs=2 * math.pi * 0.8)
     assert 0.84 * 2 <= float(peak[1]) * (1e3 if float(peak[1]) < 0.01 else 1) <= 2.01
+    # A stretch that is marked in one plot is looked at in all of them, with its own samples, and stands in the address.
+    plot = page.get_by_role("img", name="position over time").locator(".u-over")
+    plot.scroll_into_view_if_needed()
+    over = plot.bounding_box()
+    assert over is not None
+    y = over["y"] + over["height"] / 2
+    page.mouse.move(over["x"] + 0.25 * over["width"], y)
+    page.mouse.down()
+    page.mouse.move(over["x"] + 0.5 * over["width"], y, steps=4)
+    page.mouse.up()
+    expect(page.get_by_label("From")).not_to_have_value("0")
+    marked = dict(part.split("=") for part in page.url.split("?")[1].split("&"))
+    start, end = float(marked["from"]), float(marked["to"])
+    assert start == pytest.approx(1.0, abs=0.1)
+    assert end == pytest.approx(2.0, abs=0.1)
+    page.get_by_role("combobox", name="Drawn").click()
+    page.get_by_role("listbox", name="Drawn").get_by_role("option", name="Force").click()
+    expect(page.get_by_role("img", name="force over time")).to_have_count(0)
+    page.reload()
+    expect(page.get_by_label("From")).to_have_value(marked["from"])
+    with page.expect_download() as table:
+        page.get_by_role("button", name="Export position").click()
+        page.get_by_role("menuitem", name="Table").click()
+    instants = [float(line.split(",")[0]) for line in table.value.path().read_text().splitlines()[1:]]
+    assert start - 0.002 <= instants[0] < instants[-1] <= end + 0.002
+    assert len(instants) == pytest.approx((end - start) * 1000, abs=2)  # every sample of it
+    expect(page.get_by_role("img", name="force over time")).to_have_count(0)
 
 
 @pytest.mark.parametrize("ending", ["mat", "h5"])
@@ -92,20 +136,32 @@ def test_an_upload_that_breaks_off_goes_on_where_it_was(page: Page, tmp_path, cl
     file.write_text(recording(180_000))  # two segments
     sent: list[str] = []
     page.on("request", lambda request: sent.append(request.url) if request.method == "PUT" else None)
-    broken = {"count": 0}
+    held: list[Route] = []
 
-    def cut(route) -> None:
-        broken["count"] += 1
-        if broken["count"] == 2:
-            route.abort()
-        else:
+    def cut(route: Route) -> None:
+        """Let the first piece through, keep the second one waiting, and lose the third, which is the second again."""
+        count = sum(request == route.request.url for request in sent)
+        if len(sent) == 1:
             route.continue_()
+        elif count == 1:
+            held.append(route)
+        else:
+            route.abort()
 
     page.route("**/segments/*", cut)
     page.goto("/datasets")
     page.locator("input[type=file]").set_input_files(file)
-    page.get_by_role("button", name="Send").click()
+    with page.expect_request(lambda request: request.method == "PUT" and len(sent) == 2):
+        page.get_by_role("button", name="Send").click()
+    bar = page.get_by_role("progressbar", name="Sent")
+    expect(bar).to_have_attribute("aria-valuenow", re.compile(r"^[5-9]\d"))
+    page.get_by_role("button", name="Stop").click()
+    expect(page.get_by_text("was interrupted")).to_be_visible()
+    expect(bar).to_have_count(0)
+    assert len(held) == 1
+    page.get_by_role("button", name="Go on").click()
     expect(page.get_by_role("alert")).to_contain_text("the connection was lost")
+    assert len(sent) == 3
     page.unroute("**/segments/*")
     page.reload()
     sent.clear()
@@ -140,6 +196,42 @@ def test_a_key_is_made_shown_once_used_and_revoked(page: Page, service) -> None:
         page.get_by_role("button", name="Revoke lab PC").click()
         expect(page.get_by_role("button", name="Revoke lab PC")).to_have_count(0)
         assert client.get("/v1/systems").status_code == 401
+
+
+def test_a_key_that_may_only_read_is_told_so(browser: Browser, page: Page, service) -> None:
+    page.goto("/access")
+    page.get_by_role("textbox", name="Name").fill("display in the hall")
+    for scope in ("write", "compute", "acquire"):
+        box = page.get_by_role("checkbox", name=scope, exact=True)
+        if box.is_checked():
+            box.uncheck()
+    page.get_by_role("button", name="Make a key").click()
+    key = page.get_by_test_id("new-key").inner_text()
+    with closing(browser.new_context(base_url=service.url)) as hall:
+        reader = hall.new_page()
+        reader.goto("/access")
+        reader.get_by_test_id("key").fill(key)
+        reader.locator("button[type=submit]").click()
+        expect(reader.get_by_text("This page needs an admin key")).to_be_visible()
+        reader.goto("/datasets")
+        reader.locator("input[type=file]").set_input_files(
+            {"name": "run.csv", "mimeType": "text/csv", "buffer": b"t,x\n0,1\n1,2\n"}
+        )
+        reader.get_by_role("button", name="Send").click()
+        expect(reader.get_by_role("alert")).to_contain_text("write")
+
+
+def test_a_file_that_is_not_what_it_is_called_is_refused_with_its_reason(page: Page) -> None:
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(
+        {"name": "rig.mat", "mimeType": "application/octet-stream", "buffer": b"\x89PNG\r\n\x1a\n" + bytes(5000)}
+    )
+    page.get_by_role("button", name="Send").click()
+    page.wait_for_url("**/datasets/ds_*/import**")
+    expect(page.get_by_role("alert")).to_contain_text("MATLAB", timeout=90_000)
+    assert faults(page) == []
+    page.get_by_role("link", name="Send it as another format").click()
+    page.wait_for_url("**/datasets")
 
 
 def test_a_workspace_is_made_and_given_a_limit(page: Page, client) -> None:
