@@ -10,16 +10,11 @@ from __future__ import annotations
 import gc
 import signal
 import socket
-import sys
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from api.heads import BoundedHead
-
-#: How long (s) a thread of a request computes before another one may: each question to the database gives the interpreter
-#: up, and the event loop does with every answer that it sends, and would wait ten times as long (5 ms) to have it back.
-_TURN = 0.0005
 
 #: New objects before the youngest are looked at; a page of a list alone makes hundreds that live for a moment.
 _YOUNG = 10_000
@@ -32,7 +27,6 @@ class _Server(uvicorn.Server):
         gc.collect()
         gc.freeze()
         gc.set_threshold(_YOUNG)
-        sys.setswitchinterval(_TURN)
 
 
 def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace: int = 3) -> uvicorn.Config:
