@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import httpx
 import pytest
 from sqlalchemy import select, update
 
 from api.services import ticking
+from api.services.installation import Installation
 from storage import Database
 from storage.clock import WALL, utc_now
 from storage.models import AcquisitionAttempt, Worker
@@ -23,7 +25,15 @@ from tests.integration.faults.conftest import FULL
 from tests.support.desk import COMPUTE, Desk, wait_for
 
 HOUR = timedelta(hours=1)
-JUMPS = pytest.mark.parametrize("jump", [HOUR, -HOUR], ids=["forwards", "back"])
+JUMPS = {"forwards": HOUR, "back": -HOUR}
+
+
+def jumps(*always: str) -> pytest.MarkDecorator:
+    """Let a clock jump in these directions, and in the others where everything goes wrong."""
+    return pytest.mark.parametrize(
+        "jump", [JUMPS[name] for name in (JUMPS if FULL else always)], ids=JUMPS if FULL else always
+    )
+
 
 #: A worker whose clock, and that of the job engine in it, is an hour ahead or behind when it is told so on its standard input.
 WORK = """
@@ -58,10 +68,17 @@ class Machine:
 
 
 @pytest.fixture
-def clock() -> Iterator[None]:
-    """Set the clock of this process back to what it was."""
-    yield
-    WALL.ahead = timedelta(0)
+def running(sqlite_template: Path, tmp_path: Path) -> Iterator[tuple[httpx.Client, Installation]]:
+    """A service whose clock a test may set, with a client; in the end the clock is right again."""
+    path = tmp_path / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    # A heartbeat is missed after ten minutes: less than a jump, and more than any pause of the machine.
+    with serving(f"sqlite:///{path}", worker_stale_seconds=600.0) as service, service.client() as client:
+        assert service.app is not None
+        try:
+            yield client, service.app.state.installation
+        finally:
+            WALL.ahead = timedelta(0)
 
 
 def heartbeats(database: Database) -> dict[int, object]:
@@ -69,7 +86,7 @@ def heartbeats(database: Database) -> dict[int, object]:
         return {row.pid: row.seen_at for row in WorkerRepository(session).all()}
 
 
-@pytest.mark.parametrize("jump", [HOUR, -HOUR] if FULL else [-HOUR])
+@jumps("back")
 def test_jobs_go_on_where_they_are_and_nobody_dies(
     fresh_database: Database, database_url: str, tmp_path: Path, jump: timedelta
 ) -> None:
@@ -103,13 +120,12 @@ def test_jobs_go_on_where_they_are_and_nobody_dies(
         desk.queue.close()
 
 
-@pytest.mark.parametrize("jump", [HOUR, -HOUR] if FULL else [HOUR])
+@pytest.mark.parametrize("database_url", ["postgres"], indirect=True)  # the workers of SQLite have one clock
+@jumps("forwards")
 def test_a_job_of_a_killed_worker_goes_on_at_one_whose_clock_is_wrong(
     fresh_database: Database, database_url: str, tmp_path: Path, jump: timedelta
 ) -> None:
     """Its limit has not run out, although the machines disagree about the time: they ask the database."""
-    if fresh_database.engine.dialect.name == "sqlite":
-        pytest.skip("SQLite has one machine, whose workers have one clock")
     desk = Desk(fresh_database)
     first, second = Machine(database_url), None
     log, hold = tmp_path / "log", tmp_path / "log.hold"
@@ -137,73 +153,62 @@ def lease_of(database: Database, acquisition: str) -> datetime | None:
         ).one()
 
 
-@JUMPS
-@pytest.mark.usefixtures("clock")
+@jumps("forwards", "back")
 def test_a_lease_outlives_the_jump_and_ends_when_nobody_keeps_it(
-    sqlite_template: Path, tmp_path: Path, jump: timedelta
+    running: tuple[httpx.Client, Installation], jump: timedelta
 ) -> None:
-    path = tmp_path / "service.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as service, service.client() as client:
-        assert service.app is not None
-        database = service.app.state.installation.database
-        agent = client.post("/v1/agents", json=AGENT).json()["id"]
-        assert client.post("/v1/acquisitions", json=MEASUREMENT).status_code == 202
-        claim = client.post(f"/v1/agents/{agent}/claim").json()
-        measurement = f"/v1/acquisitions/{claim['acquisition']}"
-        before = lease_of(database, claim["acquisition"])
-        assert before is not None
-        WALL.ahead = jump
-        # The service's next look gives it a whole lease by the new time, no less and no hour more.
-        moved = lambda: (lease_of(database, claim["acquisition"]) or before) - before  # noqa: E731 - said once
-        wait_for(lambda: abs(moved() - jump) < HOUR / 2, "a lease by the new time")
-        beat = client.post(
-            f"{measurement}/attempts/1/heartbeat", json={"agent": agent, "status": "running", "progress": 0.5}
-        )
-        assert beat.status_code == 200, beat.text
-        assert client.get(measurement).json()["status"] == "running"
-        with database.session() as session:
-            session.execute(update(AcquisitionAttempt).values(lease_until=utc_now() - timedelta(seconds=1)))
-        wait_for(lambda: client.get(measurement).json()["status"] == "lost", "the end of the lease")
+    client, installation = running
+    database = installation.database
+    agent = client.post("/v1/agents", json=AGENT).json()["id"]
+    assert client.post("/v1/acquisitions", json=MEASUREMENT).status_code == 202
+    claim = client.post(f"/v1/agents/{agent}/claim").json()
+    measurement = f"/v1/acquisitions/{claim['acquisition']}"
+    before = lease_of(database, claim["acquisition"])
+    assert before is not None
+    WALL.ahead = jump
+    # The service's next look gives it a whole lease by the new time, no less and no hour more.
+    moved = lambda: (lease_of(database, claim["acquisition"]) or before) - before  # noqa: E731 - said once
+    wait_for(lambda: abs(moved() - jump) < HOUR / 2, "a lease by the new time")
+    beat = client.post(
+        f"{measurement}/attempts/1/heartbeat", json={"agent": agent, "status": "running", "progress": 0.5}
+    )
+    assert beat.status_code == 200, beat.text
+    assert client.get(measurement).json()["status"] == "running"
+    with database.session() as session:
+        session.execute(update(AcquisitionAttempt).values(lease_until=utc_now() - timedelta(seconds=1)))
+    wait_for(lambda: client.get(measurement).json()["status"] == "lost", "the end of the lease")
 
 
-@JUMPS
-@pytest.mark.usefixtures("clock")
-def test_an_instant_that_comes_round_again_is_run_once(sqlite_template: Path, tmp_path: Path, jump: timedelta) -> None:
+@jumps("forwards", "back")
+def test_an_instant_that_comes_round_again_is_run_once(
+    running: tuple[httpx.Client, Installation], jump: timedelta
+) -> None:
     """A clock is set, and the schedule is paused and resumed, which lets it count its instants anew."""
-    path = tmp_path / "service.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as service, service.client() as client:
-        assert service.app is not None
-        installation = service.app.state.installation
-        where = client.post("/v1/schedules", json=NIGHTLY | {"overlap": "queue", "paused": True}).headers["Location"]
-        for now in (NOON, NOON + jump, NOON, NOON + HOUR):
-            WALL.ahead = now - datetime.now(UTC)
-            client.post(f"{where}/pause")
-            resumed = client.post(f"{where}/resume").json()
-            instant = datetime.fromisoformat(resumed["next_at"])
-            WALL.ahead = instant - datetime.now(UTC)
-            ticking.tick(installation, now=instant)
-        runs = client.get(f"{where}/runs").json()["items"]
-        started = [run["due_at"] for run in runs if run["outcome"] in {"started", "waiting"}]
-        assert len(started) == len(set(started)) >= 1, runs
+    client, installation = running
+    where = client.post("/v1/schedules", json=NIGHTLY | {"overlap": "queue", "paused": True}).headers["Location"]
+    for now in (NOON, NOON + jump, NOON, NOON + HOUR):
+        WALL.ahead = now - datetime.now(UTC)
+        client.post(f"{where}/pause")
+        resumed = client.post(f"{where}/resume").json()
+        instant = datetime.fromisoformat(resumed["next_at"])
+        WALL.ahead = instant - datetime.now(UTC)
+        ticking.tick(installation, now=instant)
+    runs = client.get(f"{where}/runs").json()["items"]
+    started = [run["due_at"] for run in runs if run["outcome"] in {"started", "waiting"}]
+    assert len(started) == len(set(started)) >= 1, runs
 
 
-@JUMPS
-@pytest.mark.usefixtures("clock")
+@jumps("forwards", "back")
 def test_a_worker_that_is_silent_since_the_jump_is_seen_to_be(
-    sqlite_template: Path, tmp_path: Path, jump: timedelta
+    running: tuple[httpx.Client, Installation], jump: timedelta
 ) -> None:
-    path = tmp_path / "service.db"
-    path.write_bytes(sqlite_template.read_bytes())
-    with serving(f"sqlite:///{path}") as service, service.client() as client:
-        assert service.app is not None
-        with service.app.state.installation.database.session() as session:
-            workers = WorkerRepository(session)
-            workers.claim("lab-0", token="a", replaces=None, host="lab", pid=1, slots=1)
-        assert client.get("/readyz").json()["checks"]["worker"] == "ok"
-        WALL.ahead = jump
-        assert client.get("/readyz").json()["checks"]["worker"] == "stale"
-        with service.app.state.installation.database.session() as session:
-            assert WorkerRepository(session).beat("lab-0", "a")
-        assert client.get("/readyz").json()["checks"]["worker"] == "ok"
+    client, installation = running
+    with installation.database.session() as session:
+        workers = WorkerRepository(session)
+        workers.claim("lab-0", token="a", replaces=None, host="lab", pid=1, slots=1)
+    assert client.get("/readyz").json()["checks"]["worker"] == "ok"
+    WALL.ahead = jump
+    assert client.get("/readyz").json()["checks"]["worker"] == "stale"
+    with installation.database.session() as session:
+        assert WorkerRepository(session).beat("lab-0", "a")
+    assert client.get("/readyz").json()["checks"]["worker"] == "ok"
