@@ -7,7 +7,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -32,11 +32,14 @@ from api.services.openid import Provider
 from api.services.ticking import INTERVAL as TICK
 from api.services.ticking import tick
 from api.settings import Settings
-from api.tracing import traces_of
+from api.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.session import open_database
 from storage.vault import Vault
+
+if TYPE_CHECKING:
+    from fastapi.telemetry import TelemetryConfig
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
 
@@ -113,6 +116,13 @@ class Application(FastAPI):
         return document
 
 
+def _telemetry(traces: Traces) -> TelemetryConfig:
+    """Return how the application traces its requests."""
+    if traces.provider is None:
+        return {"tracing": False, "metrics": False, "logs": False}
+    return {"tracer_provider": traces.provider, "metrics": False, "logs": False}
+
+
 def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None = None) -> FastAPI:
     """Return the application; the database is opened when it starts, and must have been migrated.
 
@@ -167,7 +177,7 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
         docs_url=None,  # the reference is one of the pages
         redoc_url=None,
         separate_input_output_schemas=False,
-        telemetry=traces.of_requests,
+        telemetry=_telemetry(traces),
     )
     handlers.install(app)
     problems: dict[int | str, dict[str, Any]] = {

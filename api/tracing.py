@@ -17,7 +17,6 @@ from api.settings import Settings
 from storage.models import Job, JobStatus, Schedule
 
 if TYPE_CHECKING:
-    from fastapi.telemetry import TelemetryConfig
     from opentelemetry.sdk.trace import TracerProvider
 
 
@@ -38,18 +37,11 @@ class Traces:
     Parameters
     ----------
     provider : TracerProvider, optional
-        What makes the spans of the process and sends them.
+        What makes the spans of the process and sends them, also those of its requests.
     """
 
     def __init__(self, provider: TracerProvider | None = None) -> None:
-        self._provider = provider
-
-    @property
-    def of_requests(self) -> TelemetryConfig:
-        """How the application is to trace its requests."""
-        if self._provider is None:
-            return {"tracing": False, "metrics": False, "logs": False}
-        return {"tracer_provider": self._provider, "metrics": False, "logs": False}
+        self.provider = provider
 
     @contextmanager
     def job(self, job: Job) -> Iterator[Callable[[str], None]]:
@@ -81,7 +73,7 @@ class Traces:
     def _span(
         self, name: str, attributes: dict[str, str | int], *, kind: str, above: str | None
     ) -> Iterator[Callable[[str], None]]:
-        if self._provider is None:
+        if self.provider is None:
             yield lambda _status: None
             return
         from opentelemetry.context import Context  # noqa: PLC0415 - an extra
@@ -89,7 +81,7 @@ class Traces:
         from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator  # noqa: PLC0415 - as above
 
         carrier = {} if above is None else {"traceparent": above}
-        with self._provider.get_tracer("servotune").start_as_current_span(
+        with self.provider.get_tracer("servotune").start_as_current_span(
             name,
             context=TraceContextTextMapPropagator().extract(carrier, context=Context()),
             kind=SpanKind[kind],
@@ -108,8 +100,8 @@ class Traces:
 
     def close(self) -> None:
         """Send the last traces off."""
-        if self._provider is not None:
-            self._provider.shutdown()
+        if self.provider is not None:
+            self.provider.shutdown()
 
 
 def traces_of(settings: Settings, process: str) -> Traces:

@@ -73,7 +73,7 @@ def test_a_job_of_a_schedule_is_below_the_occasion_on_which_it_was_started() -> 
 
 def test_nothing_is_traced_where_nobody_collects() -> None:
     traces = traces_of(Settings(otlp_endpoint=None), "servotune")
-    assert traces.of_requests == {"tracing": False, "metrics": False, "logs": False}
+    assert traces.provider is None
     with traces.job(job()) as tell:
         tell("failed")
         assert traceparent() is None
