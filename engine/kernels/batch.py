@@ -22,12 +22,13 @@ from engine.kernels.assembly import Assembly
 from engine.kernels.compiled import LANES
 from engine.kernels.evaluate import evaluate
 from engine.kernels.events import READINGS as TIMED
+from engine.kernels.frequency_program import program, reals, tabulated
 from engine.kernels.readings import LOOP_READINGS, PATH_READINGS, TIME_READINGS, read, reading_list
 from engine.kernels.spectrum_program import CHUNK, SpectrumProgram
 from engine.kernels.tangents import differentiate
 from engine.kernels.tape import Registers
 from engine.kernels.time_program import TimePart, TimeProgram
-from engine.kernels.transfer import Curve, Curves, Network, program, reals, tabulated
+from engine.kernels.transfer import Curve, Curves, Network
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram

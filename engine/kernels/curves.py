@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.kernels.compiled import compiled, merged
-from engine.kernels.transfer import FrequencyProgram
+from engine.kernels.frequency_program import FrequencyProgram
 from engine.kernels.vector import load, load2, spread, store2
 
 Real = npt.NDArray[np.float64]

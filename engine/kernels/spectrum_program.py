@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from engine.kernels.transfer import FrequencyProgram
+from engine.kernels.frequency_program import FrequencyProgram
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from engine.kernels import spectrum_program as f
 from engine.kernels.compiled import compiled
 from engine.kernels.curves import run_points
+from engine.kernels.frequency_program import FrequencyProgram
 from engine.kernels.spectrum_program import SpectrumProgram
-from engine.kernels.transfer import FrequencyProgram
 from engine.kernels.vector import load, spread, store
 
 Real = npt.NDArray[np.float64]

@@ -8,9 +8,10 @@ import pytest
 from engine.diagram import LOOP, Diagram
 from engine.kernels.compiled import LANES
 from engine.kernels.curves import run_program
+from engine.kernels.frequency_program import program, reals, tabulated
 from engine.kernels.spectrum_program import CHUNK
 from engine.kernels.tape import Registers, run
-from engine.kernels.transfer import Curve, Curves, Network, program, reals, tabulated
+from engine.kernels.transfer import Curve, Curves, Network
 from tests.reference.systems import block, pneumatic_loop, system, unity_loop
 from tests.unit.engine.kernels.test_assembly import algebraic
 
