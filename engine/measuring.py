@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 Real = npt.NDArray[np.float64]
 
 
+_JUMPS = (
+    "a turning point just touches a level that this value is read at, or two are as high: a small change makes it jump"
+)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MetricRequest:
     """One metric of one experiment.
@@ -226,5 +231,5 @@ def measured_of(diagram: Diagram, request: MetricRequest, finding: Finding) -> M
     value = float(np.ravel(finding.value)[0].real)
     if not np.isfinite(value):
         return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
-    advice = "a turning point just touches the band: a small change makes this value jump" if finding.one_sided else ""
+    advice = _JUMPS if finding.one_sided else ""
     return Measured(value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at)

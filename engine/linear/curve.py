@@ -192,15 +192,20 @@ class Curve:
             return self.values[k, -side], float(edges[k + side])
         return self.at(k, th), float(edges[k] + th * (edges[k + 1] - edges[k]))
 
-    def turning_values(self, least: float) -> npt.NDArray[np.float64]:
-        """Return the real values, of magnitude ``least`` or more, at which the curve turns back."""
-        nodes = self.values[:, :, 0].real
+    def turnings(self, least: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return (instants, real values) at which the curve turns back, in no order.
+
+        Only pieces are looked at of which a node has the magnitude ``least``: take a tenth less than what is looked for.
+        """
+        nodes, times = self.values[:, :, 0].real, self.times
         slopes = nodes @ differentiation_matrix().T
         loud = np.flatnonzero(np.abs(nodes).max(axis=1) >= least)
         row, theta = roots(slopes[loud])
-        found = _clenshaw(nodes[loud[row]] @ coefficient_matrix().T, theta)
-        kinks = np.flatnonzero(slopes[:-1, -1] * slopes[1:, 0] <= 0)
-        return np.concatenate([found, nodes[kinks + 1, 0]])
+        piece = loud[row]
+        found = _clenshaw(nodes[piece] @ coefficient_matrix().T, theta)
+        kinks = np.flatnonzero(slopes[:-1, -1] * slopes[1:, 0] <= 0) + 1
+        instants = times[piece] + theta * (times[piece + 1] - times[piece])
+        return np.concatenate([instants, times[kinks]]), np.concatenate([found, nodes[kinks, 0]])
 
     def integral(self) -> Array:
         """Return the integral over the whole curve, shape (lanes,)."""

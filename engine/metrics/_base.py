@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 NEGLIGIBLE = 1e-9
 """A difference below this part of the signal is not a difference: rounding of the exact response is far below it."""
 
-_TOUCHES = 1e-7
-"""A turning point this near to the band, relative to the band, touches it."""
+TOUCHES = 1e-7
+"""A turning point this near to a level, relative to it, touches it; two peaks this near to each other are as high."""
 
 Domain = Literal["time", "path", "loop", "system"]
 MaskKind = Literal["", "envelope", "reference", "frequency bounds"]
@@ -286,8 +286,18 @@ def _grazes(subject: TimeSubject, half: Array) -> bool:
     """Return whether a turning point just touches the band: a little more or less, and the last entry jumps there."""
     assert subject.final is not None
     reach = float(half[0].real)
-    turns = (subject.curve + (-subject.final)).turning_values(0.9 * reach)
-    return bool(np.any(np.abs(np.abs(turns) / reach - 1) <= _TOUCHES))
+    _, turns = (subject.curve + (-subject.final)).turnings(0.9 * reach)
+    return bool(np.any(np.abs(np.abs(turns) / reach - 1) <= TOUCHES))
+
+
+def touched(subject: TimeSubject, part: float, until: Array) -> bool:
+    """Return whether the output only just reaches ``part`` of its way, or nearly, up to an instant: then its passage jumps."""
+    initial, way, sign = span(subject)
+    size = sign * float(way[0].real)
+    instants, turns = (subject.curve + (-initial)).turnings(0.9 * part * size)
+    # the passage itself lies a little before a turning point that goes a little beyond
+    before = instants <= 1.001 * float(until[0].real)
+    return bool(np.any(before & (np.abs(sign * turns - part * size) <= TOUCHES * size)))
 
 
 def largest_magnitude(subject: TimeSubject) -> Finding:

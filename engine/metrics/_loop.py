@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.linear.frequency import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
+from engine.linear.touching import touches
+from engine.metrics._base import TOUCHES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from engine.linear.frequency import FrequencyResponse
     from engine.linear.system import Array
 
@@ -50,6 +54,17 @@ def delay_margins(response: FrequencyResponse) -> list[Crossing]:
         turn = margin if float(margin[0].real) >= -_NO_MARGIN else margin + 2 * np.pi
         found.append((frequency, turn / frequency))
     return found
+
+
+def rivals(margins: Sequence[float]) -> bool:
+    """Return whether two margins, as their distances from none, are as near but on either side: the nearest jumps to the other."""
+    nearest = min(margins, key=abs)
+    return any(abs(m + nearest) <= TOUCHES * abs(nearest) for m in margins) and nearest != 0.0
+
+
+def grazes_one(response: FrequencyResponse) -> bool:
+    """Return whether |L| just touches 1: a little more or less, and two crossings are there or gone."""
+    return touches(response, squared_magnitude, 1.0, tolerance=2 * TOUCHES, until=np.inf)
 
 
 def _angle(re: Array, im: Array) -> Array:

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.linear.frequency import squared_magnitude
-from engine.metrics._base import NEGLIGIBLE, Absent, Found, PathMetric, unsettled
+from engine.linear.touching import touches
+from engine.metrics._base import NEGLIGIBLE, TOUCHES, Absent, Found, PathMetric, unsettled
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -46,4 +47,6 @@ class Bandwidth(PathMetric):
         crossing = next(iter(subject.response.crossings(squared_magnitude, level)), None)
         if crossing is None:
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the magnitude never falls 3 dB below its static value")
-        return Found(value=crossing, at=float(crossing[0].real))
+        at, height = float(crossing[0].real), float(level[0].real)
+        jumps = touches(subject.response, squared_magnitude, height, tolerance=TOUCHES * height, until=at)
+        return Found(value=crossing, at=at, one_sided=jumps)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import delay_margins
+from engine.metrics._loop import delay_margins, grazes_one
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -38,4 +38,5 @@ class DelayMargin(LoopMetric):
         if not margins:
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: any delay is borne")
         frequency, value = min(margins, key=lambda pair: float(pair[1][0].real))
-        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)
+        jumps = grazes_one(subject.response)
+        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict, one_sided=jumps)

@@ -11,7 +11,7 @@ import numpy as np
 
 from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import gain_margins
+from engine.metrics._loop import gain_margins, rivals
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -46,4 +46,5 @@ class GainMargin(LoopMetric):
                 f"the factor {1 / SMALLEST_LOOP_GAIN:g} at least",
             )
         frequency, value = min(margins, key=lambda pair: abs(float(np.log(pair[1][0].real))))
-        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)
+        jumps = rivals([float(np.log(margin[0].real)) for _, margin in margins])
+        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict, one_sided=jumps)

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.metrics._base import Absent, Found, TimeMetric, largest_magnitude
+import numpy as np
+
+from engine.metrics._base import TOUCHES, Absent, Found, TimeMetric, largest_magnitude
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -34,7 +36,19 @@ class PeakTime(TimeMetric):
             return peak
         if peak.at is None or _barely(subject, float(peak.value[0].real)):
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output approaches its final value without a peak")
-        return Found(value=subject.since_start(subject.curve.turning(peak.at)), at=peak.at)
+        size = float(peak.value[0].real)
+        return Found(
+            value=subject.since_start(subject.curve.turning(peak.at)),
+            at=peak.at,
+            one_sided=_tied(subject, size, peak.at),
+        )
+
+
+def _tied(subject: TimeSubject, peak: float, at: float) -> bool:
+    """Return whether another peak is as high: a little more or less, and the instant of the highest jumps there."""
+    instants, turns = subject.curve.turnings(0.9 * peak)
+    apart = np.abs(instants - at) > TOUCHES * subject.curve.end
+    return bool(np.any(apart & (np.abs(turns) >= (1 - TOUCHES) * peak)))
 
 
 def _barely(subject: TimeSubject, peak: float) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import phase_margins
+from engine.metrics._loop import grazes_one, phase_margins, rivals
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -39,4 +39,5 @@ class PhaseMargin(LoopMetric):
                 verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: the phase margin is infinite"
             )
         frequency, value = min(margins, key=lambda pair: abs(float(pair[1][0].real)))
-        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict)
+        jumps = rivals([float(margin[0].real) for _, margin in margins]) or grazes_one(subject.response)
+        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict, one_sided=jumps)

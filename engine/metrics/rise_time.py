@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.metrics._base import Absent, Found, TimeMetric, passage, without_final_value
+from engine.metrics._base import Absent, Found, TimeMetric, passage, touched, without_final_value
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -37,4 +37,5 @@ class RiseTime(TimeMetric):
         low, high = passage(subject, 0.1), passage(subject, 0.9)
         if low is None or high is None:
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output does not pass 10 % and 90 % of its way")
-        return Found(value=high - low, at=float(high[0].real))
+        jumps = touched(subject, 0.1, low) or touched(subject, 0.9, high)
+        return Found(value=high - low, at=float(high[0].real), one_sided=jumps)
