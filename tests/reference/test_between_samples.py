@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bench import inner_velocity_loop as inner
+from engine.kernels import batch
 from engine.screening import Screening
 from tests.reference.batch_agreement import compare
 
@@ -33,3 +34,16 @@ def test_what_happens_between_samples_is_not_missed(case):
     found = compare(inner.diagram(), requests, candidates, screened)
     assert not found.wrong, "\n".join(found.wrong)
     assert found.compared >= 10
+
+
+@pytest.mark.parametrize("sample", [inner.sample, inner.wide])
+def test_a_table_five_times_as_dense_shows_nothing_more(sample, request, monkeypatch):
+    count = 262_144 if request.config.getoption("--hypothesis-profile") == "proof" else 4096
+    candidates = sample(count, seed=11)
+    requests = [request for request in inner.requests() if not request.signals]
+    usual = Screening(inner.diagram(), requests)(candidates)
+    monkeypatch.setattr(batch, "_PER_DECADE", 5 * batch._PER_DECADE)
+    dense = Screening(inner.diagram(), requests)(candidates)
+    sure = ~(usual.doubtful | dense.doubtful)
+    assert sure.mean() > 0.99
+    np.testing.assert_allclose(usual.values[sure], dense.values[sure], rtol=1e-7)
