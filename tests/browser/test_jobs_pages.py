@@ -137,8 +137,9 @@ def test_jobs_are_filtered_paged_and_their_results_taken_away(page: Page, client
     expect(listed).to_have_count(3)
     page.unroute("**/v1/jobs?*")
     page.get_by_label("Kind").select_option("preview")
+    page.get_by_label("Status").select_option("cancelled")
     expect(page.get_by_role("heading", name="No such jobs")).to_be_visible()
-    expect(page).to_have_url(re.compile(r"kind=preview"))
+    expect(page).to_have_url(re.compile(r"kind=preview.*status=cancelled|status=cancelled.*kind=preview"))
     page.goto("/jobs?kind=optimization&status=succeeded")
     expect(page.get_by_label("Kind")).to_have_value("optimization")
     with page.expect_download() as taken:

@@ -186,6 +186,7 @@ def test_an_agent_that_is_lost_and_comes_back_is_shown(page: Page, service, clie
     row = page.get_by_test_id("agents").get_by_role("row").filter(has_text="PC that sleeps")
     expect(row).to_contain_text("not heard of")
     page.get_by_role("link", name="Open silent bench").click()
+    expect(page.get_by_role("heading", name="silent bench", level=1)).to_be_visible()
     page.get_by_role("link", name="Measure", exact=True).click()
     expect(page.get_by_text("No agent answers for this rig now")).to_be_visible()
     assert client.post("/v1/agents", json=registered).json()["id"] == agent

@@ -63,6 +63,7 @@ export const Canvas = memo(function Canvas({ nodes: built, edges, fixed, onSelec
       ref={holder}
       className={classes.canvas}
       data-far={far}
+      data-fixed={fixed}
       onDragOver={(event) => {
         if (!fixed && event.dataTransfer.types.includes(DRAGGED)) event.preventDefault();
       }}

@@ -23,11 +23,17 @@ export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Field
   const { subscribe, getValues, reset } = form;
   useEffect(() => {
     let timer: ReturnType<typeof setTimeout> | undefined;
+    let last = "";
     const put = () => {
       clearTimeout(timer);
       timer = undefined;
       const { query: before, setQuery: set, held: how } = latest.current;
-      const next = withParameters(before, how.write(getValues()));
+      const parameters = how.write(getValues());
+      // A form tells more than changes, also that it was submitted: the page may be on its way to what was asked for, which must not be undone.
+      const told = JSON.stringify(parameters);
+      if (told === last) return;
+      last = told;
+      const next = withParameters(before, parameters);
       if (next !== before) set(next, { replace: true, preventScrollReset: true });
     };
     const stop = subscribe({
@@ -42,11 +48,12 @@ export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Field
       if (timer !== undefined) put();
     };
     const leaving = ["focusout", "submit"];
-    for (const kind of leaving) document.addEventListener(kind, leave);
+    // Before the form's own answer: what a submission leads to must come after what was filled in.
+    for (const kind of leaving) document.addEventListener(kind, leave, { capture: true });
     return () => {
       clearTimeout(timer);
       stop();
-      for (const kind of leaving) document.removeEventListener(kind, leave);
+      for (const kind of leaving) document.removeEventListener(kind, leave, { capture: true });
     };
   }, [subscribe, getValues]);
   const shown = useRef(location.key);
