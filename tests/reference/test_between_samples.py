@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from bench import inner_velocity_loop as inner
 from engine.kernels import batch
@@ -37,9 +38,8 @@ def test_what_happens_between_samples_is_not_missed(case):
 
 
 @pytest.mark.parametrize("sample", [inner.sample, inner.wide])
-def test_a_table_five_times_as_dense_shows_nothing_more(sample, request, monkeypatch):
-    count = 262_144 if request.config.getoption("--hypothesis-profile") == "proof" else 4096
-    candidates = sample(count, seed=11)
+def test_a_table_five_times_as_dense_shows_nothing_more(sample, monkeypatch):
+    candidates = sample(262_144 if settings().max_examples > 1000 else 4096, seed=11)
     requests = [request for request in inner.requests() if not request.signals]
     usual = Screening(inner.diagram(), requests)(candidates)
     monkeypatch.setattr(batch, "_PER_DECADE", 5 * batch._PER_DECADE)
