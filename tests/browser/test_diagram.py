@@ -46,7 +46,7 @@ def node(page: Page, name: str):
 
 def test_a_loop_is_drawn_by_mouse_and_keyboard_and_simulated(page: Page, client) -> None:
     page.goto("/systems")
-    page.get_by_role("button", name="New system").click()
+    page.get_by_role("button", name="New system", exact=True).click()
     page.wait_for_url("**/diagram")
     system = re.search(r"sys_\w+", page.url)[0]  # type: ignore[index]
     node(page, "plant").wait_for()

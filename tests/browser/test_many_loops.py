@@ -38,7 +38,7 @@ def _number(value: Any) -> Any:
 
 def test_nested_loops_are_drawn_simulated_and_optimised(page: Page, client) -> None:
     page.goto("/systems")
-    page.get_by_role("button", name="New system").click()
+    page.get_by_role("button", name="New system", exact=True).click()
     page.wait_for_url("**/diagram")
     system = re.search(r"sys_\w+", page.url)[0]  # type: ignore[index]
     page.locator(".react-flow__node").first.wait_for()
