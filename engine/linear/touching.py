@@ -27,7 +27,8 @@ def touches(response: FrequencyResponse, shape: Shape, level: float, *, toleranc
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         away = np.abs(shape(values.real, values.imag) - level)
     near = away <= tolerance + _NEAR * np.maximum(np.abs(values), np.abs(values) ** 2)
-    left = np.flatnonzero((near[:-1] | near[1:]) & (omega[:-1] <= until))
+    finite = np.isfinite(away)  # at a pole on the axis there is nothing to touch
+    left = np.flatnonzero((near[:-1] | near[1:]) & finite[:-1] & finite[1:] & (omega[:-1] <= until))
     if not len(left):
         return False
     ends = np.unique(np.concatenate([left, left + 1]))

@@ -155,6 +155,12 @@ def test_margins_jump_where_the_gain_just_reaches_one(metric: str, above: float,
     assert one_sided(loop, MetricRequest(metric=metric, open_at="error")) is jumps
 
 
+def test_a_pole_on_the_axis_is_no_touch() -> None:
+    loop = unity_loop(["=k", "=k"], [1.0, 0.1, 1.0, 0.1], k=0.05)  # poles at ±j
+    for metric in ("phase_margin", "delay_margin"):
+        assert not one_sided(loop, MetricRequest(metric=metric, open_at="error"))
+
+
 def test_two_margins_are_rivals_on_either_side_only() -> None:
     assert rivals([0.5, -0.5, 2.0])
     assert not rivals([0.5, 0.5, 2.0])
