@@ -1,9 +1,18 @@
-"""The inner velocity loop: one candidate, and a batch of them."""
+"""The inner velocity loop: one candidate, and a batch of them.
+
+`python -m bench.batch --candidates 4096` prints how long batched numpy and this engine take, round by round, as one JSON object.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from statistics import median
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +20,7 @@ import numpy.typing as npt
 from bench import batched_numpy
 from bench import inner_velocity_loop as inner
 from bench.accuracy import worst
-from bench.clock import cpu_ms
+from bench.clock import cpu_ms, side_by_side
 from bench.peers.python_control import Interconnected
 from bench.table import Job, Row
 from engine.measuring import measure
@@ -23,6 +32,9 @@ Results = dict[str, npt.NDArray[np.float64]]
 CHECKED = 20
 GRID = "by hand; grids of 1000 samples and 200 frequencies"
 ONE_BY_ONE = "candidates times the median of one"
+OURS, NUMPY = "this engine, screening", "batched numpy"
+KEPT = "MALLOC_"
+"""Variables by which `make bench` lets the C library keep memory between calls: what batched numpy gains by most."""
 
 
 class Ours:
@@ -78,22 +90,54 @@ def _many(ours: Ours, control: Interconnected | None, runs: int, candidates: int
     sample = inner.sample(candidates, seed=3)
     checked = range(0, candidates, max(1, candidates // CHECKED))
     truth = {k: ours.exact({name: float(column[k]) for name, column in sample.items()}) for k in checked}
+    works = contenders(ours, sample)
+    times = side_by_side(works, rounds=max(1, runs // 3))
     rows = []
-    for who, work, remark in (
-        ("this engine, screening", ours.screen, "against our exact path"),
-        ("batched numpy", batched_numpy.evaluate, GRID),
-    ):
-        milliseconds = cpu_ms(partial(work, sample), runs=max(1, runs // 3))
-        found = work(sample)
+    for who, remark in ((OURS, "against our exact path"), (NUMPY, f"{GRID}; {_ratios(times)}")):
+        found = works[who]()
         error = max(
             worst({name: float(column[k]) for name, column in found.items()}, exact) for k, exact in truth.items()
         )
-        rows.append(Row(who=who, milliseconds=milliseconds, error=error, remark=remark))
+        rows.append(Row(who=who, milliseconds=median(times[who]), error=error, remark=remark))
+    plain = without_kept_memory(candidates, max(1, runs // 3))
+    remark = f"where memory goes back to the system between calls, as it does unasked; {_ratios(plain)}"
+    rows.append(Row(who=NUMPY, milliseconds=median(plain[NUMPY]), remark=remark))
     if control is not None:
         single = cpu_ms(lambda: control.metrics(ours.nominal), runs=runs)
         rows.append(Row(who=control.name, milliseconds=candidates * single, remark=ONE_BY_ONE))
     return Job(title=f"inner velocity loop, {candidates:,} candidates, 10 results", rows=rows)
 
 
+def contenders(ours: Ours, sample: Candidates) -> dict[str, Callable[[], Results]]:
+    """Return the two ways of the batch, ready to be called."""
+    return {OURS: partial(ours.screen, sample), NUMPY: partial(batched_numpy.evaluate, sample)}
+
+
+def without_kept_memory(candidates: int, rounds: int) -> dict[str, list[float]]:
+    """Return the CPU milliseconds of both ways in a process whose C library handles memory as it does unasked."""
+    command = [sys.executable, "-m", "bench.batch", "--candidates", str(candidates), "--rounds", str(rounds)]
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(KEPT)}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=plain)  # noqa: S603  our own module
+    return dict(json.loads(done.stdout))
+
+
+def _ratios(times: Mapping[str, list[float]]) -> str:
+    ratios = [theirs / ours for ours, theirs in zip(times[OURS], times[NUMPY], strict=True)]
+    return f"takes {median(ratios):.2f}x, {min(ratios):.2f} to {max(ratios):.2f} in {len(ratios)} rounds side by side"
+
+
 def _first(found: Results) -> dict[str, float]:
     return {name: float(values[0]) for name, values in found.items()}
+
+
+def main() -> None:
+    """Measure both ways side by side and print what each round took."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--candidates", type=int, default=4096)
+    parser.add_argument("--rounds", type=int, default=15)
+    options = parser.parse_args()
+    print(json.dumps(side_by_side(contenders(Ours(), inner.sample(options.candidates, seed=3)), rounds=options.rounds)))
+
+
+if __name__ == "__main__":
+    main()

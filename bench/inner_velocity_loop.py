@@ -6,6 +6,7 @@ result is stability, which a screening says of every candidate.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ Real = npt.NDArray[np.float64]
 
 DOCUMENT = Path(__file__).parent / "systems" / "inner_velocity_loop.json"
 PARAMETERS = ("kp", "td1", "td2", "tf", "kv")
+EIGHT = (*PARAMETERS, "valve_frequency", "valve_damping", "sensor_lag")
 DURATION = 1.0
 SAMPLES = 1000
 FREQUENCIES = np.logspace(-1, 4, 200)
@@ -44,6 +46,21 @@ EXACT = {
 def diagram() -> Diagram:
     """Return the loop, read from its document."""
     return diagram_from_wire(SystemDocument.model_validate_json(DOCUMENT.read_text()))
+
+
+def with_eight_parameters() -> Diagram:
+    """Return the same loop, its valve and its sensor with parameters as well: :data:`EIGHT`."""
+    document = json.loads(DOCUMENT.read_text())
+    document["parameters"] |= {
+        "valve_frequency": {"value": 300.0, "unit": "rad/s"},
+        "valve_damping": {"value": 0.7},
+        "sensor_lag": {"value": 0.002, "unit": "s"},
+    }
+    squared = "=valve_frequency**2"
+    denominator = [1.0, "=2*valve_damping*valve_frequency", squared]
+    document["blocks"]["valve"] |= {"numerator": [squared], "denominator": denominator}
+    document["blocks"]["sensor"] |= {"denominator": ["=sensor_lag", 1.0]}
+    return diagram_from_wire(SystemDocument.model_validate(document))
 
 
 def requests() -> list[MetricRequest]:

@@ -49,10 +49,10 @@ def jobs(*, runs: int) -> list[Job]:
             ],
         ),
         _derivatives(
-            "derivatives of 10 metrics in 5 parameters, 8 states",
-            inner.diagram(),
+            "derivatives of 9 metrics in 8 parameters, 8 states",
+            inner.with_eight_parameters(),
             inner.requests(),
-            inner.PARAMETERS,
+            inner.EIGHT,
             runs,
         ),
         _derivatives(

@@ -136,7 +136,9 @@ class Bindings:
     def _check(self, index: int, value: Scalar) -> None:
         slot = self.slots[index]
         if slot.param is not None and not slot.param.admits(value):
-            raise DiagramError(f"{slot.label} must be {slot.param.rule()}, got {value.real:g}", at=slot.at)
+            raise DiagramError(
+                f"{slot.label} must be {slot.param.rule(float(value.real))}, got {value.real:g}", at=slot.at
+            )
 
     def change(self, varied: frozenset[int]) -> Change:
         """Return what follows from new values of the slots ``varied``."""

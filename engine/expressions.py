@@ -221,7 +221,9 @@ class _Parser:
         self._start = self._position + len(rest) - len(rest.lstrip())
         self._kind, self._word = "end", "end of the expression"
         if rest.strip():
-            raise self._error(f"unexpected '{rest.strip()[0]}'")
+            character = rest.strip()[0]
+            hint = " (a power is written **)" if character == "^" else ""
+            raise self._error(f"unexpected '{character}'{hint}")
 
     def _take(self, *symbols: str) -> str | None:
         if self._kind == "symbol" and self._word in symbols:

@@ -204,6 +204,8 @@ def _chosen(scan: Real, values: npt.NDArray[np.complex128], margins: Margins | N
     """Return at most about ``most`` frequencies: evenly on the log axis, thinned from the scan, crossings included."""
     magnitude = np.abs(values)
     finite = np.isfinite(magnitude) & (magnitude > 0)
+    if not finite.any():  # nothing comes through, a valve that is closed at rest say: all of it is as good
+        return np.asarray(np.geomspace(scan[0], scan[-1], most // 2))
     seen = np.flatnonzero(finite & (magnitude > 1e-6 * np.median(magnitude[finite])))
     low, high = scan[seen[0]], scan[seen[-1]]
     inside = scan[(scan >= low) & (scan <= high)]

@@ -59,7 +59,7 @@ class MetricRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gradient:
-    """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps."""
+    """Derivatives of a metric: ``values`` (parameters,) in metric unit per SI unit; ``one_sided`` where it jumps or has a kink."""
 
     values: Real
     one_sided: bool
@@ -105,6 +105,7 @@ def measure(
         if isinstance(first, Found):
             parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
             kinked = not all(group.smooth for group in groups)
+            kinked = kinked or any(isinstance(f, Found) and f.kinked for f in (column[row] for column in columns))
             slopes = Gradient(values=np.concatenate(parts)[place], one_sided=first.one_sided or kinked)
         result.append((measured_of(diagram, request, first), slopes))
     return result

@@ -49,7 +49,9 @@ class Numbers:
             value = self.bindings.base[index].real
             if not declared.bounds.admits(value):
                 slot = self.bindings.slots[index]
-                raise DiagramError(f"{slot.label} must be {declared.bounds.rule()}, got {value:g}", at=slot.at)
+                raise DiagramError(
+                    f"{slot.label} must be {declared.bounds.rule(float(value))}, got {value:g}", at=slot.at
+                )
 
     def read_parameters(self, path: tuple[str, ...], parameters: Mapping[str, Parameter], at: Path) -> Reader:
         """Give every system parameter a slot and return the reader of everything else in that system.

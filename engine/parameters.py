@@ -12,6 +12,9 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from engine.traced import Traced
 
+LARGEST = 1e100
+"""Numbers beyond this, or nearer to 0 than its inverse, would overflow in squares and quotients."""
+
 Scale = Literal["linear", "log"]
 Shape = Literal["scalar", "list", "roots", "matrix", "text", "integer", "names", "signal"]
 Scalar: TypeAlias = Union[float, complex, npt.NDArray[Any], "Traced"]  # a string has no |
@@ -28,6 +31,7 @@ class Param:
     "signal" (a command that another one is made of). The bounds of a list are those of its entries.
     ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless
     ``required`` is False: then it may be absent.
+    ``largest`` is the size beyond which no element computes with it: a limit of arithmetic, which no range is made of.
     Only scalars have a parameter path and can be varied; entries of a list follow system parameters through expressions.
     """
 
@@ -43,24 +47,41 @@ class Param:
     scale: Scale = "linear"
     shape: Shape = "scalar"
     choices: tuple[str, ...] = ()
+    largest: float = LARGEST
 
     def admits(self, value: Scalar) -> bool | npt.NDArray[np.bool_]:
-        """Tell for every entry of ``value`` whether its real part is finite and within the bounds."""
-        real = value.real
+        """Tell for every entry of ``value`` whether its real part is within the bounds and can be computed with."""
+        real: Any = value.real
+        size = abs(real)
         above = real > self.lower if self.lower_open else real >= self.lower
+        within = (size <= self.largest) & ((size >= self._smallest) | (size == 0.0))  # False for a NaN
         if isinstance(real, np.ndarray):
-            return np.asarray(np.isfinite(real) & above & (real <= self.upper))
-        return bool(above and real <= self.upper and math.isfinite(real))
+            return np.asarray(within & above & (real <= self.upper))
+        return bool(within and above and real <= self.upper)
 
-    def rule(self) -> str:
-        """Return the bounds as words, e.g. ``> 0 m**2``."""
+    @property
+    def _smallest(self) -> float:
+        """Coefficients of a polynomial of high order may be tiny; no quantity is."""
+        return 1 / LARGEST if self.shape == "scalar" else 0.0
+
+    def rule(self, value: float | None = None) -> str:
+        """Return the bounds as words, e.g. ``> 0 m**2``; of a ``value`` within them what else is wrong with it."""
+        unit = f" {self.unit}" if self.unit not in ("", "1") else ""
+        if value is not None and math.isfinite(value) and self.lower <= value <= self.upper:
+            if abs(value) > self.largest:
+                return f"<= {self.largest:g}{unit} in size"
+            if 0 < abs(value) < self._smallest:
+                return (
+                    f"0 or >= {self._smallest:g}{unit} in size"
+                    if not self.lower_open
+                    else f">= {self._smallest:g}{unit}"
+                )
         parts = []
         if math.isfinite(self.lower):
             parts.append(f"{'>' if self.lower_open else '>='} {self.lower:g}")
         if math.isfinite(self.upper):
             parts.append(f"<= {self.upper:g}")
-        unit = self.unit if self.unit not in ("", "1") else ""
-        return " ".join(["finite" if not parts else " and ".join(parts), unit]).strip()
+        return ("finite" if not parts else " and ".join(parts)) + unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,6 +22,8 @@ class Delay(Element):
 
     A delay of exactly 0 is a direct connection. There the derivative in ``time`` does not exist (the response would
     have to be differentiated), so an infinitesimal on a delay of 0 is dropped.
+
+    Beyond 1e6 s (12 days) an instant would no longer be known to the fraction of a microsecond that responses need.
     """
 
     kind = "delay"
@@ -32,7 +34,7 @@ class Delay(Element):
         "Padé: G. Golub and C. Van Loan, Matrix Computations, 4th ed., section 9.3."
     )
     parameters = (
-        Param(name="time", symbol="T", unit="s", lower=0.0, doc="dead time"),
+        Param(name="time", symbol="T", unit="s", lower=0.0, largest=1e6, doc="dead time"),
         Param(
             name="approximation", symbol="≈", shape="text", default="exact", choices=("exact", "pade"),
             doc="exact, or a rational approximant",

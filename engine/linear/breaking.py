@@ -24,22 +24,26 @@ if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
     from engine.signals import Signal
 
-MAX_POINTS = 100_000
-
 _SMOOTH = DEGREE + 2
 """A jump that was integrated so often is smoother than the polynomials can see."""
 
 _NEVER = 10**6
 
 
-def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> list[tuple[Array, Array]]:
-    """Return the intervals between breaking points up to ``horizon``, as combinations of 1 and the delays."""
+def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float, most: int) -> list[tuple[Array, Array]] | None:
+    """Return the intervals between breaking points up to ``horizon``, as combinations of 1 and the delays.
+
+    None where there are more than ``most``: whoever cannot follow so many need not wait for the rest.
+    """
     m = system.m
     basis = np.concatenate([[1.0], system.delays[0].real])
     starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
     points = [np.array([t, *([0.0] * m)]) for t in starts]
     if m:
-        points = _with_echoes(system, points, basis, horizon)
+        echoed = _with_echoes(system, points, basis, horizon, most)
+        if echoed is None:
+            return None
+        points = echoed
     end = np.zeros(1 + m)
     end[0] = horizon
     found: list[tuple[Array, Array]] = []
@@ -51,13 +55,13 @@ def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> list[
 
 
 def _with_echoes(
-    system: LaneSystem, points: list[Array], basis: npt.NDArray[np.float64], horizon: float
-) -> list[Array]:
-    """Return the breaking points and those echoes of them that can be seen, sorted, coinciding ones once."""
+    system: LaneSystem, points: list[Array], basis: npt.NDArray[np.float64], horizon: float, most: int
+) -> list[Array] | None:
+    """Return the breaking points and those echoes of them that can be seen, sorted, coinciding ones once; None if too many."""
     m = len(basis) - 1
     grain = 1e-10 * float(basis[1:].min())
     first, onward = _integrations(system)
-    most = _audible(system.d22[0].real)
+    audible = _audible(system.d22[0].real)
     shifts = np.eye(1 + m)[1:]
     points_at = {round(float(point @ basis) / grain): point for point in points}
     smoothness: dict[tuple[int, int], int] = {}
@@ -77,13 +81,15 @@ def _with_echoes(
     for point in points:
         for channel in range(m):
             send(point, channel, int(first[channel]), 1)
-    while front and len(combinations) <= MAX_POINTS:
+    while front:
+        if len(combinations) > most:
+            return None
         _, channel, integrations, echoes, key = heapq.heappop(front)
-        if integrations > smoothness[key, channel] or echoes >= most:
+        if integrations > smoothness[key, channel] or echoes >= audible:
             continue
         for following in range(m):
             send(combinations[key], following, integrations + int(onward[following, channel]), echoes + 1)
-    return sorted(combinations.values(), key=lambda p: float(p @ basis))
+    return sorted(combinations.values(), key=lambda p: float(p @ basis)) if len(combinations) <= most else None
 
 
 def _integrations(system: LaneSystem) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -106,5 +112,5 @@ def _audible(d22: npt.NDArray[np.float64]) -> int:
     """Return how many echoes matter where they pass undamped by any lag: until a jump has died away."""
     remains = float(np.abs(np.linalg.eigvals(np.abs(d22))).max(initial=0.0)) if d22.size else 0.0
     if remains == 0.0:
-        return MAX_POINTS
-    return MAX_POINTS if remains >= 1 else _SMOOTH + int(np.log(1e-14) / np.log(remains))
+        return _NEVER
+    return _NEVER if remains >= 1 else _SMOOTH + int(np.log(1e-14) / np.log(remains))

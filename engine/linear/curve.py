@@ -106,6 +106,10 @@ class Curve:
         local = (instant - self.edges[piece]) / width
         return np.asarray(np.einsum("pj,jp->p", weights(local), self.values[piece]))
 
+    def read(self, time: float) -> Array:
+        """Return the value at the fixed real instant ``time``, all lanes."""
+        return self.at(self._piece(time), 0.0, time)
+
     def crossings(self, level: Array, *, backwards: bool = False) -> Iterator[tuple[Array, int]]:
         """Yield every instant where the curve passes through ``level``, with the piece it lies in.
 

@@ -395,14 +395,20 @@ class FrequencyResponse:
         best = (float(heights[0]), float(omega[0]))
         if heights[-1] > best[0]:
             best = (float(heights[-1]), float(omega[-1]))
-        inner = np.flatnonzero((heights[1:-1] >= heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
-        if np.isfinite(heights.max()) and len(inner):
-            # the scan is straight to one percent: a summit rises above its point by less than that falls to the neighbours
-            fall = heights[inner] - np.minimum(heights[inner - 1], heights[inner + 1])
-            inner = inner[heights[inner] + fall >= heights[inner].max()]
-            tops = roots(lambda w: self.slope(shape, w), omega[inner - 1], omega[inner + 1])
-            summits = self(tops)
-            at = int(np.argmax(shape(summits.real, summits.imag)))
-            height = float(shape(summits.real, summits.imag)[at])
-            best = max(best, (height, float(tops[at])))
+        tops, summits = self.summits(shape, omega, heights)
+        if len(tops):
+            at = int(np.argmax(summits))
+            best = max(best, (float(summits[at]), float(tops[at])))
         return self.shape(shape, np.asarray(best[1])), best[1]
+
+    def summits(self, shape: Shape, omega: Real, heights: Real) -> tuple[Real, Real]:
+        """Return (frequencies, heights) of those summits between the ends of the scan that may be the highest."""
+        inner = np.flatnonzero((heights[1:-1] >= heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
+        if not len(inner) or not np.isfinite(heights.max()):
+            return np.zeros(0), np.zeros(0)
+        # the scan is straight to one percent: a summit rises above its point by less than that falls to the neighbours
+        fall = heights[inner] - np.minimum(heights[inner - 1], heights[inner + 1])
+        inner = inner[heights[inner] + fall >= heights[inner].max()]
+        tops = roots(lambda w: self.slope(shape, w), omega[inner - 1], omega[inner + 1])
+        summits = self(tops)
+        return tops, np.asarray(shape(summits.real, summits.imag))

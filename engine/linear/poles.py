@@ -5,11 +5,6 @@
 The poles are those of the parts whose states and delayed signals act on each other in a circle; what only follows on
 makes none. Without delays these are the eigenvalues of A. With delays there are infinitely many; the rightmost ones come
 from the eigenvalues of the spectrally discretised transport along the delay lines, each polished by Newton on F.
-
-References
-----------
-J. Hale, S. Verduyn Lunel, "Strong stabilization of neutral functional differential equations", IMA J. Math. Control
-Inf. 19 (2002): a neutral loop is stable only if max over phases of ρ(D22 e^{jφ}) < 1.
 """
 
 from __future__ import annotations
@@ -22,6 +17,7 @@ import numpy.typing as npt
 from scipy.linalg import eig, matrix_balance
 
 from engine.circles import circles
+from engine.linear.neutral import neutral
 from engine.linear.pole_guesses import guesses
 from engine.linear.tangent import slopes, solve
 from engine.verdicts import Verdict
@@ -34,6 +30,8 @@ Complex = npt.NDArray[np.complex128]
 _EPS = float(np.finfo(float).eps)
 _NEARLY_DEFECTIVE = 1e-3
 _LEFT = 32.0  # and the bound of a single pole adds 4
+_DEAD = 10.0
+"""A pole that is not known to its own size and decays by so many time constants within one delay is rounding."""
 _SHARES = np.linspace(0.05, 0.99, 95)
 
 
@@ -142,7 +140,8 @@ def _poles_of_part(system: LaneSystem) -> Poles:
         for k, s in enumerate(values):
             motion[k] = _motion(system, s, left[:, k], right[:, k])
     endless = np.full(len(values), system.m > 0)
-    return Poles(values=values, uncertainty=uncertainty, motion=motion, endless=endless, neutral=_neutral(system))
+    echoes = neutral(system.d22[0].real, system.delays[0].real)
+    return Poles(values=values, uncertainty=uncertainty, motion=motion, endless=endless, neutral=echoes)
 
 
 def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:
@@ -198,6 +197,9 @@ def _with_delays(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     spread = np.einsum("ki,kij,kj->k", np.abs(left), np.abs(f), np.abs(right))
     turns = np.maximum(1.0, np.abs(upper) * tau)
     uncertainty = 20 * _EPS * turns * spread / np.maximum(overlap, 1e-300)
+    # where e^{s τ} is rounding beside D22, F is singular at any s if D22 is
+    known = (uncertainty <= np.abs(upper)) | (upper.real * tau > -_DEAD)
+    upper, uncertainty, paired, left, right = (part[known] for part in (upper, uncertainty, paired, left, right))
     left, right = left / balance, right * balance
     return (
         np.concatenate([upper, upper[paired].conj()]),
@@ -278,23 +280,6 @@ def _motion(system: LaneSystem, s: complex, left: Complex, right: Complex) -> Co
         moved = moved + (s * slopes(system.delays) * grown * w - slopes(system.d22) @ w) @ bottom
         denominator = denominator + bottom @ (tau * grown * w)
     return np.asarray(-moved / denominator)
-
-
-def _neutral(system: LaneSystem) -> bool:
-    """Return whether echoes through delays and direct gains alone do not die out, whatever the delays' exact ratio."""
-    d22 = system.d22[0].real
-    if not d22.size or not d22.any():
-        return False
-    if float(np.abs(np.linalg.eigvals(np.abs(d22))).max()) < 1:
-        return False
-    m = len(d22)
-    turns = np.exp(2j * np.pi * np.arange(24) / 24)
-    phases = (
-        np.stack(np.meshgrid(*([turns] * (m - 1)), indexing="ij"), -1).reshape(-1, m - 1) if m > 1 else np.ones((1, 0))
-    )
-    phases = phases[:4096]
-    rotated = d22 * np.concatenate([np.ones((len(phases), 1)), phases], axis=1)[:, None, :]
-    return bool(np.abs(np.linalg.eigvals(rotated)).max() >= 1 - 1e-12)
 
 
 def static_gain(system: LaneSystem) -> Array:

@@ -164,6 +164,12 @@ class Scan:
             np.put_along_axis(summits, place[:, None], -np.inf, axis=1)
         return best
 
+    def hidden(self, size: Array) -> Array:
+        """Return for whom (B,) the delays turn by more than a radian between two frequencies, |G| there being at least ``size``."""
+        turns = np.diff(self.frequencies, axis=1) * self._tau.sum(axis=1)[:, None] > 1.0
+        large = np.abs(self.response) >= size[:, None]
+        return np.asarray((turns & (large[:, :-1] | large[:, 1:])).any(axis=1))
+
     def crossings(self, level: Callable[[Array, Array], Array], *, first_fall: bool = False) -> tuple[Array, Array]:
         """Return (systems, frequencies) of every sign change of ``level``, or of the first fall only.
 
@@ -318,7 +324,10 @@ def gain_margin(path: Path, scan: Scan) -> Readings:
         margin = -1 / real
     counts = value.real < -SMALLEST_LOOP_GAIN
     rows, margin = rows[counts], margin[counts]
-    return _nearest(path.batch, rows, margin, np.abs(np.log(margin.real)))
+    found = _nearest(path.batch, rows, margin, np.abs(np.log(margin.real)))
+    # a crossing that the scan steps over is nearer to 1 only where |L| is
+    nearest = np.minimum(np.abs(found.value.real), 1 / np.abs(found.value.real))
+    return Readings(value=found.value, doubtful=scan.hidden(np.maximum(nearest, SMALLEST_LOOP_GAIN)))
 
 
 def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
@@ -336,14 +345,19 @@ def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
 def phase_margin(path: Path, scan: Scan) -> Readings:
     """π + arg L where |L| = 1, nearest 0."""
     rows, _, angle = _phase_margins(path, scan)
-    return _nearest(path.batch, rows, angle, np.abs(angle.real))
+    return _unless_hidden(scan, _nearest(path.batch, rows, angle, np.abs(angle.real)))
 
 
 def delay_margin(path: Path, scan: Scan) -> Readings:
     """The smallest of (π + arg L in [0, 2π)) / ω where |L| = 1."""
     rows, omega, angle = _phase_margins(path, scan)
     margin = np.where(angle.real < 0, angle + 2 * np.pi, angle) / omega
-    return _nearest(path.batch, rows, margin, margin.real)
+    return _unless_hidden(scan, _nearest(path.batch, rows, margin, margin.real))
+
+
+def _unless_hidden(scan: Scan, found: Readings) -> Readings:
+    """Doubt what is found at |L| = 1 where a loop gain of 1 turns round more often than is looked at: the loop may be unstable."""
+    return Readings(value=found.value, doubtful=scan.hidden(np.ones(len(found.value))))
 
 
 PATH_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(

@@ -25,6 +25,15 @@ def slopes(value: Array) -> Array:
     return np.imag(value) / INFINITESIMAL
 
 
+def parted(value: Array, other: Array) -> bool:
+    """Return whether two quantities of one size, shape (lanes,), move apart with a parameter.
+
+    A hundredth is more than the slopes of two that are about to become one differ by.
+    """
+    largest = np.maximum(np.abs(value.imag), np.abs(other.imag))
+    return bool(np.any(np.abs(value.imag - other.imag) > 0.01 * largest))
+
+
 def solve(matrix: Array, right: Array) -> Array:
     """Solve ``matrix @ x = right`` for lanes that share the real part, factorising that part once.
 

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.linear.roots import roots
+from engine.linear.tangent import parted
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from engine.linear.frequency import FrequencyResponse, Shape
+    from engine.linear.system import Array
 
 _NEAR = 0.03
 """The scan is straight to one percent: a turning point lies no further from its neighbours than this."""
@@ -41,3 +43,14 @@ def touches(response: FrequencyResponse, shape: Shape, level: float, *, toleranc
     turns = roots(slope, omega[left], omega[left + 1])
     here = response(turns)
     return bool(np.any((np.abs(shape(here.real, here.imag) - level) <= tolerance) & (turns <= until)))
+
+
+def has_rival(response: FrequencyResponse, shape: Shape, value: Array, at: float, *, tolerance: float) -> bool:
+    """Return whether another summit of ``shape`` is as high as the highest, ``value`` at ``at``, and moves otherwise."""
+    if not np.iscomplexobj(value):
+        return False
+    omega, values = response.scan
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        tops, summits = response.summits(shape, omega, shape(values.real, values.imag))
+    rivals = tops[(summits >= (1 - tolerance) * float(value[0].real)) & (np.abs(tops - at) > tolerance * at)]
+    return any(parted(value, response.shape(shape, np.asarray(top))) for top in rivals)

@@ -313,7 +313,10 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
     previous = np.inf if fastest == 0.0 else 4.0 / fastest
     # e^{At} is held by degree 16 to rounding on this length, whatever the coefficients of a noisy output say
     smallest = 0.25 / max(run.size, 1e-300)
-    for a, b in gaps(system, signals, horizon):
+    between = gaps(system, signals, horizon, int(MAX_STEPS / dearer))
+    if between is None:  # each takes a step at least
+        raise _unresolved("the echoes of its delays and commands have more instants", horizon)
+    for a, b in between:
         gap = b - a
         whole, straight = float(gap @ basis), run.strides(float(a @ basis))
         level = max(0, int(np.ceil(np.log2(whole / previous)))) if previous < whole else 0

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from engine.linear.curve import Curve
-from engine.linear.frequency import squared_magnitude
 from engine.linear.tangent import INFINITESIMAL
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.frequency import FrequencyResponse, Shape
+    from engine.linear.frequency import FrequencyResponse
     from engine.linear.poles import Poles
     from engine.linear.system import Array
     from engine.masks import Mask
@@ -38,12 +37,14 @@ class Found:
     """A metric's value.
 
     ``value`` has shape (lanes,) and carries its derivatives; ``at`` is the instant (s) or frequency (rad/s) where it is
-    found; ``one_sided`` says that the metric jumps here, so that its derivative holds on one side only.
+    found; ``one_sided`` says that the metric jumps here, so that its derivative holds on one side only; ``kinked`` that its
+    derivative does, as that of the larger of two equal peaks.
     """
 
     value: Array
     at: float | None = None
     one_sided: bool = False
+    kinked: bool = False
     verdict: Verdict = Verdict.OK
 
 
@@ -219,9 +220,6 @@ _ADVICE = {
     Verdict.DOUBTFUL: "the simulation could not be followed to its end: see the warnings",
 }
 
-_WITHIN_REACH = frozenset({Verdict.TOO_SHORT, Verdict.NOT_SETTLED})
-"""A nonlinear response that has not settled still has a largest value and integrals as far as it was followed."""
-
 
 def unsettled(verdict: Verdict) -> Absent | None:
     """Return why a path of this verdict has no value, or None when it decays."""
@@ -298,98 +296,6 @@ def touched(subject: TimeSubject, part: float, until: Array) -> bool:
     # the passage itself lies a little before a turning point that goes a little beyond
     before = instants <= 1.001 * float(until[0].real)
     return bool(np.any(before & (np.abs(sign * turns - part * size) <= TOUCHES * size)))
-
-
-def largest_magnitude(subject: TimeSubject) -> Finding:
-    """Return the largest absolute value of the output; its final value where it is only approached."""
-    refusal = unsettled(subject.verdict)
-    if refusal is not None and (subject.verdict not in _WITHIN_REACH or subject.y is None):
-        return refusal
-    if refusal is None and subject.final is None and subject.end is None and _grows(subject):
-        return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
-    top, top_at = subject.curve.largest()
-    bottom, bottom_at = subject.curve.smallest()
-    value, at = (top, top_at) if top[0].real >= -bottom[0].real else (-bottom, bottom_at)
-    if subject.final is not None:
-        limit = abs(float(subject.final[0].real))
-        if limit >= float(value[0].real) * (1 - 1e-13):
-            sign = 1.0 if subject.final[0].real >= 0 else -1.0
-            return Found(value=sign * subject.final)
-    return Found(value=value, at=at, verdict=subject.verdict)
-
-
-def _grows(subject: TimeSubject) -> bool:
-    """Return whether the far end of the curve still climbs to new values, as under a ramp."""
-    sizes = np.abs(subject.curve.values[:, :, 0].real).max(axis=1)
-    times = subject.curve.times
-    early = times[1:] < 0.8 * times[-1]
-    return bool(sizes[~early].max() > 1.1 * sizes[early].max(initial=0.0))
-
-
-def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae", "ie"]) -> Finding:
-    """Return ∫|e|, ∫e², ∫t|e| or |∫e| from the command's start to the duration or to infinity."""
-    error = _error_to_its_end(subject)
-    if isinstance(error, Absent):
-        return error
-    if kind == "ise":
-        return Found(value=_since_start(subject, error.squared()))
-    if kind == "ie":
-        total = _since_start(subject, error)
-        return Found(value=total * (1.0 if total[0].real >= 0 else -1.0))
-    error = error.absolute()
-    if kind == "itae":
-        shifted = Curve(edges=subject.since_start(error.edges), values=error.values)
-        return Found(value=shifted.times_time().integral())
-    return Found(value=_since_start(subject, error))
-
-
-def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
-    """Return the error from the command's start to the duration, or to where it is 0, or why its integral has no value."""
-    if subject.error is None or subject.duration is None:
-        refusal = unsettled(subject.verdict)
-        if refusal is not None:
-            return refusal
-    if subject.error is None:
-        return Absent(verdict=Verdict.DIVERGES, advice="the error grows beyond what can be followed")
-    if subject.duration is not None:
-        return subject.error.until(subject.duration).since(subject.start)
-    size = float(np.abs(subject.error.values[:, :, 0].real).max())
-    if subject.error_final is None or abs(float(subject.error_final[0].real)) > NEGLIGIBLE * size:
-        return Absent(
-            verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration"
-        )
-    return subject.error.since(subject.start)
-
-
-def _since_start(subject: TimeSubject, curve: Curve) -> Array:
-    """Return the integral of a curve that has been cut at the command's start, which may move."""
-    if subject.moving_start is None:
-        return curve.integral()
-    return np.asarray(curve.integral() - curve.values[0, 0].real * (subject.moving_start - subject.start))
-
-
-def highest_magnitude(subject: PathSubject) -> Finding:
-    """Return the largest magnitude of a path over all frequencies, 0 included."""
-    refusal = unsettled(subject.verdict)
-    if refusal is not None:
-        if subject.verdict is Verdict.UNSTABLE:
-            return refusal
-        return Absent(verdict=Verdict.DIVERGES, advice="the path has poles on the imaginary axis: the peak is infinite")
-    assert subject.static is not None
-    return highest(subject.response, squared_magnitude, at_rest=subject.static, at_infinity=subject.response.direct)
-
-
-def highest(response: FrequencyResponse, shape: Shape, *, at_rest: Array, at_infinity: Array) -> Finding:
-    """Return the peak of a magnitude whose square is ``shape``; at either end of the axis it may only be approached."""
-    value, at = response.peak(shape)
-    top = float(value[0].real) * (1 - 1e-12)
-    static = at_rest * np.sign(at_rest.real)
-    if float(static[0].real) ** 2 >= top:
-        return Found(value=static, at=0.0)
-    limit = at_infinity * np.sign(at_infinity.real)
-    if not response.system.m and float(limit[0].real) ** 2 >= top:
-        return Found(value=limit)
-    return Found(value=np.sqrt(value), at=at)
 
 
 def unclosed(subject: LoopSubject) -> Absent | None:

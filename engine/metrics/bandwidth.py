@@ -5,6 +5,7 @@ first ω with |T(jω)| = 10^(-3/20) |T(0)|
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.linear.frequency import squared_magnitude
@@ -39,7 +40,7 @@ class Bandwidth(PathMetric):
             return refusal
         assert subject.static is not None
         top = float(subject.response.peak(squared_magnitude)[0][0].real)
-        if float(subject.static[0].real) ** 2 <= NEGLIGIBLE**2 * top:
+        if abs(float(subject.static[0].real)) <= NEGLIGIBLE * math.sqrt(top):
             return Absent(
                 verdict=Verdict.ZERO_STATIC_GAIN, advice="the static gain is 0, so there is nothing to fall 3 dB from"
             )

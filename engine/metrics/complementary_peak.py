@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.linear.frequency import squared_complementary
-from engine.metrics._base import Absent, LoopMetric, highest, unclosed
+from engine.metrics._base import Absent, LoopMetric, unclosed
+from engine.metrics._largest import highest
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:

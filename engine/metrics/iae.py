@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.metrics._base import TimeMetric, integral_of_error
+from engine.metrics._base import TimeMetric
+from engine.metrics._integrals import integral_of_error
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.metrics._base import NEGLIGIBLE, Found, TimeMetric, span, without_final_value
+from engine.metrics._largest import has_rival
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
@@ -36,8 +37,9 @@ class Overshoot(TimeMetric):
             return refusal
         assert subject.final is not None
         _, way, sign = span(subject)
-        top, at = (subject.curve * sign).largest()
+        facing = subject.curve * sign
+        top, at = facing.largest()
         beyond = (top - sign * subject.final) / (sign * way)
         if float(beyond[0].real) <= NEGLIGIBLE:
             return Found(value=np.zeros(len(beyond)))
-        return Found(value=beyond, at=at)
+        return Found(value=beyond, at=at, kinked=has_rival(facing, top, at))

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.metrics._base import TimeMetric, largest_magnitude
+from engine.metrics._base import TimeMetric
+from engine.metrics._largest import largest_magnitude
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

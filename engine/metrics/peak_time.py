@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.metrics._base import TOUCHES, Absent, Found, TimeMetric, largest_magnitude
+from engine.metrics._base import TOUCHES, Absent, Found, TimeMetric
+from engine.metrics._largest import largest_magnitude
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:

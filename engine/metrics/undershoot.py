@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.metrics._base import NEGLIGIBLE, Found, TimeMetric, span, without_final_value
+from engine.metrics._largest import has_rival
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
@@ -35,8 +36,9 @@ class Undershoot(TimeMetric):
         if refusal is not None:
             return refusal
         initial, way, sign = span(subject)
-        bottom, at = (subject.curve * sign).smallest()
+        facing = subject.curve * sign
+        bottom, at = facing.smallest()
         below = (sign * initial - bottom) / (sign * way)
         if float(below[0].real) <= NEGLIGIBLE:
             return Found(value=np.zeros(len(below)))
-        return Found(value=below, at=at)
+        return Found(value=below, at=at, kinked=has_rival(facing, bottom, at))

@@ -105,7 +105,7 @@ def _number(param: Param, value: Any) -> float:
     except OverflowError:
         number = np.inf
     if not param.admits(np.float64(number)):
-        raise SignalError(f"{param.name} must be {param.rule()}, got {number:g}", at=(param.name,))
+        raise SignalError(f"{param.name} must be {param.rule(number)}, got {number:g}", at=(param.name,))
     return number
 
 
@@ -121,7 +121,10 @@ def _list(param: Param, value: Any) -> FloatArray:
     wrong = np.flatnonzero(~param.admits(array))
     if wrong.size:
         index = int(wrong[0])
-        raise SignalError(f"{param.name}[{index}] must be {param.rule()}, got {array[index]:g}", at=(param.name, index))
+        raise SignalError(
+            f"{param.name}[{index}] must be {param.rule(float(array[index]))}, got {array[index]:g}",
+            at=(param.name, index),
+        )
     array.setflags(write=False)
     return array
 

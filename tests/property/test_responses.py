@@ -76,7 +76,7 @@ def test_time_invariance(plant: Plant, start: float) -> None:
     assert_close(late.curves["y"][~before], exact, late.time[~before] - start)
 
 
-@given(plants(), plants(), st.floats(-3, 3), st.floats(0.5, 30.0))
+@given(plants(), plants(), st.floats(-3, 3).filter(lambda a: a == 0 or abs(a) >= 1e-100), st.floats(0.5, 30.0))
 def test_superposition(first: Plant, second: Plant, amplitude: float, frequency: float) -> None:
     both = system(
         {

@@ -13,10 +13,11 @@ from scipy.stats import gamma
 
 from engine.diagram import Diagram, compile_system
 from engine.elements import catalogue
+from engine.elements._nonlinear import NonlinearElement
 from engine.errors import DiagramError
 from engine.parameters import Param
 from engine.signals import make
-from engine.study import simulate
+from engine.study import frequency_response, simulate
 from tests.unit.engine.diagrams import block, document
 
 INSTEAD = {
@@ -25,28 +26,53 @@ INSTEAD = {
     "time_constant": ("natural_frequency", "damping_ratio"),
 }
 """What of an element's example a parameter stands in place of."""
+LINEAR = [kind for kind, e in catalogue().items() if not issubclass(e, NonlinearElement) and kind != "input"]
 BESIDE = {("ball_screw", "damping"): {"stiffness": 1e8}}
 """What a parameter is given with only."""
 
 
 def beyond(param: Param) -> list[float]:
-    """Return a value beyond each finite bound."""
+    """Return a value beyond each finite bound, and numbers that nothing can be computed with."""
     below = [param.lower if param.lower_open else param.lower - 1.0] if math.isfinite(param.lower) else []
-    return below + ([param.upper + 1.0] if math.isfinite(param.upper) else [])
+    above = [param.upper + 1.0] if math.isfinite(param.upper) else []
+    return [*below, *above, -1e308, 1e308, 1e-308, math.nan, math.inf, -math.inf]
 
 
 @pytest.mark.parametrize("kind", catalogue())
 def test_every_bound_of_every_element_holds(kind: str) -> None:
     element = catalogue()[kind]
     scalars = [param for param in element.parameters if param.shape == "scalar"]
-    for name, value in [(param.name, value) for param in scalars for value in beyond(param)]:
+    for param, value in itertools.chain.from_iterable(zip(itertools.repeat(p), beyond(p)) for p in scalars):
+        name = param.name
         given = {key: own for key, own in element.example.items() if key not in INSTEAD.get(name, ())}
         given |= {**BESIDE.get((kind, name), {}), name: value}
         with pytest.raises(DiagramError) as caught:
             compile_system(document({"it": block(kind, **given)}))
         assert "must be" in caught.value.message
         assert f"{value:g}" in caught.value.message
+        assert param.unit in ("", "1") or not math.isfinite(value) or param.unit in caught.value.message
         assert caught.value.at[:2] == ("blocks", "it")
+
+
+@pytest.mark.parametrize("value", [1e-12, 1e3])
+@pytest.mark.parametrize("kind", LINEAR)
+def test_every_parameter_far_from_its_usual_size_gets_an_answer_or_a_named_error(kind: str, value: float) -> None:
+    element = catalogue()[kind]
+    for param in (param for param in element.parameters if param.shape == "scalar"):
+        given = {key: own for key, own in element.example.items() if key not in INSTEAD.get(param.name, ())}
+        given |= {**BESIDE.get((kind, param.name), {}), param.name: value}
+        values = {each.name: each.default for each in element.parameters} | given
+        ports = element.ports(values)
+        inputs = {f"u{k}": block("input") for k in range(len(ports.inputs))}
+        wires = [f"u{k} -> it.{port}" for k, port in enumerate(ports.inputs)]
+        blocks = {**inputs, "it": block(kind, **given)}
+        if not param.admits(value):
+            with pytest.raises(DiagramError, match=f"it.{param.name} must be "):
+                compile_system(document(blocks, wires, {"y": f"it.{ports.outputs[0]}"}))
+            continue
+        diagram = compile_system(document(blocks, wires, {"y": f"it.{ports.outputs[0]}"}))
+        study = frequency_response(diagram, source="u0", target="y", metrics=[], frequencies=np.geomspace(0.1, 1e3, 9))
+        assert np.isfinite(study.response).all(), param.name
 
 
 def test_an_empty_numerator_is_refused_and_0_is_a_number() -> None:
@@ -88,6 +114,31 @@ def test_a_loop_with_a_delay_of_a_picosecond_is_the_loop_without() -> None:
     # 0.5/(s + 1.5)
     assert found.metrics["y"]["rise_time"].value == pytest.approx(math.log(9) / 1.5, rel=1e-9)
     assert found.metrics["y"]["settling_time"].value == pytest.approx(math.log(50) / 1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("delay", "rule"),
+    [
+        (1e308, "<= 1e+06 s in size"), (2e6, "<= 1e+06 s in size"), (1e-308, "0 or >= 1e-100 s in size"),
+        (math.nan, "finite"), (math.inf, "finite"), (-1e-12, ">= 0 s"),
+    ],
+)  # fmt: skip
+def test_a_delay_beyond_arithmetic_is_refused(delay: float, rule: str) -> None:
+    with pytest.raises(DiagramError) as caught:
+        loop(delay)
+    assert caught.value.message == f"late.time must be {rule}, got {delay:g}"
+
+
+def test_a_delay_of_nearly_nothing_is_answered() -> None:
+    found = simulate(loop(1e-30), signals={"r": make("step", {})}, outputs=["y"], metrics=["rise_time"])
+    assert found.metrics["y"]["rise_time"].value == pytest.approx(math.log(9) / 1.5, rel=1e-9)
+
+
+def test_a_path_that_carries_nothing_has_a_frequency_response_of_zero() -> None:
+    silent = compile_system(document({"u": block("input"), "g": block("gain", gain=0.0)}, ["u -> g"], {"y": "g"}))
+    study = frequency_response(silent, source="u", target="y")
+    assert len(study.frequency) > 1
+    assert not study.response.any()
 
 
 def test_five_hundred_blocks_are_answered() -> None:

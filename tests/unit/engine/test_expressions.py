@@ -61,6 +61,7 @@ def test_a_bare_name_is_recognised():
         ("=2 3", "unexpected '3' at character 4"),
         ("=(1+2", "expected '\\)'"),
         ("=1)", "unexpected '\\)' at character 3"),
+        ("=a^2", "unexpected '\\^' \\(a power is written \\*\\*\\) at character 3"),
         ("=a $ b", "unexpected '\\$' at character 4"),
         ("=sqrt 2", "expected '\\(' after sqrt"),
         ("=tan(1)", "unknown function 'tan'"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from itertools import pairwise
 
 import control
@@ -104,6 +105,36 @@ def test_the_round_trip_through_python_control_is_exact():
     assert back.inputs == ("r", "d")
     assert back.outputs == ("y", "position")
     assert difference(to_state_space(realized(back))(1j * FREQUENCIES), by_hand(FREQUENCIES)) < 1e-12
+
+
+def test_twenty_states_three_inputs_and_a_direct_path_survive_every_format():
+    rng = np.random.default_rng(20)
+    a = rng.normal(size=(20, 20))
+    a -= (np.linalg.eigvals(a).real.max() + 0.3) * np.eye(20)
+    given = control.ss(
+        a, rng.normal(size=(20, 3)), rng.normal(size=(2, 20)), rng.normal(size=(2, 3)),
+        inputs=["u", "v", "w"], outputs=["y", "z"], name="plant",
+    )  # fmt: skip
+    expected = given(1j * FREQUENCIES)
+    matrices = realized(compile_system(from_control(given)))
+    assert (matrices.document()["inputs"], matrices.document()["outputs"]) == (["u", "v", "w"], ["y", "z"])
+    assert difference(to_state_space(matrices)(1j * FREQUENCIES), expected) < 1e-11
+    for kept in (from_mat(matrices), json.loads(json.dumps(matrices.document()))):
+        again = control.ss(*(np.array(kept[name]) for name in "ABCD"))
+        assert difference(again(1j * FREQUENCIES), expected) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (control.tf([1.0, 0.0, 0.0], [1.0, 1.0]), "must be at most of the order"),
+        (control.ss([[np.nan]], [[1.0]], [[1.0]], [[0.0]]), "must be finite"),
+        (control.ss([[-1.0]], [[np.inf]], [[1.0]], [[0.0]]), "must be finite"),
+    ],
+)
+def test_what_is_improper_or_not_finite_is_refused(given, message):
+    with pytest.raises(DiagramError, match=message):
+        compile_system(from_control(given))
 
 
 def test_a_delay_is_refused_by_name_or_approximated_when_asked():

@@ -78,3 +78,17 @@ def test_an_opened_position_loop_in_si_keeps_its_gain():
     ((frequency, margin),) = study.margins.phase
     assert abs(loop(1j * frequency)) == pytest.approx(1.0, rel=1e-10)
     assert margin == pytest.approx(np.pi + np.angle(loop(1j * frequency)), rel=1e-9)
+
+
+def test_a_loop_that_lets_nothing_through_has_frequencies_too():
+    # A valve that is closed at rest: its response is 0 everywhere, and no frequency is better than another.
+    blocks = {
+        "r": block("input"),
+        "error": block("sum", signs="+-"),
+        "valve": block("gain", gain=0.0),
+        "motor": block("integrator"),
+    }
+    wires = ["r -> error.in1", "motor -> error.in2", "error -> valve", "valve -> motor"]
+    study = frequency_response(compile_system(document(blocks, wires, {"y": "motor"})), open_at="error", metrics=())
+    assert study.frequency[0] < study.frequency[-1]
+    assert np.all(study.response == 0)

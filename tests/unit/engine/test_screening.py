@@ -11,6 +11,7 @@ from engine.linear.screening_march import NODES, Mesh
 from engine.linear.screening_time import METRICS
 from engine.signals import make
 from engine.study import MetricRequest, measure
+from tests.unit.engine.diagrams import block, document
 
 STEP = {"u": make("step", {})}
 LOOP = ("sensitivity_peak", "complementary_peak", "gain_margin", "phase_margin", "delay_margin")
@@ -211,3 +212,20 @@ def test_delays_of_different_length_are_left_to_the_exact_path() -> None:
 def test_a_member_that_does_not_exist_is_invalid() -> None:
     screened = Screening(lag_loop(), time_requests("rise_time"))({"lag": np.array([8e-4, np.inf])})
     assert screened.valid.tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("resonance", "gain", "damping", "delay"), [(1e3, 0.05, 0.01, 1.0), (1e3, 0.05, 0.001, 0.5)])
+def test_an_unstable_resonance_behind_a_delay_is_doubted(
+    resonance: float, gain: float, damping: float, delay: float
+) -> None:
+    # tests/reference/test_delay_poles.py counts its unstable poles: hundreds of turns of the delay lie within the resonance
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "late": block("delay", time=delay),
+        "plant": block(
+            "transfer_function", numerator=["=gain"], denominator=[1 / resonance**2, 2 * damping / resonance, 1.0]
+        ),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "plant -> e.in2", "e -> late", "late -> plant"]
+    diagram = compile_system(document(blocks, wires, {"y": "plant"}, gain=gain))
+    requests = [MetricRequest(metric=name, open_at="e") for name in ("gain_margin", "phase_margin", "delay_margin")]
+    assert Screening(diagram, requests)({"gain": np.array([gain, 1e-6])}).doubtful.tolist() == [[True] * 3, [False] * 3]

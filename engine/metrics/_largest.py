@@ -1,0 +1,96 @@
+"""The largest value of a response, over time or over frequency.
+
+max |y(t)|,   max |G(jω)|;   of two peaks of one height each has a slope of its own, so that the larger of them has a kink
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.linear import touching
+from engine.linear.frequency import squared_magnitude
+from engine.linear.tangent import parted
+from engine.metrics._base import TOUCHES, Absent, Found, unsettled
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.linear.curve import Curve
+    from engine.linear.frequency import FrequencyResponse, Shape
+    from engine.linear.system import Array
+    from engine.metrics._base import Finding, PathSubject, TimeSubject
+
+_WITHIN_REACH = frozenset({Verdict.TOO_SHORT, Verdict.NOT_SETTLED})
+"""A nonlinear response that has not settled still has a largest value and integrals as far as it was followed."""
+
+
+def largest_magnitude(subject: TimeSubject) -> Finding:
+    """Return the largest absolute value of the output; its final value where it is only approached."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None and (subject.verdict not in _WITHIN_REACH or subject.y is None):
+        return refusal
+    if refusal is None and subject.final is None and subject.end is None and _grows(subject):
+        return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
+    top, top_at = subject.curve.largest()
+    bottom, bottom_at = subject.curve.smallest()
+    value, at = (top, top_at) if top[0].real >= -bottom[0].real else (-bottom, bottom_at)
+    if subject.final is not None:
+        limit = abs(float(subject.final[0].real))
+        if limit >= float(value[0].real) * (1 - 1e-13):
+            sign = 1.0 if subject.final[0].real >= 0 else -1.0
+            return Found(value=sign * subject.final)
+    tied = has_rival(subject.curve, value, at, below=True)
+    return Found(value=value, at=at, kinked=tied, verdict=subject.verdict)
+
+
+def _grows(subject: TimeSubject) -> bool:
+    """Return whether the far end of the curve still climbs to new values, as under a ramp."""
+    sizes = np.abs(subject.curve.values[:, :, 0].real).max(axis=1)
+    times = subject.curve.times
+    early = times[1:] < 0.8 * times[-1]
+    return bool(sizes[~early].max() > 1.1 * sizes[early].max(initial=0.0))
+
+
+def has_rival(curve: Curve, value: Array, at: float, *, below: bool = False) -> bool:
+    """Return whether another turning point is as high as the largest ``value`` and moves otherwise with a parameter.
+
+    ``below`` says that lows count as well.
+    """
+    if not np.iscomplexobj(value):
+        return False
+    peak = float(value[0].real)
+    instants, turns = curve.turnings(0.9 * abs(peak))
+    rivals = (np.abs(instants - at) > TOUCHES * curve.end) & (np.abs(turns) >= (1 - TOUCHES) * abs(peak))
+    if not below:
+        rivals &= turns * peak > 0
+    return any(
+        parted(value, curve.read(float(instant)) * (1.0 if turn * peak > 0 else -1.0))
+        for instant, turn in zip(instants[rivals], turns[rivals], strict=True)
+    )
+
+
+def highest_magnitude(subject: PathSubject) -> Finding:
+    """Return the largest magnitude of a path over all frequencies, 0 included."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None:
+        if subject.verdict is Verdict.UNSTABLE:
+            return refusal
+        return Absent(verdict=Verdict.DIVERGES, advice="the path has poles on the imaginary axis: the peak is infinite")
+    assert subject.static is not None
+    return highest(subject.response, squared_magnitude, at_rest=subject.static, at_infinity=subject.response.direct)
+
+
+def highest(response: FrequencyResponse, shape: Shape, *, at_rest: Array, at_infinity: Array) -> Finding:
+    """Return the peak of a magnitude whose square is ``shape``; at either end of the axis it may only be approached."""
+    value, at = response.peak(shape)
+    tied = touching.has_rival(response, shape, value, at, tolerance=TOUCHES)
+    top = math.sqrt(float(value[0].real)) * (1 - 1e-12)
+    static = at_rest * np.sign(at_rest.real)
+    if float(static[0].real) >= top:
+        return Found(value=static, at=0.0)
+    limit = at_infinity * np.sign(at_infinity.real)
+    if not response.system.m and float(limit[0].real) >= top:
+        return Found(value=limit)
+    return Found(value=np.sqrt(value), at=at, kinked=tied)
