@@ -1,36 +1,72 @@
-"""The worker beside the service: a process that ends with it, and is started again when it dies."""
+"""Processes beside one that must not end: each ends with it, and is started again when it dies."""
 
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
-_CODE = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
-#: The pauses (s) before a worker that died is started again: the first one, and the longest.
+#: The pauses (s) before a process that died is started again: the first one, and the longest.
 _PAUSE, _LONGEST_PAUSE = 1.0, 30.0
-#: A worker that lived so long (s) did not die of its start.
+#: A process that lived so long (s) did not die of its start.
 _LIVED = 60.0
 
 _log = logging.getLogger(__name__)
 
 
-class WorkerBeside:
-    """Keeps one worker running.
-
-    The pipe to its standard input closes however this process dies, and the worker ends with it.
-    """
-
-    def __init__(self) -> None:
-        self._stopping = threading.Event()
-        self._process = self._start()
-        self._watch = threading.Thread(target=self._keep_running, name="worker-beside", daemon=True)
-        self._watch.start()
+class Beside(Protocol):
+    """The worker beside the service, as whoever asks for its health sees it."""
 
     @property
     def pid(self) -> int:
         """The process of the worker, which may have died."""
+
+    def alive(self) -> bool:
+        """Return whether the process is there."""
+
+
+class Kept:
+    """Keeps one process running.
+
+    The pipe to its standard input closes however this process dies, by which it must end.
+
+    Parameters
+    ----------
+    what : str
+        What the process is, for the log.
+    code : str
+        What its interpreter runs.
+    environment : mapping, optional
+        Variables besides those of this process.
+    started, ended : callable, optional
+        Called with the id of each process that begins, or that has died.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        code: str,
+        *,
+        environment: Mapping[str, str] | None = None,
+        started: Callable[[int], object] = lambda _: None,
+        ended: Callable[[int], object] = lambda _: None,
+    ) -> None:
+        self._what = what
+        self._command = [sys.executable, "-c", code]
+        self._environment = {**os.environ, **(environment or {})}
+        self._started, self._ended = started, ended
+        self._stopping = threading.Event()
+        self._process = self._start()
+        self._watch = threading.Thread(target=self._keep_running, name=what, daemon=True)
+        self._watch.start()
+
+    @property
+    def pid(self) -> int:
+        """The process, which may have died."""
         return self._process.pid
 
     def alive(self) -> bool:
@@ -38,7 +74,7 @@ class WorkerBeside:
         return self._process.poll() is None
 
     def stop(self) -> None:
-        """Let the worker give its jobs back, and end it."""
+        """Let the process end what it does, and end it."""
         self._stopping.set()
         self._watch.join()
         process = self._process
@@ -52,7 +88,9 @@ class WorkerBeside:
             process.wait()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        return subprocess.Popen([sys.executable, "-c", _CODE], stdin=subprocess.PIPE)  # noqa: S603 - our own code
+        process = subprocess.Popen(self._command, stdin=subprocess.PIPE, env=self._environment)  # noqa: S603 - our own code
+        self._started(process.pid)
+        return process
 
     def _keep_running(self) -> None:
         pause, lived = _PAUSE, 0.0
@@ -61,10 +99,19 @@ class WorkerBeside:
             code = self._process.poll()
             if code is None:
                 continue
+            self._ended(self._process.pid)
             pause = _PAUSE if lived > _LIVED else min(2 * pause, _LONGEST_PAUSE)
-            _log.error("the worker beside the service ended with code %d, and starts again in %.0f s", code, pause)
+            _log.error("%s ended with code %d, and starts again in %.0f s", self._what, code, pause)
             if self._stopping.wait(pause):
                 return
             assert self._process.stdin is not None
             self._process.stdin.close()
             self._process, lived = self._start(), 0.0
+
+
+def worker_beside(
+    *, started: Callable[[int], object] = lambda _: None, ended: Callable[[int], object] = lambda _: None
+) -> Kept:
+    """Start the worker beside the service, which gives its jobs back when it is stopped."""
+    code = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
+    return Kept("the worker beside the service", code, started=started, ended=ended)

@@ -132,7 +132,8 @@ async def creation(
 ) -> Creation:
     """Return the once-only door of a POST that creates."""
     caller: Caller = request.state.caller
-    endpoint = f"{request.method} {request.url.path}"
+    query = f"?{request.url.query}" if request.url.query else ""
+    endpoint = f"{request.method} {request.url.path}{query}"
     return Creation(service, principal=caller.principal, key=key, endpoint=endpoint, body=await request.body())
 
 

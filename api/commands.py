@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from api.arguments import parser_of, stopped_by_signals
+from storage.loading import uncollected
 
 if TYPE_CHECKING:
     import threading
@@ -34,21 +35,53 @@ def serve(argv: Sequence[str]) -> int:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     parser.add_argument("--port", type=int, default=8000, help="port to listen on (default: %(default)s)")
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
+    parser.add_argument(
+        "--processes",
+        type=int,
+        choices=range(1, 65),
+        metavar="N",
+        help="processes that answer requests, at most 64 (default: SERVOTUNE_PROCESSES)",
+    )
     given = parser.parse_args(argv)
-
-    from api import serving
-    from api.beside import WorkerBeside
-    from api.main import create_app
 
     settings = read_settings()
     _prepare(settings)
-    beside = None if given.no_worker else WorkerBeside()
+    processes = settings.processes if given.processes is None else given.processes
+    if processes > 1:
+        from api.processes import run
+
+        try:
+            run(host=given.host, port=given.port, count=processes, worker=not given.no_worker)
+        except OSError as error:
+            raise SystemExit(f"the service must be able to listen at {given.host}:{given.port}: {error}") from error
+        return 0
+
+    with uncollected():
+        from api import serving
+        from api.beside import worker_beside
+        from api.main import create_app
+
+    beside = None if given.no_worker else worker_beside()
     try:
         app = create_app(settings, beside=beside)
         return 0 if serving.run(app, host=given.host, port=given.port) else 1
     finally:
         if beside is not None:
             beside.stop()
+
+
+def answer(told: str) -> int:
+    """Be one process of a service that has several, as ``told`` by the one that started it.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    with uncollected():
+        from api import processes
+
+    return 0 if processes.answer(read_settings(), told) else 1
 
 
 def worker(argv: Sequence[str]) -> int:
@@ -69,11 +102,12 @@ def worker(argv: Sequence[str]) -> int:
     parser.add_argument("--with-parent", action="store_true", help="stop when standard input closes")
     given = parser.parse_args(argv)
 
-    import threading
+    with uncollected():
+        import threading
 
-    from api.tracing import traces_of
-    from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
-    from storage.jobs.worker import Worker
+        from api.tracing import traces_of
+        from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
+        from storage.jobs.worker import Worker
 
     settings = read_settings()
     stop = stopped_by_signals()
@@ -132,11 +166,12 @@ def read_settings() -> Settings:
 
 def _prepare(settings: Settings) -> None:
     """Migrate the database, and make the first key where there is none."""
-    from api.services.keys import bootstrap
-    from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
-    from storage.repositories.webhooks import renew_secrets
-    from storage.session import open_database
-    from storage.vault import Vault
+    with uncollected():
+        from api.services.keys import bootstrap
+        from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
+        from storage.repositories.webhooks import renew_secrets
+        from storage.session import open_database
+        from storage.vault import Vault
 
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:

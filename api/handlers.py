@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from api.errors import KNOWN, problem_of
 from api.pointers import place_in
@@ -19,6 +20,7 @@ from api.problems import MEDIA_TYPE, Fault, Problem, invalid_document
 
 _log = logging.getLogger("servotune.api")
 _MOST_FAULTS = 50
+_METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
 
 
 def problem_response(problem: Problem) -> Response:
@@ -40,7 +42,7 @@ def _fault(error: dict[str, Any], body: Any) -> Fault:
         return Fault(place=(), detail=_sentence(kind, name, message, error))
     if kind == "json_invalid":
         return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}")
-    if not location and not isinstance(body, dict):
+    if not isinstance(body, dict):
         return Fault(place=(), detail="the body must be a JSON object sent with Content-Type: application/json")
     place = place_in(body, location, names_a_field=kind in {"missing", "extra_forbidden"})
     name = str(place[-1]) if place else "the document"
@@ -98,13 +100,26 @@ def _on_invalid(_: Request, error: Exception) -> Response:
     return problem_response(validation_problem(error.errors(), error.body))
 
 
-def _on_http(_: Request, error: Exception) -> Response:
+def _allowed(request: Request) -> set[str]:
+    """Return the methods that an address answers: several routes have the same one, and the router asks only the first."""
+    scopes = ((method, {**request.scope, "method": method}) for method in _METHODS)
+    return {
+        method
+        for method, scope in scopes
+        if any(route.matches(scope)[0] is Match.FULL for route in request.app.router.routes)
+    }
+
+
+def _on_http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     kind = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        headers["Allow"] = ", ".join(sorted({*headers.get("Allow", "").split(", "), *_allowed(request)} - {""}))
     detail = {404: "no such path", 405: "the path exists, but not with this method"}.get(
         error.status_code, error.detail
     )
-    return problem_response(Problem(error.status_code, kind, detail, headers=error.headers))
+    return problem_response(Problem(error.status_code, kind, detail, headers=headers))
 
 
 def _on_known(_: Request, error: Exception) -> Response:
@@ -117,7 +132,12 @@ def _on_unknown(request: Request, error: Exception) -> Response:
     number = request.state.request_id
     _log.error("request %s, %s %s, failed", number, request.method, request.url.path, exc_info=error)
     return problem_response(
-        Problem(500, "internal-error", f"the service failed on this request; its log says where, under {number}")
+        Problem(
+            500,
+            "internal-error",
+            f"the service failed on this request; its log says where, under {number}",
+            headers={"Connection": "close"},  # the server does so: whoever asks again must not use this one
+        )
     )
 
 

@@ -15,7 +15,7 @@ from starlette.types import ASGIApp
 
 from api import handlers, live, pages
 from api.auth import Authentication, bearer
-from api.beside import WorkerBeside
+from api.beside import Beside
 from api.edge import Edge
 from api.examples import add_examples
 from api.metrics import Measured, Metrics
@@ -35,11 +35,13 @@ from api.settings import Settings
 from api.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
-from storage.session import open_database
+from storage.session import CONNECTIONS, open_database
 from storage.vault import Vault
 
 if TYPE_CHECKING:
     from fastapi.telemetry import TelemetryConfig
+
+    from api.siblings import Siblings
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
 
@@ -49,6 +51,8 @@ written. Everything under `/v1` needs a key: `Authorization: Bearer <key>`. Erro
 _log = logging.getLogger("servotune.api")
 #: s between two writings of when keys were used.
 _USES = 1.0
+#: Connections of one of several processes, however many there are.
+_FEWEST_CONNECTIONS = 8
 _SCHEMAS = "#/components/schemas/"
 _PROBLEMS = {
     401: "no key, or one that opens nothing",
@@ -97,6 +101,11 @@ async def _write_uses(service: Installation) -> None:
             await run_in_threadpool(service.callers.uses.write)
 
 
+def _connections(siblings: Siblings | None) -> int:
+    """Return how many connections to the database this process may have."""
+    return CONNECTIONS if siblings is None else max(CONNECTIONS // siblings.count, _FEWEST_CONNECTIONS)
+
+
 class Application(FastAPI):
     """The application, with the edge outside of all else, and a reference that also holds the schema of problems."""
 
@@ -123,23 +132,33 @@ def _telemetry(traces: Traces) -> TelemetryConfig:
     return {"tracer_provider": traces.provider, "metrics": False, "logs": False}
 
 
-def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None,
+    *,
+    beside: Beside | None = None,
+    siblings: Siblings | None = None,
+    keeps_time: bool = True,
+) -> FastAPI:
     """Return the application; the database is opened when it starts, and must have been migrated.
 
     Parameters
     ----------
     settings : Settings, optional
         Read from the environment by default.
-    beside : WorkerBeside, optional
+    beside : Beside, optional
         The worker without which the service is not ready.
+    siblings : Siblings, optional
+        The processes that answer on the same port, this one among them.
+    keeps_time : bool
+        Whether this one looks after schedules, leases, messages and what is to be thrown away.
     """
     chosen = settings if settings is not None else Settings()
     traces = traces_of(chosen, "servotune")
-    metrics = Metrics()
+    metrics = Metrics(None if siblings is None else siblings.numbers)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        database = open_database(chosen.database_url)
+        database = open_database(chosen.database_url, connections=_connections(siblings))
         queue = JobQueue(database)
         service = Installation(
             settings=chosen,
@@ -150,12 +169,15 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
             beside=beside,
             vault=Vault(chosen.secret_keys),
             traces=traces,
+            revocations=None if siblings is None else siblings.revocations,
         )
         app.state.installation = service
         metrics.read_from(database)
         app.state.metrics = metrics
         courier = Courier(service)
-        loops = (_keep_house(service), _keep_time(service), _write_uses(service), courier.run())
+        loops = [_write_uses(service)]
+        if keeps_time:
+            loops += [_keep_house(service), _keep_time(service), courier.run()]
         tasks = [asyncio.create_task(loop) for loop in loops]
         try:
             yield
@@ -191,7 +213,9 @@ def create_app(settings: Settings | None = None, *, beside: WorkerBeside | None 
     app.include_router(live.router)
     app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
     app.add_middleware(
-        Authentication, rates=Rates(chosen.requests_per_minute), failures=Rates(chosen.wrong_keys_per_minute)
+        Authentication,
+        rates=Rates(chosen.requests_per_minute, buckets=None if siblings is None else siblings.requests),
+        failures=Rates(chosen.wrong_keys_per_minute, buckets=None if siblings is None else siblings.wrong_keys),
     )
     # The outermost one: also what is refused for want of a key is counted.
     level = logging.INFO if chosen.log_format == "json" else logging.DEBUG

@@ -1,7 +1,7 @@
-"""Numbers for Prometheus: requests of this process, and the jobs and workers of the whole installation.
+"""Numbers for Prometheus: requests of this service, and the jobs and workers of the whole installation.
 
 What concerns jobs is read from the database when it is asked for, so every process of the service tells the same, and its
-counters outlive them all.
+counters outlive them all. Processes that share a port count requests in files, so that whichever is asked tells the sum.
 """
 
 from __future__ import annotations
@@ -9,9 +9,12 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Iterator
+from functools import partial
+from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -30,11 +33,22 @@ _log = logging.getLogger("servotune.requests")
 
 
 class Metrics:
-    """The numbers of one process of the service."""
+    """The numbers of a service.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    shared : Path, optional
+        The folder in which several processes count, as `prometheus_client` was told before it was loaded.
+    """
+
+    def __init__(self, shared: Path | None = None) -> None:
         self.registry = CollectorRegistry()
-        ProcessCollector(registry=self.registry)
+        self._told = self.registry if shared is None else CollectorRegistry()
+        if shared is None:
+            ProcessCollector(registry=self.registry)
+        else:
+            MultiProcessCollector(self._told, path=str(shared))  # type: ignore[no-untyped-call]  # as the library has it
+            self._told.register(_Processes(shared))
         self.requests = Counter(
             "servotune_requests", "Requests answered", ("method", "route", "status"), registry=self.registry
         )
@@ -45,15 +59,42 @@ class Metrics:
             buckets=_SECONDS,
             registry=self.registry,
         )
-        self.running = Gauge("servotune_requests_running", "Requests being answered", registry=self.registry)
+        self.running = Gauge(
+            "servotune_requests_running",
+            "Requests being answered",
+            registry=self.registry,
+            multiprocess_mode="livesum",
+        )
 
     def read_from(self, database: Database) -> None:
         """Let the numbers of jobs and workers come from this database."""
-        self.registry.register(_Installation(database))
+        self._told.register(_Installation(database))
 
     def text(self) -> bytes:
         """Return all numbers in Prometheus' text format."""
-        return generate_latest(self.registry)
+        return generate_latest(self._told)
+
+
+class _Processes(Collector):
+    """What the processes of a service use, each with its id."""
+
+    def __init__(self, shared: Path) -> None:
+        self._shared = shared
+
+    def describe(self) -> Iterable[Metric]:
+        """Return nothing, as below."""
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield what one process alone would tell, with a label for each."""
+        families: dict[str, Metric] = {}
+        for file in sorted(self._shared.glob("gauge_livesum_*.db")):
+            pid = file.stem.rpartition("_")[2]
+            for family in ProcessCollector(pid=partial(int, pid), registry=None).collect():
+                known = families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
+                for sample in family.samples:
+                    known.add_sample(sample.name, {**sample.labels, "process": pid}, sample.value)
+        yield from families.values()
 
 
 class _Installation(Collector):

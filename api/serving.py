@@ -48,11 +48,11 @@ def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace
     )
 
 
-def run(app: ASGIApp, *, host: str, port: int) -> bool:
-    """Answer requests until the process is told to stop (SIGTERM, SIGINT); return whether it ever began to."""
+def run(app: ASGIApp, *, host: str, port: int, listeners: list[socket.socket] | None = None) -> bool:
+    """Answer requests, at listeners where there are some, until the process is told to stop (SIGTERM, SIGINT); return whether it ever began to."""
     server = _Server(configuration(app, host=host, port=port))
     # uvicorn stops in good order and then raises the signal again; the worker is still to be stopped after that.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: None)
-    server.run()
+    server.run(listeners)
     return server.started

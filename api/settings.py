@@ -49,6 +49,7 @@ class Settings(BaseSettings):
     max_samples: int = Field(default=100_000, ge=10)
     max_variants: int = Field(default=1000, ge=1)
     max_numbers: int = Field(default=5_000_000, ge=1000)
+    processes: int = Field(default=1, ge=1, le=64)
     compute_slots: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     worker_slots: int = Field(default=1, ge=1)
     job_memory: int = Field(default=8 << 30, ge=0)

@@ -20,6 +20,7 @@ from sqlalchemy.orm import Session
 
 from storage.errors import CopyError
 from storage.models import DEFAULT_WORKSPACE, Base, Job, JobStatus, Worker, Workspace
+from storage.postgres import take_time
 
 #: Rows that are held in memory together; the chunks of blobs are up to 8 MiB each.
 _BATCH, _BATCH_OF_CHUNKS = 500, 4
@@ -55,6 +56,7 @@ def snapshot(engine: Engine) -> Iterator[Connection]:
                 connection.rollback()
         return
     with engine.connect().execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True) as connection:
+        take_time(connection)
         yield connection
 
 
@@ -83,6 +85,7 @@ def copy(source: Connection, target: Connection, *, tell: Tell = lambda _table, 
     CopyError
         When a table does not hold afterwards what was read.
     """
+    take_time(target)
     require_empty(target)
     target.execute(delete(Workspace))
     copied = {}

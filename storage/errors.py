@@ -32,8 +32,9 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 #: What the driver raises when the database cannot be reached, is full, locked or read-only.
 UNAVAILABLE: tuple[type[Exception], ...] = (OperationalError, InterfaceError, PoolTimeoutError)
 
-#: What Postgres says of a server that only reads and of a full disk; SQLite's numbers are in its module.
-_READ_ONLY, _DISK_FULL = "25006", "53100"
+#: What Postgres says of a server that only reads, of a full disk, and of a transaction that was left alone for too long; SQLite's
+#: numbers are in its module.
+_READ_ONLY, _DISK_FULL, _LEFT_ALONE = "25006", "53100", "25P03"
 
 
 def why_unavailable(error: Exception) -> str:
@@ -49,9 +50,9 @@ def why_unavailable(error: Exception) -> str:
     return "the database does not answer"
 
 
-def is_read_only(cause: BaseException | None) -> bool:
-    """Tell whether Postgres refused to change anything, which its driver does not count among operational errors."""
-    return getattr(cause, "sqlstate", None) == _READ_ONLY
+def is_refusal(cause: BaseException | None) -> bool:
+    """Tell whether Postgres refused to change anything, or any more, which its driver does not count among operational errors."""
+    return getattr(cause, "sqlstate", None) in {_READ_ONLY, _LEFT_ALONE}
 
 
 class StorageError(Exception):

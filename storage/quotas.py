@@ -33,10 +33,18 @@ def limits_of(workspace: Workspace) -> dict[str, int]:
     return {**DEFAULTS, **(workspace.limits or {})}
 
 
-def admit_system(session: Session, workspace_id: str) -> None:
-    """Make sure that there is room for one more system; raise `QuotaExceededError` otherwise."""
-    limits = limits_of(_lock(session, workspace_id))
-    _check("systems", limits, used=_systems(session, workspace_id), more=1)
+def count_system(session: Session, workspace_id: str, size: int) -> None:
+    """Count a system that was just added, and the bytes of its document; the caller's last statement, because it locks.
+
+    Raises
+    ------
+    QuotaExceededError
+        When there was no room for it.
+    """
+    workspace = _lock(session, workspace_id, more=size)
+    limits = limits_of(workspace)
+    _check("systems", limits, used=_systems(session, workspace_id) - 1, more=1)
+    _check("stored_bytes", limits, used=workspace.stored_bytes - size, more=size)
 
 
 def admit_schedule(session: Session, workspace_id: str) -> None:
@@ -107,14 +115,14 @@ def usage(session: Session, workspace: Workspace) -> dict[str, int]:
 
 
 def _lock(session: Session, workspace_id: str, *, more: int = 0) -> Workspace:
-    """Lock the workspace's row, on either database, by writing to it."""
-    session.execute(
+    """Lock the workspace's row, on either database, by writing to it; return it as it then is."""
+    workspace = session.scalar(
         update(Workspace)
         .where(Workspace.id == workspace_id)
         .values(stored_bytes=Workspace.stored_bytes + more)
-        .execution_options(synchronize_session=False)
+        .returning(Workspace)
+        .execution_options(synchronize_session=False, populate_existing=True)
     )
-    workspace = session.get(Workspace, workspace_id, populate_existing=True)
     if workspace is None:
         raise NotFoundError("workspace", workspace_id)
     return workspace

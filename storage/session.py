@@ -1,7 +1,7 @@
 """Opens the database, SQLite or Postgres, so that both behave alike.
 
-On both, a statement sees what was committed before it began, and the first write of a transaction waits for its turn
-(SQLite: ``BEGIN IMMEDIATE`` in front of the first write, so that a reader never has to become a writer too late).
+On both, a statement sees what was committed before it began, and a transaction begins with its first write, which waits for
+its turn (SQLite: ``BEGIN IMMEDIATE``, so that a reader never has to become a writer too late).
 """
 
 from __future__ import annotations
@@ -16,24 +16,27 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, text
+from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, select
 from sqlalchemy.exc import ArgumentError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from storage.clock import JumpDetector, shared_now
-from storage.errors import DatabaseUrlError, DocumentError, is_read_only
+from storage.errors import DatabaseUrlError, DocumentError, is_refusal
+from storage.postgres import use_sparingly
 
 #: How long (s) a writer waits for another one before the database counts as unavailable.
 LOCK_TIMEOUT = 30.0
 
-#: As many connections as the service has threads, opened when they are needed and then kept: to open one anew in a crowd
+#: As many connections as a process has threads, opened when they are needed and then kept: to open one anew in a crowd
 #: takes longer than what it is opened for. The one given back last is taken first, so that few are in use.
+CONNECTIONS = 40
+
 #: How long (s) a Postgres that does not even refuse may take to let somebody in.
 CONNECT_TIMEOUT = 10
 
 #: Values of statements stay out of logs and messages: they are the users' documents and the hashes of their keys.
-_ENGINE: dict[str, Any] = {"pool_size": 40, "max_overflow": 0, "pool_use_lifo": True, "hide_parameters": True}
+_ENGINE: dict[str, Any] = {"max_overflow": 0, "pool_use_lifo": True, "hide_parameters": True}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +78,7 @@ class Database:
             When it does not answer.
         """
         with self.engine.connect() as connection:
-            connection.execute(text("SELECT 1"))
+            connection.execute(select(1))
 
     def now(self) -> datetime:
         """Return the time of now by the clock that all who use the database share.
@@ -98,13 +101,15 @@ class Database:
             entry.close()
 
 
-def open_database(url: str) -> Database:
+def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
     """Open a database without touching it; tables appear with `Database.migrate`.
 
     Parameters
     ----------
     url : str
         ``sqlite:///path.db`` or ``postgresql+psycopg://user:password@host/name``.
+    connections : int
+        The most that are open at a time.
 
     Raises
     ------
@@ -112,13 +117,15 @@ def open_database(url: str) -> Database:
         When the URL names neither, or a SQLite database that only this connection would see.
     """
     parsed = _parse(url)
+    options = _ENGINE | {"json_serializer": _to_json, "pool_size": connections}
     if parsed.get_backend_name() == "sqlite":
-        engine = create_engine(parsed, json_serializer=_to_json, connect_args={"timeout": LOCK_TIMEOUT}, **_ENGINE)
+        engine = create_engine(parsed, connect_args={"timeout": LOCK_TIMEOUT}, **options)
         event.listen(engine, "connect", _prepare_sqlite)
     else:
         patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
-        engine = create_engine(parsed, json_serializer=_to_json, connect_args=patience, pool_pre_ping=True, **_ENGINE)
-        event.listen(engine, "handle_error", _count_read_only_as_unavailable)
+        engine = create_engine(parsed, connect_args=patience, **options)
+        use_sparingly(engine)
+        event.listen(engine, "handle_error", _count_refusals_as_unavailable)
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
@@ -126,10 +133,10 @@ def open_database(url: str) -> Database:
     )
 
 
-def _count_read_only_as_unavailable(context: ExceptionContext) -> None:
-    """Raise what a read-only server says as what it is: a database that cannot do its work now."""
+def _count_refusals_as_unavailable(context: ExceptionContext) -> None:
+    """Raise what a server says that is read-only, or has undone a transaction, as what it is: a database that cannot do its work now."""
     cause = context.original_exception
-    if is_read_only(cause):
+    if is_refusal(cause):
         raise OperationalError(context.statement, None, cause, hide_parameters=True) from cause
 
 

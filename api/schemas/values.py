@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
 NAME = "^[a-z][a-z0-9_]*$"
-PATH = "^[a-z][a-z0-9_]*(\\.[a-z][a-z0-9_]*)*$"
+PATH = "^[a-z][a-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"
 
 
 class Document(BaseModel):

@@ -2,13 +2,15 @@
 
 What a caller shows belongs to one key or sign-in for ever, and what that may do never changes; only whether it still opens
 does. So all who came lately are asked for together, and nobody is let in on an answer older than `FRESH`. What is revoked
-in this process is out at once; what another process of the service revokes, within that second.
+in one process of a service (`api.siblings`) is out at once in all of them; what another service of the same database revokes,
+within that second.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextvars
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -16,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from api.services.uses import Uses
 from storage.models.base import utc_now
@@ -37,6 +39,28 @@ _MOST_KNOWN = 10_000
 _AT_ONCE = 8
 
 _T = TypeVar("_T")
+
+
+class Count(Protocol):
+    """A number that only grows."""
+
+    def get(self) -> int:
+        """Return it."""
+
+    def count(self) -> None:
+        """Add one."""
+
+
+class _OwnCount:
+    def __init__(self) -> None:
+        self._count = itertools.count(1)
+        self._value = 0
+
+    def get(self) -> int:
+        return self._value
+
+    def count(self) -> None:
+        self._value = next(self._count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,9 +88,19 @@ class Callers:
     database : Database
     clock : callable
         The time in s.
+    revocations : Count, optional
+        How often any process of the service has forgotten; counted here alone by default.
     """
 
-    def __init__(self, database: Database, *, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        database: Database,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        revocations: Count | None = None,
+    ) -> None:
+        self._revocations = _OwnCount() if revocations is None else revocations
+        self._forgotten = self._revocations.get()
         self.uses = Uses(database, clock=clock)
         self._database = database
         self._clock = clock
@@ -85,6 +119,7 @@ class Callers:
         storage.errors.UNAVAILABLE
             When the database must be asked and does not answer.
         """
+        self._hear()
         found = self._known.get(shown)
         if found is None:
             confirmed, now = self._confirmed, self._clock()
@@ -105,6 +140,7 @@ class Callers:
 
     async def opens(self, principal: str) -> bool:
         """Return whether a key or a sign-in, by its id, (still) opens; raises as `find` does."""
+        self._hear()
         self._comes(principal)
         while self._clock() - self._confirmed.get(principal, -math.inf) > FRESH:
             asking = self._asking  # which another thread may forget meanwhile
@@ -118,10 +154,21 @@ class Callers:
         return True
 
     def forget(self) -> None:
-        """Ask for everybody anew: somebody may not come in any more. Safe in any thread."""
+        """Ask for everybody anew, in every process: somebody may not come in any more. Safe in any thread."""
+        self._revocations.count()
+        self._forget()
+
+    def _forget(self) -> None:
         # In this order: who sees that nothing is confirmed must not wait for an answer to an older question.
         self._asking = None
         self._confirmed = {}
+
+    def _hear(self) -> None:
+        """Forget what was confirmed before somebody was shut out in another process."""
+        count = self._revocations.get()
+        if count != self._forgotten:
+            self._forget()
+            self._forgotten = count
 
     def _comes(self, principal: str) -> None:
         self._came.pop(principal, None)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from api.beside import WorkerBeside
-from api.services.callers import Callers
+from api.beside import Beside
+from api.services.callers import Callers, Count
 from api.services.computing import Computing
 from api.services.openid import Provider
 from api.settings import Settings
@@ -49,10 +49,11 @@ class Installation:
     queue: JobQueue
     computing: Computing
     openid: Provider | None = None
-    beside: WorkerBeside | None = None
+    beside: Beside | None = None
     vault: Vault = field(default_factory=Vault)
     traces: Traces = field(default_factory=Traces)
+    revocations: Count | None = None
     callers: Callers = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "callers", Callers(self.database))
+        object.__setattr__(self, "callers", Callers(self.database, revocations=self.revocations))

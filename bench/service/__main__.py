@@ -22,23 +22,26 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=300, help="jobs that do nothing")
     parser.add_argument("--parts", type=int, default=8, help="parts of a job")
     parser.add_argument("--work", type=float, default=4.0, help="processor time of a part, s")
+    parser.add_argument("--processes", type=int, default=1, help="processes of the service that the clients ask")
+    parser.add_argument("--only", choices=("sqlite", "postgres"), help="let the clients ask this database, and no more")
     given = parser.parse_args()
     print(f"load of the machine: {', '.join(f'{value:.1f}' for value in os.getloadavg())}; {os.cpu_count()} cores")
     with tempfile.TemporaryDirectory() as folder, postgres.server() as server:
-        for name in ("sqlite", "postgres"):
+        for name in ("sqlite", "postgres") if given.only is None else (given.only,):
 
             def fresh(what: str, name: str = name) -> str:
                 if name == "sqlite":
                     return f"sqlite:///{folder}/{what}.db"
                 return postgres.create_database(server, what)
 
-            for what, rate in workers.rates(fresh("rates"), jobs=given.jobs).items():
-                print(f"{name}: jobs {what}: {rate:.0f}/s")
-            taken = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
-            print(
-                f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {taken[1]:.1f} s, 2 workers {taken[2]:.1f} s, {taken[1] / taken[2]:.2f}x"
-            )
-            with serving(fresh("load"), Path(folder) / f"{name}.log") as url:
+            if given.only is None:
+                for what, rate in workers.rates(fresh("rates"), jobs=given.jobs).items():
+                    print(f"{name}: jobs {what}: {rate:.0f}/s")
+                taken = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
+                print(
+                    f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {taken[1]:.1f} s, 2 workers {taken[2]:.1f} s, {taken[1] / taken[2]:.2f}x"
+                )
+            with serving(fresh("load"), Path(folder) / f"{name}.log", processes=given.processes) as url:
                 outcome = asyncio.run(load(url, KEY, clients=given.clients, seconds=given.seconds))
             times = ", ".join(
                 f"p{100 * share:g} {1000 * outcome.percentile(share):.0f} ms" for share in (0.5, 0.9, 0.99)

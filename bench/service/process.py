@@ -17,14 +17,24 @@ KEY = "a-key-of-the-benchmark"
 
 
 @contextmanager
-def serving(database: str, log: Path) -> Iterator[str]:
+def serving(database: str, log: Path, *, processes: int = 1) -> Iterator[str]:
     """Run the service without a worker; give its address."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = int(listener.getsockname()[1])
     environment = os.environ | {
         "SERVOTUNE_DATABASE_URL": database, "SERVOTUNE_BOOTSTRAP_KEY": KEY, "SERVOTUNE_REQUESTS_PER_MINUTE": "0",
     }  # fmt: skip
-    command = [sys.executable, "-m", "servotune", "serve", "--no-worker", "--port", str(port)]
+    command = [
+        sys.executable,
+        "-m",
+        "servotune",
+        "serve",
+        "--no-worker",
+        "--port",
+        str(port),
+        "--processes",
+        str(processes),
+    ]
     with log.open("w") as written:
         process = subprocess.Popen(command, env=environment, stdout=written, stderr=written)  # noqa: S603 - our own
     try:

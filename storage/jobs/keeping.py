@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from dbos import DBOS
 from sqlalchemy.orm import Session
@@ -41,7 +41,7 @@ class Keeper:
     interval : float
         How often (s) workers show that they live, and this one looks.
     ended : threading.Event
-        Ends `run`, and is set when it ends in any other way.
+        Ends `run` and `watch`, and is set when one of them ends in any other way.
     """
 
     def __init__(
@@ -62,25 +62,34 @@ class Keeper:
         self._ended = ended
         self._pulse = Pulse(PATIENCE * interval)
         self._claims = Claims(PATIENCE * interval)
+        self._reconcile_at = 0.0
+
+    def watch(self) -> None:
+        """Take over the jobs of dead workers, again and again: nothing else that has to be done delays that."""
+        self._again_and_again(self._take_over, "look after the other workers")
 
     def run(self) -> None:
-        """Look again and again, those that wait for a worker first."""
-        reconcile_at = 0.0
+        """Look after the queue again and again, first for those that wait for a worker."""
+        self._again_and_again(self._look_after, "look after the queue")
+
+    def _again_and_again(self, work: Callable[[], None], what: str) -> None:
         try:
             while not self._ended.wait(self._interval):
                 try:
-                    self._take_over()
-                    self._begin_again()
-                    with self._database.session() as session:
-                        _end_overdue(session)
-                        self._queue.release(session)
-                    if time.monotonic() >= reconcile_at:
-                        reconcile_at = time.monotonic() + _RECONCILE_INTERVAL
-                        self._reconcile()
+                    work()
                 except UNAVAILABLE as error:
-                    _log.warning("worker %s cannot look after the queue: %s", self._worker, error)
+                    _log.warning("worker %s cannot %s: %s", self._worker, what, error)
         finally:
             self._ended.set()
+
+    def _look_after(self) -> None:
+        self._begin_again()
+        with self._database.session() as session:
+            _end_overdue(session)
+            self._queue.release(session)
+        if time.monotonic() >= self._reconcile_at:
+            self._reconcile_at = time.monotonic() + _RECONCILE_INTERVAL
+            self._reconcile()
 
     def _take_over(self) -> None:
         """Put the jobs of dead workers back into the queue, and then forget these workers."""

@@ -295,8 +295,13 @@ class Supervisor:
                 within_quota=False,
             )
             jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)
-            if parent is not None and parts.progress(session, parent)[0] == 0:
+            if parent is None:
+                return
+            left, mean = parts.progress(session, parent)
+            if left == 0:
                 self._queue.carry(session, [session.get_one(Job, parent, populate_existing=True)])
+            else:  # a part may be over before it has told anything
+                jobs.append_event(session, parent, "progress", {"progress": mean}, progress=mean)
 
         self._write(keep)
 

@@ -27,6 +27,8 @@ from storage.jobs.supervision import Supervisor, Traced, untraced
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository
 from storage.session import Database, open_database
 
+#: Jobs of one workspace: what limits them is its quota.
+_NO_LIMIT = 1_000_000
 #: How often (s) a worker asks for a job.
 _POLLING_INTERVAL = 0.1
 #: The pauses (s) before a worker asks again for a database that is away when it starts, the longest of them, and how long it
@@ -120,7 +122,7 @@ class Worker:
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
-            self._launch()
+            self._launch(zygote)
             undo.callback(self.supervisor.stop, _STOP_TIMEOUT)
             keeper = Keeper(
                 self._database,
@@ -130,7 +132,11 @@ class Worker:
                 interval=self._heartbeat,
                 ended=self._ended,
             )
-            for work, name in ((partial(self._beat, zygote), "worker-heart"), (keeper.run, "worker-keeper")):
+            for work, name in (
+                (partial(self._beat, zygote), "worker-heart"),
+                (keeper.watch, "worker-watch"),
+                (keeper.run, "worker-keeper"),
+            ):
                 thread = threading.Thread(target=work, name=name, daemon=True)
                 thread.start()
                 undo.callback(thread.join)
@@ -175,13 +181,13 @@ class Worker:
                 return True
         return False
 
-    def _launch(self) -> None:
+    def _launch(self, zygote: Zygote) -> None:
         engine = self._database.engine
         client = DBOSClient(system_database_engine=engine, serializer=SERIALIZER, application_name=APPLICATION)
         # Before the launch, which would notice a new queue a second later. A limit for each partition is what makes the
-        # engine ask them in turn.
+        # engine ask them in turn; with no slots for anybody nothing is taken before `_use_own_slots`.
         client.register_queue(
-            QUEUE, worker_concurrency=1, partition_worker_concurrency=1, polling_interval_sec=_POLLING_INTERVAL
+            QUEUE, worker_concurrency=0, partition_concurrency=_NO_LIMIT, polling_interval_sec=_POLLING_INTERVAL
         )
         client.destroy()
         config: DBOSConfig = {
@@ -196,7 +202,7 @@ class Worker:
         engine_instance = DBOS(config=config)
         DBOS.listen_queues([QUEUE])
         DBOS.launch()
-        _use_own_slots(engine_instance, self._slots)
+        _use_own_slots(engine_instance, self._slots, zygote)
 
     def _retire(self) -> None:
         try:
@@ -226,11 +232,12 @@ class Worker:
             self._ended.set()  # whatever stopped the heart: `run` begins again
 
 
-def _use_own_slots(engine: DBOS, slots: int) -> None:
-    """Let this process take as many jobs as it has slots.
+def _use_own_slots(engine: DBOS, slots: int, zygote: Zygote) -> None:
+    """Let this process take as many jobs as it has slots, and none before it has loaded what computes.
 
-    The engine keeps one number for all workers in the database (1, until this is called), and reads it before it takes a
-    job; but workers have different numbers of slots.
+    The engine keeps one number for all workers in the database (0, until this is called), and reads it before it takes a
+    job; but workers have different numbers of slots. One that has just been started, perhaps in place of one that died,
+    would keep a job waiting for as long as it loads, while another one could go on with it at once.
     """
     database = engine._sys_db  # noqa: SLF001 - no public call; held by a test
     read = database.get_queue
@@ -238,7 +245,9 @@ def _use_own_slots(engine: DBOS, slots: int) -> None:
     def get_queue(name: str, **more: Any) -> Any:
         queue = read(name, **more)
         if queue is not None and name == QUEUE:
-            queue._worker_concurrency = queue._partition_worker_concurrency = slots  # noqa: SLF001 - as above
+            free = slots if zygote.settled(0.0) else 0
+            queue._worker_concurrency = queue._partition_worker_concurrency = free  # noqa: SLF001 - as above
+            queue._partition_concurrency = None  # noqa: SLF001 - as above
         return queue
 
     database.get_queue = get_queue  # type: ignore[method-assign] # what the engine asks is answered here

@@ -9,7 +9,6 @@ and answers quick. A module may have a function ``prepare``, called once after i
 from __future__ import annotations
 
 import ctypes
-import gc
 import importlib
 import os
 import selectors
@@ -22,6 +21,7 @@ from contextlib import suppress
 from typing import NoReturn, cast
 
 from storage.jobs.compute import Compute, compute_one
+from storage.loading import uncollected
 
 #: Worker to zygote: what to do, and with which child; with START comes the child's end of its pipe.
 COMMAND = struct.Struct("<cq")
@@ -44,16 +44,16 @@ def main(compute_path: str, control: socket.socket) -> NoReturn:
     signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)
     signal.set_wakeup_fd(wake_writer)
     module, _, function = compute_path.partition(":")
-    home = importlib.import_module(module)
-    compute = cast("Compute", getattr(home, function))
-    # What takes long to load is loaded once, here, and shared by all children.
-    begun = time.monotonic()
-    prepare = getattr(home, "prepare", None)
-    if prepare is not None:
-        prepare()
+    with uncollected():  # what is imported stays shared between the children
+        home = importlib.import_module(module)
+        compute = cast("Compute", getattr(home, function))
+        # What takes long to load is loaded once, here, and shared by all children.
+        begun = time.monotonic()
+        prepare = getattr(home, "prepare", None)
+        if prepare is not None:
+            prepare()
     with suppress(BrokenPipeError):  # a worker that went meanwhile is noticed below
         control.sendall(EXITED.pack(PREPARED, round(1000 * (time.monotonic() - begun))))
-    gc.freeze()  # what is imported stays shared between the children
     children: dict[int, int] = {}  # process id by number
     with selectors.DefaultSelector() as selector:
         selector.register(control, selectors.EVENT_READ)

@@ -17,6 +17,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, text
 
 from storage.jobs import schema as job_schema
+from storage.postgres import take_time
 
 #: Any fixed number: Postgres' name of the lock that migrating processes wait for.
 _LOCK = 0x5E4707E
@@ -43,6 +44,7 @@ def upgrade_tables(engine: Engine) -> None:
         if connection.dialect.name == "sqlite":
             # Alembic's own statements would each commit by themselves: take the write lock now, for all of them.
             connection.exec_driver_sql("BEGIN IMMEDIATE")
+        take_time(connection)
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
 

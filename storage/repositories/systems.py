@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import select, update
+from sqlalchemy import and_, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
@@ -47,11 +47,12 @@ class SystemRepository:
 
         ``derived_from`` is what its numbers come from: a job, for its lineage.
         """
-        quotas.admit_system(self._session, self._workspace_id)
         system = System(id=new_id("sys"), workspace_id=self._workspace_id, name=name, revision=1)
         self._session.add(system)
         self._session.flush()
-        return self._append(system, document, schema_version, action="system.create", derived_from=derived_from)
+        stored = self._append(system, document, schema_version, action="system.create", derived_from=derived_from)
+        quotas.count_system(self._session, self._workspace_id, _size(document))
+        return stored
 
     def get(self, identifier: str, *, revision: int | None = None) -> StoredSystem:
         """Return a document at its current or a given revision.
@@ -61,12 +62,16 @@ class SystemRepository:
         NotFoundError
             When the system is not in this workspace, was deleted, or never had that revision.
         """
-        system = self._head(identifier)
-        number = system.revision if revision is None else revision
-        row = self._session.get(SystemRevision, (identifier, number)) if 1 <= number <= system.revision else None
-        if row is None:
-            raise NotFoundError("revision", f"{identifier}/{number}")
-        return _stored(system, row)
+        number = System.revision if revision is None else max(0, min(revision, MAX_INTEGER))
+        found = self._session.execute(  # both in one question: this is what is asked most
+            select(System, SystemRevision)
+            .join(SystemRevision, and_(SystemRevision.system_id == System.id, SystemRevision.number == number))
+            .where(System.id == identifier, System.workspace_id == self._workspace_id, System.deleted_at.is_(None))
+        ).one_or_none()
+        if found is None:
+            self._head(identifier)
+            raise NotFoundError("revision", f"{identifier}/{revision}")
+        return _stored(*found)
 
     def kept_revision(self, identifier: str, number: int) -> Document:
         """Return the document of a revision, also of a system that was deleted: results keep what they used.
@@ -106,7 +111,9 @@ class SystemRepository:
         system = self._move(
             identifier, expected_revision, name=name, revision=expected_revision + 1, updated_at=utc_now()
         )
-        return self._append(system, document, schema_version, action="system.update", derived_from=derived_from)
+        stored = self._append(system, document, schema_version, action="system.update", derived_from=derived_from)
+        quotas.add_bytes(self._session, self._workspace_id, _size(document))
+        return stored
 
     def delete(self, identifier: str, *, expected_revision: int) -> None:
         """Hide a system; its revisions stay for the results that used them. Raises as `update` does."""
@@ -162,8 +169,11 @@ class SystemRepository:
         sources += [] if derived_from is None else [derived_from]
         remember(self._session, self._workspace_id, model_key(system.id, row.number), sources)
         record(self._session, self._workspace_id, action, system.id, revision=row.number)
-        quotas.add_bytes(self._session, self._workspace_id, len(json.dumps(document)))
         return _stored(system, row)
+
+
+def _size(document: Document) -> int:
+    return len(json.dumps(document))
 
 
 def _stored(system: System, row: SystemRevision) -> StoredSystem:

@@ -252,11 +252,9 @@ def test_a_browser_is_out_when_its_key_is(service, client) -> None:
         assert own.get("/v1/systems").status_code == 401
 
 
-def test_behind_https_cookies_and_browsers_stay_there(sqlite_template, tmp_path) -> None:
-    path = tmp_path / "https.db"
-    path.write_bytes(sqlite_template.read_bytes())
+def test_behind_https_cookies_and_browsers_stay_there(database_url) -> None:
     settings = {"public_url": "https://servotune.example", "requests_per_minute": 4}
-    with serving(f"sqlite:///{path}", **settings) as service, service.client("read") as client:
+    with serving(database_url, **settings) as service, service.client("read") as client:
         reply = client.post("/v1/session")
         assert "; Secure" in reply.headers["Set-Cookie"]
         assert reply.headers["Strict-Transport-Security"] == "max-age=31536000"

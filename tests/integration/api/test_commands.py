@@ -63,7 +63,7 @@ def served(
                 process.wait()
 
 
-def wait(client: httpx.Client, status: int, process: subprocess.Popen[str], folder: Path, within: float = 60.0) -> Any:
+def wait(client: httpx.Client, status: int, process: subprocess.Popen[str], folder: Path, within: float = 240.0) -> Any:
     until = time.monotonic() + within
     while time.monotonic() < until:
         assert process.poll() is None, (folder / "log.txt").read_text()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from api.schemas.replies import InfluenceReply
@@ -118,3 +120,63 @@ def test_a_wrong_change_is_refused_at_its_place(client, case) -> None:
     reply = influence(client, predict=changes)
     assert reply.status_code == 422, reply.text
     assert any(entry["pointer"].startswith(pointer) for entry in reply.json()["errors"]), reply.text
+
+
+GAIN, LAG = 3.0, 0.25
+"""K/(T s + 1), closed, rises in T ln 9/(1 + K) and misses 1/(1 + K)."""
+FIRST_ORDER = {
+    "name": "first-order loop",
+    "parameters": {"k": {"value": GAIN}, "lag": {"value": LAG}},
+    "blocks": {
+        "r": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "law": {"kind": "gain", "gain": "=k"},
+        "plant": {"kind": "transfer_function", "numerator": [1], "denominator": ["=lag", 1]},
+    },
+    "connections": [
+        {"from": "r", "to": "error.in1"}, {"from": "plant", "to": "error.in2"},
+        {"from": "error", "to": "law"}, {"from": "law", "to": "plant"},
+    ],
+    "outputs": {"y": "plant"},
+}  # fmt: skip
+FORMULAS = {
+    "system": FIRST_ORDER, "input": "r", "output": "y", "parameters": ["k", "lag"], "change": 0.4,
+    "metrics": ["rise_time", "steady_state_error", "bandwidth"], "from": "r", "to": "y",
+    "predict": [{"k": {"change": 0.4}}, {"k": 1.5, "lag": 0.5}],
+}  # fmt: skip
+
+
+def of_the_loop(k: float, lag: float) -> dict[str, float]:
+    # the bandwidth is where |T| has fallen by 3 dB exactly, not by sqrt(2)
+    return {
+        "rise_time": lag * math.log(9) / (1 + k),
+        "steady_state_error": 1 / (1 + k),
+        "bandwidth": (1 + k) / lag * math.sqrt(10**0.3 - 1),
+    }
+
+
+def test_elasticities_coefficients_and_predictions_are_the_formulas(client) -> None:
+    body = client.post("/v1/influence", json=FORMULAS).json()
+    share = GAIN / (1 + GAIN)  # d ln(1 + K) / d ln K
+    elasticities = {
+        "rise_time": {"k": -share, "lag": 1.0},
+        "steady_state_error": {"k": -share, "lag": 0.0},
+        "bandwidth": {"k": share, "lag": -1.0},
+    }
+    base = of_the_loop(GAIN, LAG)
+    changed = {"k": of_the_loop(1.4 * GAIN, LAG), "lag": of_the_loop(GAIN, 1.4 * LAG)}
+    for name, row in elasticities.items():
+        assert body["base"][name]["value"] == pytest.approx(base[name], rel=1e-9)
+        for parameter, expected in row.items():
+            assert body["elasticities"][name][parameter]["value"] == pytest.approx(expected, abs=1e-9)
+            # C = ((PCD_i - PCD_f) / PCD_i) / ((PCF_i - PCF_f) / PCF_i)
+            finite = (1 - changed[parameter][name] / base[name]) / -0.4
+            assert body["coefficients"][name][parameter]["value"] == pytest.approx(finite, abs=1e-8)
+    for told, (k, lag) in zip(body["predictions"], [(1.4 * GAIN, LAG), (1.5, 0.5)], strict=True):
+        truth = of_the_loop(k, lag)
+        for name, row in elasticities.items():
+            power = base[name] * (k / GAIN) ** row["k"] * (lag / LAG) ** row["lag"]
+            found = told["metrics"][name]
+            assert found["exact"]["value"] == pytest.approx(truth[name], rel=1e-9)
+            assert found["value"] == pytest.approx(power, rel=1e-8)
+            assert found["error"] == pytest.approx(power - truth[name], rel=1e-6, abs=1e-9 * truth[name])

@@ -1,4 +1,4 @@
-"""What every part of the API does alike: problems for every refusal, pages that stay, conditional reads, ends of streams."""
+"""What every part of the API does alike: problems for every refusal, conditional reads, ends of streams."""
 
 from __future__ import annotations
 
@@ -16,22 +16,10 @@ from api.services import systems
 from storage import open_database
 from storage.models import ApiKey
 from storage.models.base import utc_now
+from tests.integration.api.blunders import require_problem
 from tests.integration.api.conftest import Service, serving
-from tests.integration.api.documents import LAG, RAW
+from tests.integration.api.documents import LAG
 from tests.integration.api.test_access import OPTIMIZATION
-
-PROBLEM = {"type", "title", "status", "detail"}
-
-
-def require_problem(reply: httpx.Response, status: int) -> dict:
-    assert reply.status_code == status, reply.text
-    assert reply.headers["Content-Type"] == "application/problem+json"
-    body = reply.json()
-    assert set(body) >= PROBLEM
-    assert body["status"] == status
-    assert body["type"].startswith("urn:servotune:problem:")
-    assert "Traceback" not in reply.text
-    return body
 
 
 @pytest.mark.parametrize(
@@ -89,42 +77,6 @@ def test_a_document_that_is_known_is_not_sent_again(client, things) -> None:
     assert client.get(path, headers={"If-None-Match": tag}).json()["document"]["name"] == "new"
     # Nobody learns from a tag whether a thing of others exists.
     assert client.get("/v1/systems/sys_none", headers={"If-None-Match": "*"}).status_code == 404
-
-
-LISTS = {
-    "/v1/systems": LAG,
-    "/v1/datasets": RAW,
-    "/v1/webhooks": {"name": "x", "url": "https://webhooks.example/", "events": ["job.failed"]},
-    "/v1/keys": {"name": "x", "scopes": ["read"]},
-}
-
-
-@pytest.mark.parametrize("path", LISTS)
-def test_pages_stay_what_they_are_while_things_are_added_and_deleted(client, path) -> None:
-    def add() -> str:
-        reply = client.post(path, json=LISTS[path])
-        assert reply.status_code == 201, reply.text
-        return str(reply.json()["id"])
-
-    before = [add() for _ in range(7)]
-    seen, cursor, added = [], None, 0
-    while True:
-        page = client.get(path, params={"limit": 2} | ({"cursor": cursor} if cursor else {})).json()
-        seen += [item["id"] for item in page["items"]]
-        assert len(page["items"]) <= 2
-        cursor = page["next_cursor"]
-        if cursor is None:
-            break
-        if added < 3:
-            add()
-            added += 1
-        if len(seen) == 4 and path != "/v1/keys":
-            # one that was shown, and one that was not yet
-            for identifier in (seen[3], before[1]):
-                assert client.delete(f"{path}/{identifier}", headers={"If-Match": "*"}).status_code == 204
-    assert len(seen) == len(set(seen))
-    expected = before if path == "/v1/keys" else [identifier for identifier in before if identifier != before[1]]
-    assert [identifier for identifier in seen if identifier in before] == expected[::-1]
 
 
 # Streams

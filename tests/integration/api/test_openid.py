@@ -97,11 +97,9 @@ def provider() -> Iterator[Provider]:
 
 
 @pytest.fixture(scope="module")
-def openid_service(provider, sqlite_template, tmp_path_factory) -> Iterator[Service]:
-    path = tmp_path_factory.mktemp("openid") / "openid.db"
-    path.write_bytes(sqlite_template.read_bytes())
+def openid_service(provider, module_database_url) -> Iterator[Service]:
     with serving(
-        f"sqlite:///{path}",
+        module_database_url,
         public_url="http://servotune.example",
         oidc_issuer=provider.issuer,
         oidc_client_id="servotune",

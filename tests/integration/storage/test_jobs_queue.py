@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
@@ -16,6 +17,7 @@ from storage.models import DEFAULT_WORKSPACE, Job, JobTally, Priority, Result, W
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, ResultRepository
 from storage.repositories import jobs as changes
+from tests.support import slow_to_load
 from tests.support.desk import COMPUTE, Desk, wait_for, wait_until_gone
 
 
@@ -155,7 +157,10 @@ def test_parts_are_computed_by_anybody_and_put_together(desk, worker, tmp_path):
     assert (tally.kind, tally.status, tally.count) == ("spread", "succeeded", 1)
     assert sorted(steps(log)) == [0, 1, 2, 3, 4]
     assert job.attempts == 2  # cut it, put it together
-    assert any(payload.get("message") == "cut into 5 parts" for _, _, payload in desk.events(job.id))
+    told = [payload for _, _, payload in desk.events(job.id)]
+    assert any(payload.get("message") == "cut into 5 parts" for payload in told)
+    # None of them says how far it is: that it has ended is what the whole tells of it.
+    assert [payload["progress"] for payload in told if "progress" in payload] == pytest.approx([0.2, 0.4, 0.6, 0.8])
 
 
 def test_a_part_that_fails_ends_the_whole(desk, worker, tmp_path):
@@ -239,18 +244,30 @@ def test_old_jobs_are_forgotten_with_what_they_left(desk, worker):
         results = ResultRepository(session, DEFAULT_WORKSPACE)
         assert session.get_one(Workspace, DEFAULT_WORKSPACE).stored_bytes == results._size(results.get(young.result_id))
     assert old.id != young.id
-    assert desk.queue.forget(before=utc_now() + timedelta(minutes=1)) == 2
+    # The engine writes down that a job has ended after the job has.
+    forgotten = [0]
+    wait_for(
+        lambda: forgotten.append(desk.queue.forget(before=utc_now() + timedelta(minutes=1))) or sum(forgotten) == 2,
+        "both are forgotten",
+    )
     dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
     with desk.database.session() as session:
         assert session.scalar(text(f"SELECT count(*) FROM {dbos}workflow_status")) == 0
 
 
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
-def test_a_time_limit_does_not_count_what_the_worker_takes_to_load(fresh_database, database_url):
+def test_a_job_waits_in_the_queue_while_a_worker_loads_and_its_time_limit_does_not_count_that(
+    fresh_database, database_url
+):
     desk = Desk(fresh_database)
     limited = desk.ask_in(DEFAULT_WORKSPACE, "x", queue={"time_limit": 2.0})
     worker = Worker(database_url, compute="tests.support.slow_to_load:run")
+    began = time.monotonic()
     worker.start()
+    # Another worker, which has loaded, could take it.
+    while time.monotonic() < began + 0.5 * slow_to_load.LOADING:
+        assert desk.get(limited).status == "queued"
+        time.sleep(0.1)
     job = desk.wait(limited)
     worker.stop()
     desk.queue.close()

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import false, text, update
 
 from storage.errors import StateError
 from storage.jobs.worker import Worker
@@ -138,7 +138,11 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
     heir.start()
     try:
         assert heir.name.endswith("-1")
-        hanging.send_signal(signal.SIGSTOP)  # as a machine that hangs: its job must go on elsewhere
+        # as a machine that hangs: its job must go on elsewhere
+        with desk.database.session() as session:
+            # with SQLite's one lock in hand: whoever stands still in the middle of a write there holds up everybody
+            session.execute(update(Job).where(false()).values(attempts=0))
+            hanging.send_signal(signal.SIGSTOP)
         give_up_at = time.monotonic() + 15
         while desk.get(job_id).worker != heir.name:
             assert time.monotonic() < give_up_at

@@ -1,0 +1,106 @@
+"""How connections to Postgres are used so that a question costs one round trip: without a transaction, and without a ping.
+
+On the isolation level READ COMMITTED every statement sees what was committed before it began, in a transaction or not. So a
+transaction begins with the first statement that writes or locks, as on SQLite; before that there is neither a BEGIN nor a
+COMMIT. A server that went away has closed its end, which the socket tells without asking anybody; only a connection that
+nobody has used for a while is tried out, because what lies between may have forgotten it.
+
+A process that stands still in the middle of a transaction (stopped, paused with its machine, cut off from the network) would keep
+what it has locked until its connection is given up, which takes hours. The server waits for its next statement for as long as
+`LONGEST_PAUSE`, then undoes the transaction: a job goes on elsewhere in the time that is promised.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import time
+from typing import Any
+
+import psycopg
+from sqlalchemy import Connection, Engine, event
+from sqlalchemy.engine import ExecutionContext
+from sqlalchemy.engine.default import DefaultExecutionContext
+from sqlalchemy.exc import InvalidatePoolError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+#: s without use after which a connection is tried out before it is used again.
+IDLE = 30.0
+
+#: s that a transaction waits for its next statement: less than what it takes to miss a worker and let another one go on.
+LONGEST_PAUSE = 10.0
+
+_USED_AT = "used at"
+#: SELECT ... FOR UPDATE locks; what only looks like it begins a transaction that it does not need.
+_LOCKS = re.compile(r"\bFOR\b")
+
+
+def use_sparingly(engine: Engine) -> None:
+    """Let an engine ask no more of Postgres than it must."""
+    event.listen(engine, "connect", _wait_for_a_write)
+    event.listen(engine, "checkin", _wait_for_the_next)
+    event.listen(engine, "checkout", _look_at)
+    event.listen(engine, "before_cursor_execute", _begin_to_write)
+
+
+def take_time(connection: Connection) -> None:
+    """Let the transaction of a connection wait for its next statement as long as that takes: all is copied, or migrated."""
+    if connection.dialect.name == "postgresql":
+        connection.exec_driver_sql("SET LOCAL idle_in_transaction_session_timeout = 0")
+
+
+def _wait_for_a_write(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
+    connection.autocommit = True
+    connection.execute(f"SET idle_in_transaction_session_timeout = {1000 * LONGEST_PAUSE:.0f}".encode())
+
+
+def _wait_for_the_next(connection: psycopg.Connection[Any] | None, entry: ConnectionPoolEntry) -> None:
+    entry.info[_USED_AT] = time.monotonic()
+    if connection is not None and not connection.closed:
+        connection.autocommit = True
+
+
+def _begin_to_write(
+    connection: Connection, _cursor: Any, statement: str, _parameters: Any, context: ExecutionContext | None, *_: Any
+) -> None:
+    """Let psycopg begin a transaction in front of a statement that may write or lock."""
+    if "isolation_level" in connection.get_execution_options():
+        return  # whoever chose one has chosen this, too
+    own = connection.connection.dbapi_connection
+    assert isinstance(own, psycopg.Connection)
+    if own.autocommit and not _only_reads(statement, context):
+        own.autocommit = False
+
+
+def _only_reads(statement: str, context: ExecutionContext | None) -> bool:
+    """Tell whether a statement surely only reads; one that was written as text, or names a cursor, does not surely so."""
+    return (
+        isinstance(context, DefaultExecutionContext)
+        and context.compiled is not None
+        and not context.is_text
+        and not context._is_server_side  # noqa: SLF001 - its cursor lives as long as its transaction; nothing else tells
+        and statement.startswith("SELECT")
+        and _LOCKS.search(statement) is None
+    )
+
+
+def _look_at(connection: psycopg.Connection[Any], entry: ConnectionPoolEntry, _fairy: Any) -> None:
+    """Refuse a connection that the server has closed; whoever asked gets a new one."""
+    used_at = entry.info.get(_USED_AT)
+    if used_at is None:
+        return  # it was just opened
+    if time.monotonic() - used_at <= IDLE and not _told_something(connection):
+        return
+    try:
+        connection.execute("")
+    except psycopg.Error as error:
+        raise InvalidatePoolError from error
+
+
+def _told_something(connection: psycopg.Connection[Any]) -> bool:
+    """Tell whether the server has said anything unasked, as the end of the connection is."""
+    if connection.closed:
+        return True
+    looking = select.poll()
+    looking.register(connection.fileno(), select.POLLIN)
+    return bool(looking.poll(0))
