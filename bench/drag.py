@@ -162,12 +162,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 else:
                     best_rate = max(best_rate, rate)
         browser.close()
-    met = best_p95 <= BAR_LATENCY and best_rate >= BAR_RATE
-    print(
-        f"best round: p95 of a drag {best_p95:.1f} ms (bar {BAR_LATENCY:.0f}), {best_rate:.0f} updates/s (bar "
-        f"{BAR_RATE:.0f}): {'met' if met else 'not met'}"
-    )
-    return 0 if met else 1
+    told = {
+        f"p95 of a drag {best_p95:.1f} ms, bar {BAR_LATENCY:.0f}": best_p95 <= BAR_LATENCY,
+        f"{best_rate:.0f} updates/s sustained, bar {BAR_RATE:.0f}": best_rate >= BAR_RATE,
+    }
+    for sentence, met in told.items():
+        print(f"best round: {sentence}: {'met' if met else 'not met'}")
+    return 0 if all(told.values()) else 1
 
 
 if __name__ == "__main__":

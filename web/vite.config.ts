@@ -59,6 +59,7 @@ function reference(): Plugin {
       };
       const page = readFileSync(at("reference/index.html"), "utf-8")
         .replace("__STYLES__", kept("node_modules/swagger-ui-dist/swagger-ui.css", "swagger-ui", "css"))
+        .replace("__COLOURS__", kept("reference/colours.css", "reference", "css"))
         .replace("__VIEWER__", kept("node_modules/swagger-ui-dist/swagger-ui-bundle.js", "swagger-ui", "js"))
         .replace("__START__", kept("reference/start.js", "reference", "js"));
       writeFileSync(at(`${OUT}/reference.html`), page);

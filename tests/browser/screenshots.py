@@ -1,17 +1,23 @@
-"""Pictures of every page, for the documentation: ``make screenshots`` writes docs/screenshots, with a service of its own."""
+"""Pictures of every page, for the documentation: ``make screenshots`` writes docs/screenshots, with a service of its own.
+
+Names behind the command (``python -m tests.browser.screenshots front map``) take these pictures only.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import httpx
 import numpy as np
+from PIL import Image
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
 from agent.process import Agent
@@ -24,6 +30,9 @@ from tests.integration.agent.lab import MEASUREMENT, RIG, make_bench
 
 TARGET = ROOT / "docs" / "screenshots"
 SIZE = (1280, 860)
+TABLET = (820, 1180)
+#: Pages longer than this are cut, px.
+_LONGEST = 2000
 #: Seconds until a job or an agent must have come.
 _PATIENCE = 180
 _UNDER_WAY = {"queued", "claimed", "running", "uploading"}
@@ -44,24 +53,34 @@ _SEARCH = {
     "method": {"kind": "gradient", "starts": 2, "seed": 1},
 }
 _MAP = {**_SEARCH, "method": {"kind": "grid", "points": 15}}
+_FRONT = {**_SEARCH, "goals": [_QUICK, {**_CALM, "sense": "minimize"}], "method": {"kind": "pareto", "population": 24, "generations": 12, "seed": 1}}  # fmt: skip
+_COMPARED = "s=controller.kp,controller.integral_time,controller.kd&in=reference&amp=0.01&loop=controller&sn=soft~1~controller.kp=120&sn=stiff~1~controller.kp=260&ref=1&r.controller.kp=160&g=overshoot<0.2&v=step:position,bode,phase,nyquist"
 
 
-def main() -> None:
-    """Write one picture for each page, and of some pages one in the dark theme, too."""
+def main(wanted: Sequence[str] = ()) -> None:
+    """Write one picture for each page, and of some pages one in the dark theme and one on a tablet, too."""
     TARGET.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as name, running(Path(name)) as service, sync_playwright() as playwright:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as place, running(Path(place)) as service, sync_playwright() as playwright:
+        folder = Path(place)
         with service.client() as client, laboratory(service, folder) as rig:
             browser = launched(playwright)
             light = signed_in(browser, service.url, size=SIZE)
             pages = prepared(client, light, folder, rig)
             way_in = browser.new_context(base_url=service.url, viewport={"width": SIZE[0], "height": SIZE[1]})
-            taken(way_in, "/systems", "[data-testid=key]", "sign-in")
-            for page, (address, there) in pages.items():
-                taken(light, address, there, page)
             dark = signed_in(browser, service.url, size=SIZE, scheme="dark")
-            for page in ("panel", "diagram", "optimum"):
-                taken(dark, *pages[page], f"{page}-dark")
+            tablet = signed_in(browser, service.url, size=TABLET, touch=True)
+            shots = [
+                (way_in, "sign-in", ("/systems", "[data-testid=key]")),
+                *((light, name, page) for name, page in pages.items()),
+                *(
+                    (dark, f"{name}-dark", pages[name])
+                    for name in ("panel", "diagram", "optimum", "front", "validated")
+                ),
+                *((tablet, f"{name}-tablet", pages[name]) for name in ("panel", "diagram", "optimise")),
+            ]
+            for context, name, (address, there) in shots:
+                if not wanted or name in wanted:
+                    taken(context, address, there, name)
             browser.close()
 
 
@@ -69,12 +88,18 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     """Return picture -> address of its page and what is there when the page has come."""
     documents = {t["id"]: t.get("document") for t in json.loads(_TEMPLATES.read_text(encoding="utf-8"))}
     motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in _STUDIES)
+    revised(client, position)
+    loops = made(
+        client, "/v1/systems", json.loads((ROOT / "examples/systems/many_loops.json").read_text(encoding="utf-8"))
+    )
     lag = made(client, "/v1/systems", LAG)
     u, y = of_a_lag()
     bench = send(client, "lag on the bench", {"u": ("", u), "y": ("", y)}, RATE)
     hammer = send(client, "hammer test", struck(), 200.0)
     matched = {"system": lag, "dataset": bench, "inputs": {"u": "u"}, "outputs": {"y": "y"}}
-    optimum = made(client, "/v1/optimizations", {"system": hydraulic, **_SEARCH})
+    optimum, front, grid = (
+        made(client, "/v1/optimizations", {"system": hydraulic, **what}) for what in (_SEARCH, _FRONT, _MAP)
+    )
     unknowns = [{"parameter": "k", "lower": 0.1, "upper": 10}, {"parameter": "tau", "lower": 0.01, "upper": 1}]
     found = made(client, "/v1/identifications", {**matched, "parameters": unknowns})
     verdict = made(client, "/v1/validations", matched)
@@ -83,20 +108,27 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     schedule = made(client, "/v1/schedules", {"name": "nightly map", "cron": "30 2 * * mon-fri", "job": nightly})
     measured = MEASUREMENT | {"rig": RIG_NAME, "name": "step of the bench", "duration": 1}
     acquisition = made(client, "/v1/acquisitions", measured)
-    for job in (optimum, found, verdict):
+    for job in (optimum, front, grid, found, verdict):
         ended(client, f"/v1/jobs/{job}")
     ended(client, f"/v1/acquisitions/{acquisition}")
     return {
         "systems": ("/systems", "h2#templates"),
-        "panel": (f"/systems/{motor}/panel?{_PANEL}", "[data-testid=plots][data-frame]"),
-        "diagram": (f"/systems/{position}/diagram", ".react-flow__edge"),
+        "panel": (f"/systems/{motor}/panel?{_PANEL}", "[data-testid=metrics][data-stale=false]"),
+        "compare": (f"/systems/{position}/panel?{_COMPARED}", "[data-testid=metrics][data-stale=false]"),
+        "diagram": (f"/systems/{position}/diagram?at=controller", "[data-laid=true] .react-flow__node"),
+        "frames": (f"/systems/{loops}/diagram?frames=1", ".react-flow__node"),
+        "revisions": (f"/systems/{position}/revisions", "tbody tr"),
         "influence": (f"/systems/{hydraulic}/influence?row=overshoot", "[data-testid=influence]"),
         "optimise": (f"/systems/{hydraulic}/optimise", "form button[type=submit]"),
         "optimum": (f"/jobs/{optimum}", "[data-testid=optimum]"),
+        "front": (f"/jobs/{front}", "[data-testid=front] canvas, [data-testid=front] svg"),
+        "map": (f"/jobs/{grid}", "[data-testid=map]"),
         "jobs": ("/jobs", "[data-testid=jobs]"),
         "recordings": ("/datasets", "tbody tr"),
         "recording": (f"/datasets/{bench}", "[role=img] canvas"),
         "import": (imported(context, folder), "[role=textbox], input"),
+        "process": (f"/datasets/{bench}/process?name=filtered&steps={_STEPS}", "[data-testid=step]"),
+        "frf": (f"/datasets/{hammer}/frf?input=force&outputs=x&segment=16&modes=1", "[data-testid=modes] tr"),
         "lineage": (f"/lineage/{response}", "[data-testid=graph] .react-flow__node"),
         "identify": (f"/identify?system={lag}&dataset={bench}&p=k,tau", "[data-testid=sought]"),
         "identified": (f"/jobs/{found}", "[data-testid=identified]"),
@@ -104,16 +136,27 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
         "validated": (f"/jobs/{verdict}", "[data-testid=diagnosis]"),
         "schedules": ("/schedules", "tbody tr"),
         "schedule": (f"/schedules/{schedule}", "[data-testid=next] li"),
+        "schedule-form": (f"/schedules/{schedule}/edit", "form"),
         "rigs": ("/rigs", "tbody tr"),
         "rig": (f"/rigs/{rig}", "[data-testid=inputs]"),
         "measure": (f"/rigs/{rig}/measure", "form"),
         "measurement": (f"/acquisitions/{acquisition}", "h1"),
         "access": ("/access", "[data-testid=keys]"),
         "about": ("/about", "[data-testid=checks]"),
+        "reference": ("/docs", ".info"),
     }
 
 
 RIG_NAME = "bench 1"
+_STEPS = quote(json.dumps([{"kind": "filter", "band": "low_pass", "frequency": {"value": 40, "unit": "Hz"}}]))
+
+
+def revised(client: httpx.Client, system: str) -> None:
+    """Give a system a second revision with another gain."""
+    found = client.get(f"/v1/systems/{system}")
+    document = found.json()["document"]
+    document["blocks"]["controller"]["kp"] = 170
+    client.put(f"/v1/systems/{system}", json=document, headers={"If-Match": found.headers["ETag"]}).raise_for_status()
 
 
 @contextmanager
@@ -199,15 +242,24 @@ def taken(context: BrowserContext, address: str, there: str, name: str) -> None:
     page.goto(address)
     page.locator(there).first.wait_for(timeout=1000 * _PATIENCE)
     settled(page)
-    page.screenshot(path=TARGET / f"{name}.png")
+    # Long pages as a whole, within reason; what fills its window is as large as that.
+    size = context.pages[-1].viewport_size or {"width": SIZE[0], "height": SIZE[1]}
+    length = min(int(page.evaluate("document.documentElement.scrollHeight")), _LONGEST)
+    if length > size["height"]:
+        page.set_viewport_size({"width": size["width"], "height": length})
+        settled(page)
+    file = TARGET / f"{name}.png"
+    page.screenshot(path=file)
     page.close()
+    # Pages have few colours: a palette of 256 takes a third of the bytes.
+    Image.open(file).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(file, optimize=True)
 
 
 def settled(page: Page) -> None:
     """Wait for layouts, charts and metrics that come after the first picture."""
     page.wait_for_load_state("networkidle")
-    page.wait_for_timeout(2000)
+    page.wait_for_timeout(1500)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

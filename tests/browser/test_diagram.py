@@ -130,6 +130,53 @@ def test_copies_renames_and_signals(page: Page, system) -> None:
     expect(page.get_by_role("heading", name="Signal at gain")).to_be_visible()
 
 
+def table(page: Page, title: str) -> list[list[str]]:
+    """Return the table that a plot exports."""
+    page.get_by_role("button", name=f"Export {title}").click()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name="Table").click()
+    return [line.split(",") for line in download.value.path().read_text().splitlines()]
+
+
+def test_blocks_are_cut_and_dissolved_and_a_signal_of_an_expression_is_seen(page: Page, system, client) -> None:
+    opened(page, system)
+    node(page, "gain").click()
+    # What is selected stands in the address; a link, a reload shows it again.
+    expect(page).to_have_url(re.compile(r"[?&]at=gain(&|$)"))
+    page.reload()
+    expect(page.get_by_label("gain *")).to_have_value("=k")
+    page.locator(".react-flow__pane").click(position={"x": 40, "y": 500})
+    expect(page).not_to_have_url(re.compile("at="))
+    node(page, "gain").click()
+    page.keyboard.press("Control+x")
+    expect(node(page, "gain")).to_have_count(0)
+    page.keyboard.press("Control+z")
+    expect(node(page, "gain")).to_be_visible()
+    node(page, "gain").click()
+    node(page, "plant").click(modifiers=["Control"])
+    page.keyboard.press("Control+g")
+    expect(page.locator(".react-flow__node")).to_have_count(4)
+    page.keyboard.press("Control+Shift+g")
+    expect(node(page, "plant")).to_be_visible()
+    enter(page, "k", "2")
+    page.locator(".react-flow__pane").click(position={"x": 40, "y": 500})  # both were selected
+    node(page, "gain").click()
+    enter(page, "gain *", "=3*k")
+    expect(page.get_by_test_id("check")).to_have_attribute("data-pending", "false")
+    # Touched, the signal behind the gain is drawn: a step of 1 is an error of 1 at first, and 3 k = 6 behind the gain.
+    page.locator('.react-flow__edge[data-id="plant.in"] path').first.dispatch_event("click")
+    page.get_by_role("heading", name="Signal at gain").wait_for()
+    expect(page).to_have_url(re.compile("signal=plant.in"))
+    assert float(table(page, "Signal at gain")[1][1]) == pytest.approx(6.0)
+    page.keyboard.press("Control+s")
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    document = client.get(f"/v1/systems/{system}").json()["document"]
+    assert document["blocks"]["gain"]["gain"] == "=3*k"
+    assert {wire["to"]: wire["from"] for wire in document["connections"]} == {
+        wire["to"]: wire["from"] for wire in LOOP["connections"]
+    }
+
+
 def test_a_selection_becomes_a_subsystem_and_travels_to_another_system(page: Page, system, client) -> None:
     opened(page, system)
     node(page, "gain").click()
@@ -247,7 +294,7 @@ def test_what_is_wrong_inside_stands_on_the_subsystem_and_leads_there(page: Page
     assert "in=drive" in page.url
 
 
-def test_a_tab_that_is_overtaken_is_told_and_takes_what_is_there(two, system) -> None:
+def test_a_tab_that_is_overtaken_is_told_and_takes_theirs_or_keeps_its_own(two, system, client) -> None:
     page, other = two
     enter(other, "k", "7")
     other.keyboard.press("Control+s")
@@ -263,6 +310,18 @@ def test_a_tab_that_is_overtaken_is_told_and_takes_what_is_there(two, system) ->
     expect(dialog).to_have_count(0)
     expect(page.get_by_label("k", exact=True)).to_have_value("7")
     expect(page.get_by_test_id("overtaken")).to_have_count(0)
+    # The next time mine is kept as it stands, over all that the other side has saved.
+    node(other, "gain").click()
+    enter(other, "gain *", "9")
+    other.keyboard.press("Control+s")
+    expect(other.get_by_test_id("check")).to_have_text("saved")
+    enter(page, "k", "3")
+    page.keyboard.press("Control+s")
+    dialog.get_by_role("button", name="Keep mine").click()
+    expect(dialog).to_have_count(0)
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    document = client.get(f"/v1/systems/{system}").json()["document"]
+    assert (document["parameters"]["k"], document["blocks"]["gain"]["gain"]) == ({"value": 3}, "=k")
 
 
 def test_three_hundred_blocks_stay_fluid(page: Page, client) -> None:

@@ -100,6 +100,34 @@ def test_a_cell_of_a_map_is_hovered_clicked_and_moved(page: Page, client, mapped
     expect(page).not_to_have_url(re.compile(r"cell="))
 
 
+def test_the_axes_of_a_front_are_chosen_and_stand_in_the_address(page: Page, fronted) -> None:
+    page.goto(f"/jobs/{fronted}")
+    front = page.get_by_test_id("front")
+    across, upwards = (front.get_by_role("combobox", name=name) for name in ("Across", "Upwards"))
+    expect(across).to_have_value("0", timeout=120_000)
+    plane, parallel = (
+        front.get_by_role("img", name=name) for name in ("Points of the front", "Every point of the front")
+    )
+    expect(parallel).to_contain_text("law.kp")
+
+    def lower() -> str:
+        """The name of the axis that lies under the picture."""
+        names = plane.locator("text", has_text=re.compile("response time|overshoot"))
+        expect(names).to_have_count(2)
+        boxes = [(one.bounding_box(), one.text_content() or "") for one in names.all()]
+        return max((box["y"], text) for box, text in boxes if box is not None)[1]
+
+    assert lower() == "response time [s]"
+    # What went upwards goes across, and the other way round.
+    across.select_option(label="overshoot")
+    expect(upwards).to_have_value("0")
+    assert lower() == "overshoot [%]"
+    expect(page).to_have_url(re.compile("fx=1.*fy=0"))
+    page.reload()
+    expect(across).to_have_value("1")
+    expect(parallel).to_contain_text("motor.leakage")
+
+
 def test_the_optimum_is_proven_opened_on_the_panel_and_kept(page: Page, client, mapped, hydraulic) -> None:
     page.goto(f"/jobs/{mapped}")
     certificate = page.get_by_test_id("certificate")

@@ -1,43 +1,14 @@
-"""Every page: its main path; that it is sound in both themes, by keyboard, and on a tablet."""
+"""The main path of searches, influence and what they lead to; an address without a page; a tablet."""
 
 from __future__ import annotations
 
 import json
 import re
 
-import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.driving import PAGES, faults, faults_of_both_themes, shifted, signed_in, too_wide, unreachable
-from tests.browser.test_matching import send
-
-#: Page -> what is on it when it has come.
-LISTED = {
-    "/systems": "h2#templates",
-    "/jobs": "[data-testid=jobs]",
-    "/datasets": "h2, tbody tr",
-    "/schedules": "h2, tbody tr",
-    "/schedules/new": "form",
-    "/rigs": "h2, tbody tr",
-    "/identify?system={system}": "form",
-    "/validate?system={system}": "form",
-    "/access": "[data-testid=keys]",
-    "/about": "[data-testid=checks]",
-    "/systems/{system}/panel?s=motor.leakage,law.kp&in=reference&loop=error": "[data-testid=plots][data-frame]",
-    "/systems/{system}/diagram": ".react-flow__edge",
-    "/systems/{system}/influence": "[data-testid=influence]",
-    "/systems/{system}/optimise": "form button[type=submit]",
-    "/systems/{system}/revisions": "table",
-    "/jobs/{job}": "[data-testid=optimum]",
-    "/datasets/{recording}": "[role=img] canvas",
-    "/datasets/{recording}/frf": "form",
-    "/lineage/{recording}": "[data-testid=graph] .react-flow__node",
-    "/schedules/{schedule}": "[data-testid=next]",
-    "/schedules/{schedule}/edit": "form",
-}
-#: What of a page may jump while it comes, in parts of the window: below a tenth is called good (web.dev/cls).
-MOST_SHIFT = 0.1
+from tests.browser.driving import PAGES, signed_in
 
 
 @pytest.fixture(scope="module")
@@ -152,54 +123,6 @@ def test_influence_is_read_by_rows_and_by_columns_and_leads_to_the_slider(page: 
         expect(row).to_contain_text(f"{value:.3g}".replace("-", "−"))
     page.get_by_test_id("influence").get_by_role("link", name="motor.mass").click()
     expect(page.get_by_role("slider").first).to_have_attribute("aria-label", "motor.mass")
-
-
-@pytest.fixture(scope="module")
-def places(client, hydraulic, job) -> dict[str, str]:
-    """One of each thing that has a page of its own."""
-    time = np.arange(4000) / 500
-    channels = {"force": ("N", np.sin(40 * time)), "x": ("m", np.cos(40 * time))}
-    body = {
-        "system": hydraulic,
-        "variables": [{"parameter": "law.kp", "lower": 0.001, "upper": 0.1}],
-        "experiments": [{"name": "step", "input": {"port": "reference", "signal": {"kind": "step"}}}],
-        "goals": [{"metric": "overshoot", "experiment": "step", "output": "velocity", "sense": "minimize"}],
-        "method": {"kind": "grid", "points": 3},
-    }
-    schedule = {"name": "nightly", "cron": "30 2 * * *", "job": {"kind": "optimization", "body": body}}
-    made = client.post("/v1/schedules", json=schedule)
-    assert made.status_code == 201, made.text
-    return {
-        "system": hydraulic,
-        "job": job,
-        "recording": send(client, "two channels", channels, 500.0),
-        "schedule": made.json()["id"],
-    }
-
-
-def test_every_page_is_sound(page: Page, places) -> None:
-    """Axe in both themes, no scrolling sideways, nothing jumps, everything is come to by keyboard."""
-    wrong = {}
-    for address, there in LISTED.items():
-        page.goto(address.format(**places))
-        page.locator(there).first.wait_for()
-        jumped = shifted(page)
-        found = faults_of_both_themes(page) + too_wide(page)
-        found += [f"not reached by keyboard: {one}" for one in unreachable(page)]
-        if jumped > MOST_SHIFT:
-            found.append(f"what is there jumps by {jumped:.2f}")
-        if found:
-            wrong[address] = found
-    assert wrong == {}
-
-
-def test_the_way_in_has_no_faults_and_no_page_lies_behind_it(browser, service) -> None:
-    context = browser.new_context(base_url=service.url)
-    page = context.new_page()
-    page.goto("/jobs")
-    page.get_by_test_id("key").wait_for()
-    assert faults(page) == []
-    context.close()
 
 
 def test_an_address_without_a_page_says_so(page: Page) -> None:

@@ -36,7 +36,7 @@ export function SignIn() {
                 {t("signIn.purpose")}
               </Text>
             </div>
-            <PasswordInput label={t("signIn.key")} description={t("signIn.where")} value={key} onChange={(event) => setKey(event.currentTarget.value)} error={wrong} autoFocus autoComplete="current-password" data-testid="key" visibilityToggleButtonProps={{ "aria-label": t("signIn.show"), "aria-hidden": false, tabIndex: 0 }} />
+            <PasswordInput label={t("signIn.key")} description={t("signIn.where")} value={key} onChange={(event) => setKey(event.currentTarget.value)} error={wrong} aria-invalid={wrong !== undefined} autoFocus autoComplete="current-password" data-testid="key" visibilityToggleButtonProps={{ "aria-label": t("signIn.show"), "aria-hidden": false, tabIndex: 0 }} />
             <Button type="submit" loading={busy} disabled={key.trim() === ""} size="sm">
               {t("signIn.enter")}
             </Button>

@@ -18,7 +18,7 @@ export function Workspaces({ workspaces }: { workspaces: WorkspaceHead[] }) {
   const [query, setQuery] = useSearchParams();
   const [name, setName] = useState("");
   const chosen = query.get("workspace") ?? workspaces[0]?.id ?? "";
-  const look = (id: string) => setQuery({ workspace: id }, { replace: true });
+  const look = (id: string) => setQuery({ workspace: id }, { replace: true, preventScrollReset: true });
   const found = useQuery({ ...workspaceQuery(chosen), enabled: chosen !== "" });
   const create = useMutation({
     mutationFn: () => must(api.POST("/v1/workspaces", { body: { name } })),

@@ -1,6 +1,6 @@
 import { Button, FileButton, Stack } from "@mantine/core";
 import { useInfiniteQuery } from "@tanstack/react-query";
-import { useState } from "react";
+import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
@@ -21,18 +21,27 @@ export function DatasetsPage() {
     getNextPageParam: (page) => page.next_cursor ?? undefined,
   });
   const [file, setFile] = useState<File | null>(null);
+  const choose = useRef<HTMLButtonElement>(null);
   const rows = datasets.data?.pages.flatMap((page) => page.items) ?? [];
   return (
     <div className="page">
       <PageHead title={t("nav.datasets")} doc={t("datasets.doc")}>
         <FileButton onChange={setFile}>
-          {(props) => <Button {...props}>{t("datasets.import")}</Button>}
+          {(props) => (
+            <Button {...props} ref={choose}>
+              {t("datasets.import")}
+            </Button>
+          )}
         </FileButton>
       </PageHead>
       <Stack gap="md">
         <ProblemAlert error={datasets.error} onRetry={() => void datasets.refetch()} />
         {file && <UploadPanel key={`${file.name}${file.lastModified}`} file={file} onClose={() => setFile(null)} />}
-        {datasets.isSuccess && rows.length === 0 && !file && <Empty title={t("datasets.none")}>{t("datasets.noneDoc")}</Empty>}
+        {datasets.isSuccess && rows.length === 0 && !file && (
+          <Empty title={t("datasets.none")} action={<Button onClick={() => choose.current?.click()}>{t("datasets.chooseFirst")}</Button>}>
+            {t("datasets.noneDoc")}
+          </Empty>
+        )}
         {rows.length > 0 && (
           <DataTable
             testId="datasets"

@@ -28,7 +28,7 @@ export function ImportPage() {
   const job = query.get("look") ?? "";
   const look = useMutation({
     mutationFn: (given: ImportDocument | null) => must(api.POST("/v1/datasets/{identifier}/preview", { params: { path: { identifier: id } }, body: { segments: manifest!.segments, ...(given ? { import: given } : {}) } })),
-    onSuccess: (found) => setQuery({ look: found.job.id }, { replace: true }),
+    onSuccess: (found) => setQuery({ look: found.job.id }, { replace: true, preventScrollReset: true }),
   });
   const running = useQuery({ ...jobQuery(job), enabled: job !== "", refetchInterval: (q) => (q.state.data && ["succeeded", "failed", "cancelled"].includes(q.state.data.status) ? false : 400) });
   const done = running.data?.status === "succeeded";

@@ -1,11 +1,12 @@
 import { api, csrfHeaders, must } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
+import { Sha256 } from "./sha256";
 
 const SEGMENT = 4 << 20;
 const KEY = (file: File) => `servotune-upload-${file.name}-${file.size}-${file.lastModified}`;
 
-async function sha256(part: Blob): Promise<string> {
-  const digest = await crypto.subtle.digest("SHA-256", await part.arrayBuffer());
+async function sha256(part: ArrayBuffer): Promise<string> {
+  const digest = await crypto.subtle.digest("SHA-256", part);
   return [...new Uint8Array(digest)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
@@ -78,16 +79,20 @@ export async function upload(file: File, request: object, onProgress: (part: num
     localStorage.setItem(KEY(file), id);
   }
   const segments: string[] = [];
+  // Of the whole as its pieces pass: it never is in memory at once.
+  const whole = new Sha256();
   for (let start = 0; start < file.size; start += SEGMENT) {
     const part = file.slice(start, Math.min(start + SEGMENT, file.size));
-    const digest = await sha256(part);
+    const bytes = await part.arrayBuffer();
+    whole.update(new Uint8Array(bytes));
+    const digest = await sha256(bytes);
     // Whoever has stopped while nothing was being sent is heard, too.
     signal.throwIfAborted();
     segments.push(digest);
     if (!present.has(digest)) await put(`/v1/datasets/${id}/segments/${digest}`, part, (sent) => onProgress((start + sent) / file.size), signal);
     onProgress(Math.min(1, (start + part.size) / file.size));
   }
-  localStorage.setItem(MANIFEST(id), JSON.stringify({ segments, sha256: await sha256(file) } satisfies Manifest));
+  localStorage.setItem(MANIFEST(id), JSON.stringify({ segments, sha256: whole.hex() } satisfies Manifest));
   localStorage.removeItem(KEY(file));
   return id;
 }

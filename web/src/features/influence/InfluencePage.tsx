@@ -1,6 +1,6 @@
 import { Alert, Group, MultiSelect, NativeSelect, SegmentedControl, Slider, Stack, Table, Text, Title, UnstyledButton } from "@mantine/core";
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
-import { useEffect, useState } from "react";
+import { Fragment, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
 import { metricsQuery } from "@/shared/api/catalogue";
@@ -24,7 +24,7 @@ export function InfluencePage() {
   const described = useQuery(describedQuery(id, system.revision));
   const catalogue = useQuery(metricsQuery).data;
   const [query, setQuery] = useSearchParams();
-  const put = (part: Record<string, string>) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), ...part }), { replace: true });
+  const put = (part: Record<string, string>) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), ...part }), { replace: true, preventScrollReset: true });
   const opened = described.data;
   const loops = loopsOf(system.document);
   const list = (key: string, fallback: string[]) => (query.has(key) ? query.get(key)!.split(",").filter(Boolean) : fallback);
@@ -62,7 +62,7 @@ export function InfluencePage() {
       <Stack gap="md">
         <ProblemAlert error={described.error ?? study.error} />
         {opened && (
-          <Group align="flex-end" gap="sm">
+          <Group align="flex-start" gap="sm">
             <NativeSelect size="xs" label={t("panel.input")} data={opened.inputs} value={input} onChange={(event) => put({ in: event.currentTarget.value })} />
             <NativeSelect size="xs" label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(event) => put({ out: event.currentTarget.value })} />
             <NativeSelect size="xs" label={t("influence.loop")} data={[{ value: "", label: t("influence.noLoop") }, ...loops]} value={loop} onChange={(event) => put({ loop: event.currentTarget.value })} />
@@ -105,7 +105,12 @@ export function InfluencePage() {
                           ▾
                         </UnstyledButton>
                         <Text component={Link} to={panelOf(name)} fz="xs" fw={600} c="var(--mantine-color-anchor)" title={t("influence.toPanel")}>
-                          {name}
+                          {name.split(/(?<=[._])/).map((part) => (
+                            <Fragment key={part}>
+                              {part}
+                              <wbr />
+                            </Fragment>
+                          ))}
                         </Text>
                       </Table.Th>
                     ))}
@@ -122,7 +127,7 @@ export function InfluencePage() {
                             {metricName(metric)}
                           </UnstyledButton>
                         </Table.Td>
-                        <Table.Td ta="right" className="numbers" title={base?.advice ?? undefined}>
+                        <Table.Td ta="right" className={`numbers ${classes.whole}`} title={base?.advice ?? undefined}>
                           {shown ? `${shown.text} ${shown.unit}` : t(`verdicts.${base?.verdict ?? "ok"}`, base?.verdict ?? "")}
                         </Table.Td>
                         {parameters.map((name) => {

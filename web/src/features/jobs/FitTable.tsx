@@ -17,7 +17,7 @@ export function FitTable({ rows }: { rows: FitRow[] }) {
       keyOf={({ part, output }) => `${part}.${output}`}
       dimmed={({ trivial }) => trivial}
       columns={[
-        { title: t("panel.output"), cell: ({ output }) => words(output) },
+        { title: t("found.output"), cell: ({ output }) => words(output) },
         { title: t("found.judged"), cell: ({ part }) => t(`found.parts.${part}`, words(part)) },
         ...MEASURES.map((measure) => ({ title: t(`found.measures.${measure}`), numeric: true, strong: measure === "fit_percent", cell: ({ numbers }: FitRow) => (numbers[measure] == null ? "–" : `${formatNumber(numbers[measure], 4)} %`) })),
       ]}

@@ -124,7 +124,7 @@ function Certainty({ value, lower95, upper95 }: { value: number; lower95: number
         <rect width="80" height="8" rx="2" fill="var(--grid)" />
         <rect width={Math.min(1, part / 0.5) * 80} height="8" rx="2" fill={part < 0.1 ? "var(--mantine-primary-color-filled)" : "var(--warn)"} />
       </svg>
-      <Text span fz="xs" className="numbers">
+      <Text span fz="xs" className="numbers" style={{ whiteSpace: "nowrap" }}>
         ±{formatNumber(100 * part, 2)} %
       </Text>
     </Group>

@@ -1,7 +1,7 @@
 import { Button, Group, NativeSelect, Progress, Text } from "@mantine/core";
 import { useInfiniteQuery, useMutation, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
-import { useSearchParams } from "react-router";
+import { Link, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobsQuery } from "@/shared/api/jobs";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
@@ -43,7 +43,22 @@ export function JobsPage() {
         <NativeSelect size="xs" label={t("jobs.kind")} value={kind} onChange={(event) => choose("kind", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...KINDS.map((k) => ({ value: k, label: t(`jobs.kinds.${k}`, k) }))]} />
         <NativeSelect size="xs" label={t("jobs.status")} value={status} onChange={(event) => choose("status", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((s) => ({ value: s, label: t(`status.${s}`) }))]} />
       </Group>
-      {jobs.isSuccess && rows.length === 0 && (kind || status ? <Empty title={t("jobs.noneSuch")}>{t("jobs.noneSuchDoc")}</Empty> : <Empty title={t("jobs.none")}>{t("jobs.noneDoc")}</Empty>)}
+      {jobs.isSuccess && rows.length === 0 && (kind || status ? (
+          <Empty title={t("jobs.noneSuch")} action={<Button onClick={() => setQuery({})}>{t("jobs.showAll")}</Button>}>
+            {t("jobs.noneSuchDoc")}
+          </Empty>
+        ) : (
+          <Empty
+            title={t("jobs.none")}
+            action={
+              <Button component={Link} to="/systems">
+                {t("jobs.toSystems")}
+              </Button>
+            }
+          >
+            {t("jobs.noneDoc")}
+          </Empty>
+        ))}
       {rows.length > 0 && (
         <DataTable
           testId="jobs"

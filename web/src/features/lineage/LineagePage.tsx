@@ -39,7 +39,7 @@ export function LineagePage() {
   return (
     <div className="page">
       <PageHead title={t("lineage.of", { name: here?.name || id })} doc={t("lineage.doc")}>
-        <SegmentedControl size="xs" aria-label={t("lineage.direction")} value={direction} onChange={(value) => setQuery(value === "both" ? {} : { direction: value }, { replace: true })} data={DIRECTIONS.map((value) => ({ value, label: t(`lineage.directions.${value}`) }))} />
+        <SegmentedControl size="xs" aria-label={t("lineage.direction")} value={direction} onChange={(value) => setQuery(value === "both" ? {} : { direction: value }, { replace: true, preventScrollReset: true })} data={DIRECTIONS.map((value) => ({ value, label: t(`lineage.directions.${value}`) }))} />
         <Button onClick={() => bundle.mutate()} loading={bundle.isPending} title={t("lineage.bundleDoc")}>
           {t("lineage.bundle")}
         </Button>

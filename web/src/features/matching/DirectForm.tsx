@@ -40,7 +40,7 @@ export function DirectForm({ method }: { method: Direct }) {
         next.set(key, value);
         return next;
       },
-      { replace: true },
+      { replace: true, preventScrollReset: true },
     );
   const fill = (next: Values) => {
     setEmpty([]);

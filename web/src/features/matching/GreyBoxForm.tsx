@@ -87,7 +87,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
         {ready && (
           <>
             {more.length > 0 && <TextInput maw={420} label={t("matching.known")} description={t("matching.knownDoc")} placeholder="load = 25 kg; current = 0.5" {...register("known")} error={own("known") ?? problem?.at("/experiments/0/parameters")} />}
-            <FurtherRecordings more={more} opened={found.opened!} onChange={(next) => setQuery((before) => writeMore(before, next), { replace: true })} wrong={(pointer) => problem?.at(pointer)} />
+            <FurtherRecordings more={more} opened={found.opened!} onChange={(next) => setQuery((before) => writeMore(before, next), { replace: true, preventScrollReset: true })} wrong={(pointer) => problem?.at(pointer)} />
             <MultiSelect label={t("matching.parameters")} description={t("matching.parametersDoc")} data={all.map((one) => one.path)} value={rows.map((row) => row.path)} onChange={choose} searchable error={own("parameters")} />
             {rows.length > 0 && (
               <Table maw={640} data-testid="sought">

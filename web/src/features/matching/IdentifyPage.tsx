@@ -19,7 +19,7 @@ export function IdentifyPage() {
         if (next !== "grey_box") kept.set("method", next);
         return kept;
       },
-      { replace: true },
+      { replace: true, preventScrollReset: true },
     );
   return (
     <div className="page">

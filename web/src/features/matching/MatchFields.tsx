@@ -24,7 +24,7 @@ export interface Matched {
 export function useMatch(): Matched {
   const [query, setQuery] = useSearchParams();
   const match = readMatch(query);
-  const change = (part: Partial<Match>) => setQuery((before) => writeMatch(before, { ...readMatch(before), ...part }), { replace: true });
+  const change = (part: Partial<Match>) => setQuery((before) => writeMatch(before, { ...readMatch(before), ...part }), { replace: true, preventScrollReset: true });
   const system = useQuery({ ...systemQuery(match.system), enabled: match.system !== "" });
   const described = useQuery({ ...describedQuery(match.system, system.data?.revision ?? 0), enabled: system.data !== undefined });
   const dataset = useQuery({ ...datasetQuery(match.dataset), enabled: match.dataset !== "" });

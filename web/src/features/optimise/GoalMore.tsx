@@ -1,5 +1,6 @@
 import { Group, NativeSelect, TextInput } from "@mantine/core";
 import { useTranslation } from "react-i18next";
+import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { needsOf, type Goal } from "./schema";
 
@@ -17,12 +18,12 @@ interface Props {
 export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange }: Props) {
   const { t } = useTranslation();
   const needs = needsOf(goal.metric);
-  const wrong = (field: string) => faultAt(`${at}.${field}`) !== undefined;
+  const wrong = (field: string) => toldElsewhere(faultAt(`${at}.${field}`));
   const curve = (field: "upperCurve" | "lowerCurve" | "reference", example: string) => (
-    <TextInput size="xs" label={t(`optimise.${field}`)} aria-label={t(`optimise.${field}Of`, { number })} title={t(needs === "magnitude" ? "optimise.curveOverFrequency" : "optimise.curveOverTime")} value={goal[field] ?? ""} placeholder={example} error={wrong(field)} spellCheck={false} onChange={(event) => onChange({ [field]: event.currentTarget.value || undefined })} w={270} />
+    <TextInput size="xs" label={t(`optimise.${field}`)} aria-label={t(`optimise.${field}Of`, { number })} title={t(needs === "magnitude" ? "optimise.curveOverFrequency" : "optimise.curveOverTime")} value={goal[field] ?? ""} placeholder={example} {...wrong(field)} spellCheck={false} onChange={(event) => onChange({ [field]: event.currentTarget.value || undefined })} w={270} />
   );
   const number_ = (key: 0 | 1) => (
-    <NumberEntry label={t(key === 0 ? "optimise.bandFrom" : "optimise.bandTo")} aria-label={t(key === 0 ? "optimise.bandFromOf" : "optimise.bandToOf", { number })} value={goal.band?.[key]} unit="rad/s" optional error={wrong("band")} onCommit={(value) => onChange({ band: key === 0 ? [value, goal.band?.[1]] : [goal.band?.[0], value] })} w={130} />
+    <NumberEntry label={t(key === 0 ? "optimise.bandFrom" : "optimise.bandTo")} aria-label={t(key === 0 ? "optimise.bandFromOf" : "optimise.bandToOf", { number })} value={goal.band?.[key]} unit="rad/s" optional {...wrong("band")} onCommit={(value) => onChange({ band: key === 0 ? [value, goal.band?.[1]] : [goal.band?.[0], value] })} w={130} />
   );
   return (
     <Group gap="sm" align="flex-start" pl="md">
@@ -37,7 +38,7 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
         <>
           {curve("upperCurve", "0: 1.1; 1: 1.1; 1: 1.02; 5: 1.02")}
           {curve("lowerCurve", "0.5: 0.9; 5: 0.98")}
-          <NumberEntry label={t("optimise.curveScale")} aria-label={t("optimise.curveScaleOf", { number })} title={t("optimise.curveScaleDoc")} value={goal.curveScale} unit={outputUnit} optional error={wrong("curveScale")} onCommit={(curveScale) => onChange({ curveScale })} w={120} />
+          <NumberEntry label={t("optimise.curveScale")} aria-label={t("optimise.curveScaleOf", { number })} title={t("optimise.curveScaleDoc")} value={goal.curveScale} unit={outputUnit} optional {...wrong("curveScale")} onCommit={(curveScale) => onChange({ curveScale })} w={120} />
         </>
       )}
       {needs === "magnitude" && (
@@ -46,8 +47,8 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
           {curve("lowerCurve", "1 0.2 / 1 3 2")}
         </>
       )}
-      <NumberEntry label={t("optimise.target")} aria-label={t("optimise.targetOf", { number })} value={goal.target} unit={unit} optional error={wrong("target")} onCommit={(target) => onChange({ target })} w={130} />
-      <NumberEntry label={t("optimise.tolerance")} aria-label={t("optimise.toleranceOf", { number })} value={goal.tolerance} unit={unit} optional placeholder="1 %" error={wrong("tolerance")} onCommit={(tolerance) => onChange({ tolerance })} w={120} />
+      <NumberEntry label={t("optimise.target")} aria-label={t("optimise.targetOf", { number })} value={goal.target} unit={unit} optional {...wrong("target")} onCommit={(target) => onChange({ target })} w={130} />
+      <NumberEntry label={t("optimise.tolerance")} aria-label={t("optimise.toleranceOf", { number })} value={goal.tolerance} unit={unit} optional placeholder="1 %" {...wrong("tolerance")} onCommit={(tolerance) => onChange({ tolerance })} w={120} />
       <NativeSelect
         size="xs"
         label={t("optimise.strict")}
@@ -57,10 +58,10 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
           { value: "hard", label: t("optimise.hard") },
           { value: "soft", label: t("optimise.soft") },
         ]}
-        error={wrong("soft")}
+        {...wrong("soft")}
         onChange={(event) => onChange({ soft: event.currentTarget.value === "soft" })}
       />
-      <NumberEntry label={t("optimise.weight")} aria-label={t("optimise.weightOf", { number })} value={goal.weight} optional placeholder="1" error={wrong("weight")} onCommit={(weight) => (weight === undefined || typeof weight === "number") && onChange({ weight })} w={90} />
+      <NumberEntry label={t("optimise.weight")} aria-label={t("optimise.weightOf", { number })} value={goal.weight} optional placeholder="1" {...wrong("weight")} onCommit={(weight) => (weight === undefined || typeof weight === "number") && onChange({ weight })} w={90} />
     </Group>
   );
 }

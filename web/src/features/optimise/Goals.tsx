@@ -1,14 +1,14 @@
-import { Button, Group, NativeSelect, Table, Text, Title } from "@mantine/core";
-import { Fragment, useState } from "react";
+import { Group, NativeSelect, Text } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { MetricEntry, Scalar } from "@/shared/api/types";
+import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { formatMetric, words } from "@/shared/units/format";
 import { goalOf } from "./address";
 import { changed, without, type Part } from "./form";
 import { GoalMore } from "./GoalMore";
-import { Drop, More, RowFaults } from "./parts";
 import { goalMetrics } from "./problem";
+import { RowTable } from "./RowTable";
 import { needsOf, type Goal } from "./schema";
 
 const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lower", "upper", "target", "tolerance", "soft", "weight", "upperCurve", "lowerCurve", "curveScale", "reference", "band"] as const;
@@ -20,107 +20,62 @@ const hasMore = ({ metric, target, tolerance, soft, weight }: Goal) => needsOf(m
 export function Goals(part: Part) {
   const { form, opened, loops, metrics, change, faultAt } = part;
   const { t } = useTranslation();
-  const [open, setOpen] = useState<ReadonlySet<number>>(new Set());
   const put = (i: number, own: Partial<Goal>) => change({ goals: changed(form.goals, i, own) });
-  const toggle = (i: number) => setOpen((before) => new Set(before.has(i) ? [...before].filter((k) => k !== i) : [...before, i]));
+  const wrong = (i: number, field: (typeof FIELDS)[number]) => toldElsewhere(faultAt(`goals.${i}.${field}`));
   const outputs = opened.outputs.map(({ name }) => name);
-  const first = form.goals.at(-1);
-  const add = () => change({ goals: [...form.goals, { ...goalOf({ metric: "overshoot", output: first?.output ?? outputs[0] ?? "", sense: "", upper: 0.05 }, first?.from ?? opened.inputs[0] ?? "", first?.loop ?? loops[0] ?? "") }] });
+  const outputUnit = (row: Goal) => opened.outputs.find(({ name }) => name === row.output)?.unit;
+  const unitOf = (row: Goal) => boundUnit(metrics.get(row.metric), outputUnit(row));
+  const last = form.goals.at(-1);
+  const add = () => change({ goals: [...form.goals, { ...goalOf({ metric: "overshoot", output: last?.output ?? outputs[0] ?? "", sense: "", upper: 0.05 }, last?.from ?? opened.inputs[0] ?? "", last?.loop ?? loops[0] ?? "") }] });
+  const bound = (row: Goal, i: number, key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { number: i + 1 })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional onCommit={(value) => put(i, { [key]: value })} w={120} {...spoken(row.metric, row[key])} />;
   return (
-    <section data-testid="wanted">
-      <Title order={2}>{t("optimise.goals")}</Title>
-      <Text fz="sm" c="dimmed" mb="xs">
-        {t("optimise.goalsDoc")}
-      </Text>
-      {form.goals.length > 0 && (
-        <Table.ScrollContainer minWidth={860}>
-          <Table maw={1180} verticalSpacing={4} style={{ verticalAlign: "top" }}>
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>{t("influence.metric")}</Table.Th>
-                <Table.Th>{t("optimise.of")}</Table.Th>
-                <Table.Th>{t("optimise.sense")}</Table.Th>
-                <Table.Th>{t("optimise.least")}</Table.Th>
-                <Table.Th>{t("optimise.most")}</Table.Th>
-                <Table.Th aria-label={t("systems.actions")} />
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {form.goals.map((row, i) => {
-                const entry = metrics.get(row.metric);
-                const unit = boundUnit(entry, opened.outputs.find(({ name }) => name === row.output)?.unit);
-                const wide = open.has(i) || hasMore(row);
-                const bound = (key: "lower" | "upper", label: string) => (
-                  <NumberEntry aria-label={t(label, { number: i + 1 })} value={row[key]} unit={unit} error={faultAt(`goals.${i}.${key}`) !== undefined} optional onCommit={(value) => put(i, { [key]: value })} w={120} {...spoken(row.metric, row[key])} />
-                );
-                return (
-                  <Fragment key={i}>
-                    <Table.Tr style={{ verticalAlign: "top" }}>
-                      <Table.Td>
-                        <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={entry?.definition} value={row.metric} data={goalMetrics(metrics.values(), loops, row.metric).map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} onChange={(event) => put(i, { metric: event.currentTarget.value })} />
-                        <RowFaults row={`goals.${i}`} fields={FIELDS} faultAt={faultAt} />
-                      </Table.Td>
-                      <Table.Td>
-                        <Where goal={row} number={i + 1} domain={entry?.domain} part={part} onChange={(own) => put(i, own)} />
-                      </Table.Td>
-                      <Table.Td>
-                        <NativeSelect
-                          size="xs"
-                          aria-label={t("optimise.senseOf", { number: i + 1 })}
-                          value={row.sense}
-                          data={[
-                            { value: "", label: t("optimise.bound") },
-                            { value: "minimize", label: t("optimise.minimize") },
-                            { value: "maximize", label: t("optimise.maximize") },
-                          ]}
-                          onChange={(event) => put(i, { sense: event.currentTarget.value as Goal["sense"] })}
-                        />
-                      </Table.Td>
-                      <Table.Td>{bound("lower", "optimise.atLeast")}</Table.Td>
-                      <Table.Td>{bound("upper", "optimise.atMost")}</Table.Td>
-                      <Table.Td w={76}>
-                        <Group gap={0} wrap="nowrap" justify="flex-end">
-                          <More label={t("optimise.moreOfGoal", { number: i + 1 })} open={wide} onClick={() => toggle(i)} />
-                          <Drop label={t("optimise.drop", { name: words(row.metric) })} onClick={() => change({ goals: without(form.goals, i) })} />
-                        </Group>
-                      </Table.Td>
-                    </Table.Tr>
-                    {wide && (
-                      <Table.Tr>
-                        <Table.Td colSpan={6} pt={0}>
-                          <GoalMore goal={row} number={i + 1} unit={unit} outputUnit={opened.outputs.find(({ name }) => name === row.output)?.unit ?? ""} at={`goals.${i}`} faultAt={faultAt} onChange={(own) => put(i, own)} />
-                        </Table.Td>
-                      </Table.Tr>
-                    )}
-                  </Fragment>
-                );
-              })}
-            </Table.Tbody>
-          </Table>
-        </Table.ScrollContainer>
-      )}
-      {faultAt("goals") && (
-        <Text fz="xs" c="var(--mantine-color-error)" role="alert">
-          {faultAt("goals")}
-        </Text>
-      )}
-      <Button variant="default" mt="xs" onClick={add}>
-        {t("optimise.addGoal")}
-      </Button>
-    </section>
+    <RowTable
+      testId="wanted"
+      title={t("optimise.goals")}
+      doc={t("optimise.goalsDoc")}
+      field="goals"
+      fields={FIELDS}
+      faultAt={faultAt}
+      minWidth={860}
+      maxWidth={1180}
+      heads={[{ title: t("influence.metric") }, { title: t("optimise.of") }, { title: t("optimise.sense") }, { title: t("optimise.least") }, { title: t("optimise.most") }]}
+      rows={form.goals}
+      cells={(row, i) => [
+        <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={metrics.get(row.metric)?.definition} value={row.metric} data={goalMetrics(metrics.values(), loops, row.metric).map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} {...wrong(i, "metric")} onChange={(event) => put(i, { metric: event.currentTarget.value })} />,
+        <Where goal={row} number={i + 1} domain={metrics.get(row.metric)?.domain} part={part} wrong={(field) => wrong(i, field)} onChange={(own) => put(i, own)} />,
+        <NativeSelect
+          size="xs"
+          aria-label={t("optimise.senseOf", { number: i + 1 })}
+          value={row.sense}
+          data={[
+            { value: "", label: t("optimise.bound") },
+            { value: "minimize", label: t("optimise.minimize") },
+            { value: "maximize", label: t("optimise.maximize") },
+          ]}
+          {...wrong(i, "sense")}
+          onChange={(event) => put(i, { sense: event.currentTarget.value as Goal["sense"] })}
+        />,
+        bound(row, i, "lower", "optimise.atLeast"),
+        bound(row, i, "upper", "optimise.atMost"),
+      ]}
+      more={(row, i) => ({ label: t("optimise.moreOfGoal", { number: i + 1 }), said: hasMore(row), content: <GoalMore goal={row} number={i + 1} unit={unitOf(row)} outputUnit={outputUnit(row) ?? ""} at={`goals.${i}`} faultAt={faultAt} onChange={(own) => put(i, own)} /> })}
+      dropLabel={(row) => t("optimise.drop", { name: words(row.metric) })}
+      onDrop={(i) => change({ goals: without(form.goals, i) })}
+      add={{ label: t("optimise.addGoal"), onClick: add }}
+    />
   );
 }
 
 /** Of which response a goal is: an output and its experiment, a path, an opened loop; nothing for one of the whole system. */
-function Where({ goal, number, domain, part: { form, opened, loops }, onChange }: { goal: Goal; number: number; domain: string | undefined; part: Part; onChange(own: Partial<Goal>): void }) {
+function Where({ goal, number, domain, part: { form, opened, loops }, wrong, onChange }: { goal: Goal; number: number; domain: string | undefined; part: Part; wrong(field: "output" | "experiment" | "from" | "loop"): ReturnType<typeof toldElsewhere>; onChange(own: Partial<Goal>): void }) {
   const { t } = useTranslation();
-  const output = <NativeSelect size="xs" aria-label={t("optimise.ofGoal", { number })} value={goal.output} data={opened.outputs.map(({ name }) => name)} onChange={(event) => onChange({ output: event.currentTarget.value })} />;
-  if (domain === "loop") return <NativeSelect size="xs" aria-label={t("optimise.loopOfGoal", { number })} value={goal.loop} data={loops} onChange={(event) => onChange({ loop: event.currentTarget.value })} />;
+  const output = <NativeSelect size="xs" aria-label={t("optimise.ofGoal", { number })} value={goal.output} data={opened.outputs.map(({ name }) => name)} {...wrong("output")} onChange={(event) => onChange({ output: event.currentTarget.value })} />;
+  if (domain === "loop") return <NativeSelect size="xs" aria-label={t("optimise.loopOfGoal", { number })} value={goal.loop} data={loops} {...wrong("loop")} onChange={(event) => onChange({ loop: event.currentTarget.value })} />;
   if (domain === "system") return <Text fz="sm">{t("optimise.wholeSystem")}</Text>;
   if (domain === "path")
     return (
       <Group gap={4} wrap="nowrap">
-        <NativeSelect size="xs" aria-label={t("optimise.fromGoal", { number })} value={goal.from} data={opened.inputs} onChange={(event) => onChange({ from: event.currentTarget.value })} />
+        <NativeSelect size="xs" aria-label={t("optimise.fromGoal", { number })} value={goal.from} data={opened.inputs} {...wrong("from")} onChange={(event) => onChange({ from: event.currentTarget.value })} />
         <Text fz="sm">→</Text>
         {output}
       </Group>
@@ -128,7 +83,7 @@ function Where({ goal, number, domain, part: { form, opened, loops }, onChange }
   return (
     <Group gap={4} wrap="nowrap">
       {output}
-      {form.experiments.length > 1 && <NativeSelect size="xs" aria-label={t("optimise.experimentOfGoal", { number })} value={goal.experiment} data={[{ value: "", label: t("optimise.everyExperiment") }, ...form.experiments.map(({ name }) => name)]} onChange={(event) => onChange({ experiment: event.currentTarget.value })} />}
+      {form.experiments.length > 1 && <NativeSelect size="xs" aria-label={t("optimise.experimentOfGoal", { number })} value={goal.experiment} data={[{ value: "", label: t("optimise.everyExperiment") }, ...form.experiments.map(({ name }) => name)]} {...wrong("experiment")} onChange={(event) => onChange({ experiment: event.currentTarget.value })} />}
     </Group>
   );
 }

@@ -1,4 +1,4 @@
-import { Group, List, MultiSelect, NativeSelect, Stack, Text, Title } from "@mantine/core";
+import { Group, List, MultiSelect, NativeSelect, Stack, Text, TextInput, Title } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import { ListEntry } from "@/shared/forms/SchemaFields";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
@@ -46,8 +46,15 @@ export function Method({ form, metrics, methods, change, faultAt }: Part) {
           <MultiSelect label={t("optimise.others")} description={t("optimise.othersDoc")} data={methods.filter(({ kind }) => kind !== form.method && kind !== "auto").map((m) => ({ value: m.kind, label: m.title }))} value={form.others} error={faultAt("others")} onChange={(others) => change({ others })} maxValues={5} w={340} />
           <NativeSelect size="xs" label={t("optimise.priority")} description={t("optimise.priorityDoc")} value={form.priority} data={(["high", "normal", "low"] as const).map((value) => ({ value, label: t(`optimise.priorities.${value}`) }))} error={faultAt("priority")} onChange={(event) => change({ priority: event.currentTarget.value as Search["priority"] })} />
           <NumberEntry label={t("optimise.limit")} description={t("optimise.limitDoc")} value={form.limit} unit="s" optional error={faultAt("limit")} onCommit={(limit) => (limit === undefined || typeof limit === "number") && change({ limit })} w={200} />
+          <TextInput size="xs" type="datetime-local" label={t("optimise.deadline")} description={t("optimise.deadlineDoc")} value={form.deadline === undefined ? "" : localOf(form.deadline)} error={faultAt("deadline")} onChange={(event) => change({ deadline: event.currentTarget.value === "" ? undefined : new Date(event.currentTarget.value).toISOString() })} w={220} />
         </Group>
       </Stack>
     </section>
   );
+}
+
+/** An instant as the field shows it: to the minute, where the reader is. */
+function localOf(instant: string): string {
+  const at = new Date(instant);
+  return new Date(at.getTime() - 60_000 * at.getTimezoneOffset()).toISOString().slice(0, 16);
 }

@@ -2,6 +2,7 @@ import { Button, Group, MultiSelect, NativeSelect, Stack, Table, Text, Textarea,
 import { useQuery } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
+import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { changed, without, type Part } from "./form";
 import { Drop, RowFaults } from "./parts";
@@ -16,7 +17,7 @@ export function Robustness({ form, opened, change, faultAt, system }: Part & { s
   const units = new Map(opened.parameters.map((p) => [p.path, p.unit]));
   const systems = useQuery({ queryKey: ["search", "systems"], queryFn: () => must(api.GET("/v1/systems", { params: { query: { limit: 200 } } })) });
   const names = new Map((systems.data?.items ?? []).map(({ id, name }) => [id, name || id]));
-  for (const { id, name } of form.structures) if (!names.has(id)) names.set(id, name || id);
+  for (const { id, name } of form.structures) if (id !== "" && !names.has(id)) names.set(id, name || id);
   names.delete(system);
   const put = (i: number, part: Partial<Uncertain>) => change({ uncertain: changed(form.uncertain, i, part) });
   const addUncertain = () => {
@@ -45,7 +46,7 @@ export function Robustness({ form, opened, change, faultAt, system }: Part & { s
           error={faultAt("across")}
           onChange={(event) => change({ across: event.currentTarget.value as Search["across"] })}
         />
-        <MultiSelect label={t("optimise.structures")} description={t("optimise.structuresDoc")} placeholder={form.structures.length === 0 ? t("optimise.structuresNone") : ""} searchable data={[...names].map(([value, label]) => ({ value, label: `${label} (${value.slice(-6)})` }))} value={form.structures.map(({ id }) => id)} error={faultAt("structures")} onChange={(ids) => change({ structures: ids.map((id) => ({ id, name: ids.some((other) => other !== id && names.get(other) === names.get(id)) ? id : (names.get(id) ?? id) })) })} w={340} />
+        <MultiSelect label={t("optimise.structures")} description={t("optimise.structuresDoc")} placeholder={form.structures.length === 0 ? t("optimise.structuresNone") : ""} searchable data={[...names].map(([value, label]) => ({ value, label: `${label} (${value.slice(-6)})` }))} value={form.structures.flatMap(({ id }) => id || [])} error={faultAt("structures")} onChange={(ids) => change({ structures: [...ids.map((id) => ({ id, name: ids.some((other) => other !== id && names.get(other) === names.get(id)) ? id : (names.get(id) ?? id) })), ...form.structures.filter(({ id }) => id === "")] })} w={340} />
       </Group>
       <Stack gap={4} mt="sm" align="flex-start">
         {form.uncertain.length > 0 && (
@@ -61,14 +62,14 @@ export function Robustness({ form, opened, change, faultAt, system }: Part & { s
               {form.uncertain.map((row, i) => (
                 <Table.Tr key={i}>
                   <Table.Td>
-                    <NativeSelect size="xs" aria-label={t("optimise.uncertainNumber", { number: i + 1 })} value={row.parameter} data={[row.parameter, ...free.map(({ path }) => path).filter((path) => path !== row.parameter)]} onChange={(event) => put(i, { parameter: event.currentTarget.value, lower: undefined, upper: undefined })} />
+                    <NativeSelect size="xs" aria-label={t("optimise.uncertainNumber", { number: i + 1 })} value={row.parameter} data={[row.parameter, ...free.map(({ path }) => path).filter((path) => path !== row.parameter)]} {...toldElsewhere(faultAt(`uncertain.${i}.parameter`))} onChange={(event) => put(i, { parameter: event.currentTarget.value, lower: undefined, upper: undefined })} />
                     <RowFaults row={`uncertain.${i}`} fields={["parameter", "lower", "upper"]} faultAt={faultAt} />
                   </Table.Td>
                   <Table.Td>
                     <Group gap={6} wrap="nowrap">
-                      <NumberEntry aria-label={t("optimise.uncertainFrom", { name: row.parameter })} value={row.lower} unit={units.get(row.parameter)} optional error={faultAt(`uncertain.${i}.lower`) !== undefined} onCommit={(lower) => put(i, { lower })} />
+                      <NumberEntry aria-label={t("optimise.uncertainFrom", { name: row.parameter })} value={row.lower} unit={units.get(row.parameter)} optional {...toldElsewhere(faultAt(`uncertain.${i}.lower`))} onCommit={(lower) => put(i, { lower })} />
                       <Text fz="sm">…</Text>
-                      <NumberEntry aria-label={t("optimise.uncertainTo", { name: row.parameter })} value={row.upper} unit={units.get(row.parameter)} optional error={faultAt(`uncertain.${i}.upper`) !== undefined} onCommit={(upper) => put(i, { upper })} />
+                      <NumberEntry aria-label={t("optimise.uncertainTo", { name: row.parameter })} value={row.upper} unit={units.get(row.parameter)} optional {...toldElsewhere(faultAt(`uncertain.${i}.upper`))} onCommit={(upper) => put(i, { upper })} />
                     </Group>
                   </Table.Td>
                   <Table.Td w={40}>

@@ -17,6 +17,7 @@ import { Goals } from "./Goals";
 import { Method } from "./Method";
 import { bodyOf, rowsOf } from "./problem";
 import { Robustness } from "./Robustness";
+import { Structures } from "./Structures";
 import { fieldOf, search, type Search } from "./schema";
 import { Variables } from "./Variables";
 
@@ -36,7 +37,7 @@ export function SearchForm({ id, given, ...known }: Props) {
       clearErrors(key as keyof Search);
       setValue(key as keyof Search, value as never);
     }
-    setQuery({ f: addressOf(id, { ...form, ...part }) }, { replace: true });
+    setQuery({ f: addressOf(id, { ...form, ...part }) }, { replace: true, preventScrollReset: true });
   };
   const submit = useMutation({
     mutationFn: (asked: Search) => must(api.POST("/v1/optimizations", { body: bodyOf(asked, id, domains) as components["schemas"]["OptimizationRequest"] })),
@@ -75,6 +76,7 @@ export function SearchForm({ id, given, ...known }: Props) {
           <Experiments {...part} />
           <Goals {...part} />
           <Robustness {...part} system={id} />
+          <Structures {...part} system={id} />
           <Method {...part} />
           <Group>
             <Button type="submit" size="sm" data-tour-of="optimise" loading={submit.isPending} disabled={form.variables.length === 0 || form.goals.length === 0}>

@@ -181,3 +181,20 @@ describe("the address", () => {
     expect(formAt("sys_2", "draft")).toBeNull();
   });
 });
+
+it("a structure by its parts: what is chosen of a removed block falls away, its own ranges come besides", () => {
+  const structure = { id: "", name: "with a lead", removed: ["law", "error → plant"], added: '{"blocks": {"lead": {"kind": "lead_lag"}}}', ranges: "lead.zero = 1 ... 100" };
+  const body = bodyOf({ ...form, structures: [structure], variables: [{ parameter: "law.kp", chosen: "range", lower: 1, upper: 2 }, { parameter: "m", chosen: "range", lower: 3, upper: 4 }], deadline: "2026-12-01T18:00:00.000Z" }, "s", domains);
+  expect(body.alternatives).toEqual([
+    { name: "this system" },
+    {
+      name: "with a lead",
+      remove: { blocks: ["law"], connections: [{ from: "error", to: "plant" }] },
+      add: { blocks: { lead: { kind: "lead_lag" } } },
+      variables: [{ parameter: "m", lower: 3, upper: 4 }, { parameter: "lead.zero", lower: 1, upper: 100 }],
+    },
+  ]);
+  expect(body.queue).toEqual({ deadline: "2026-12-01T18:00:00.000Z" });
+  expect(search.safeParse({ ...form, structures: [{ ...structure, added: "{", ranges: "lead.zero" }] }).error?.issues.map(({ path }) => path.join("."))).toEqual(["structures.0.added", "structures.0.ranges"]);
+  expect(fieldOf("/alternatives/1/add/blocks/lead")).toBe("structures.0.added");
+});

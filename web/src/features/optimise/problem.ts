@@ -1,6 +1,7 @@
 import { readScenarios } from "@/shared/systems/scenarios";
 import { readCurve } from "./curves";
-import { needsOf, type Goal, type Search, type Variable } from "./schema";
+import { needsOf, type Goal, type Search, type Structure, type Variable } from "./schema";
+import { readParts, readRanges, WIRE } from "./structures";
 
 export interface Domains {
   /** What a metric needs: "time", "path", "loop" or "system". */
@@ -54,6 +55,23 @@ export function rowsOf(form: Search, domains: Domains): number[] {
   return goalsOf(form, domains).map(({ row }) => row);
 }
 
+/** A stored system, or this one with parts removed and added: what was chosen of a removed block falls away. */
+function alternativeOf({ id, name, removed = [], added, ranges }: Structure, form: Search): object {
+  if (id !== "") return { name: name || id, system: id };
+  const blocks = removed.filter((part) => !part.includes(WIRE));
+  const wires = removed.filter((part) => part.includes(WIRE)).map((part) => part.split(WIRE));
+  const kept = form.variables.filter(({ parameter }) => !blocks.includes(parameter.split(".")[0]!));
+  const own = readRanges(ranges ?? "") ?? [];
+  const remove = { ...(blocks.length > 0 ? { blocks } : {}), ...(wires.length > 0 ? { connections: wires.map(([from, to]) => ({ from, to })) } : {}) };
+  const add = added?.trim() ? readParts(added) : undefined;
+  return {
+    name,
+    ...(removed.length > 0 ? { remove } : {}),
+    ...(add ? { add } : {}),
+    ...(kept.length < form.variables.length || own.length > 0 ? { variables: [...kept.filter(({ parameter }) => !own.some((other) => other.parameter === parameter)).map(variableOf), ...own] } : {}),
+  };
+}
+
 /** An option that holds several numbers has one for each variable that is chosen freely. */
 function optionOf(value: number | string | number[], form: Search): unknown {
   if (!Array.isArray(value)) return value;
@@ -64,7 +82,7 @@ function optionOf(value: number | string | number[], form: Search): unknown {
 /** The body of an optimisation, in the words of the contract. */
 export function bodyOf(form: Search, system: string, domains: Domains): Record<string, unknown> {
   const scenarios = readScenarios(form.scenarios);
-  const queue = said({ priority: form.priority === "normal" ? undefined : form.priority, time_limit: form.limit });
+  const queue = said({ priority: form.priority === "normal" ? undefined : form.priority, time_limit: form.limit, deadline: form.deadline });
   return {
     system,
     variables: form.variables.map(variableOf),
@@ -74,7 +92,7 @@ export function bodyOf(form: Search, system: string, domains: Domains): Record<s
     ...(form.across === "mean" ? { across_scenarios: "mean" } : {}),
     ...(form.uncertain.length > 0 ? { uncertain: form.uncertain.map(said) } : {}),
     ...(form.draws ? { yield_samples: form.draws } : {}),
-    ...(form.structures.length > 0 ? { alternatives: [{ name: "this system" }, ...form.structures.map(({ id, name }) => ({ name: name || id, system: id }))] } : {}),
+    ...(form.structures.length > 0 ? { alternatives: [{ name: "this system" }, ...form.structures.map((structure) => alternativeOf(structure, form))] } : {}),
     method: { kind: form.method, ...Object.fromEntries(Object.entries(form.options).map(([name, value]) => [name, optionOf(value, form)])) },
     ...(form.others.length > 0 ? { cross_check: form.others } : {}),
     ...(Object.keys(queue).length > 0 ? { queue } : {}),

@@ -1,6 +1,7 @@
 import { z } from "zod";
 import { readScenarios } from "@/shared/systems/scenarios";
 import { readCurve } from "./curves";
+import { readParts, readRanges } from "./structures";
 
 const scalar = z.union([z.number(), z.string(), z.object({ value: z.number(), unit: z.string() })]);
 const maybe = scalar.optional();
@@ -41,19 +42,22 @@ export const shape = z.object({
   across: z.enum(["worst", "mean"]),
   uncertain: z.array(z.object({ parameter: z.string(), lower: maybe, upper: maybe, scale })),
   draws: z.number().optional(),
-  /** Other stored systems that are to be compared with this one. */
-  structures: z.array(z.object({ id: z.string(), name: z.string() })),
+  /** What this system is compared with: other stored systems, and, without an `id`, itself with other parts. */
+  structures: z.array(z.object({ id: z.string(), name: z.string(), removed: z.array(z.string()).optional(), added: z.string().optional(), ranges: z.string().optional() })),
   method: z.string(),
   options: z.record(z.string(), z.union([z.number(), z.string(), z.array(z.number())])),
   others: z.array(z.string()),
   priority: z.enum(["high", "normal", "low"]),
   limit: z.number().optional(),
+  /** An instant, ISO 8601. */
+  deadline: z.string().optional(),
 });
 
 export type Search = z.infer<typeof shape>;
 export type Variable = Search["variables"][number];
 export type Goal = Search["goals"][number];
 export type Experiment = Search["experiments"][number];
+export type Structure = Search["structures"][number];
 export type Signal = Experiment["commands"][number]["signal"];
 
 /** What a metric is held against besides bounds. */
@@ -102,6 +106,13 @@ export const search = shape.superRefine((form, context) => {
     if (upper === undefined) wrong(["uncertain", i, "upper"], "optimise.bothEnds");
     if (above(lower, upper)) wrong(["uncertain", i, "upper"], "optimise.order");
   });
+  form.structures.forEach(({ id, name, added, ranges }, i) => {
+    if (id !== "") return;
+    if (name.trim() === "") wrong(["structures", i, "name"], "optimise.unnamed");
+    else if (form.structures.findIndex((other) => other.name === name) < i) wrong(["structures", i, "name"], "optimise.twice");
+    if (added?.trim() && readParts(added) === undefined) wrong(["structures", i, "added"], "optimise.noParts");
+    if (ranges?.trim() && readRanges(ranges) === undefined) wrong(["structures", i, "ranges"], "optimise.noRanges");
+  });
   if (readScenarios(form.scenarios) === undefined) wrong(["scenarios"], "optimise.badScenario");
 });
 
@@ -127,7 +138,9 @@ export function fieldOf(pointer: string, rows: readonly number[] = []): string |
     return `experiments.${second}.commands.${command}.${field}`.replace(/\.(signal|command)$/, ".$1.kind");
   }
   if (first === "uncertain" && second !== "") return `uncertain.${second}.${third === "lower" || third === "upper" ? third : "parameter"}`;
+  // The first is this system itself.
+  if (first === "alternatives" && Number(second) > 0) return `structures.${Number(second) - 1}.${{ add: "added", remove: "removed", variables: "ranges" }[third] ?? "name"}`;
   if (first === "method") return second === "" || second === "kind" ? "method" : `options.${second}`;
-  if (first === "queue") return second === "time_limit" ? "limit" : "priority";
+  if (first === "queue") return second === "time_limit" ? "limit" : second === "deadline" ? "deadline" : "priority";
   return WHOLE[first] ?? null;
 }

@@ -38,14 +38,14 @@ export function CompareBar({ state, parameters, onChange, onPin }: Props) {
   };
   return (
     <Group gap="xs" align="center" role="group" aria-label={t("panel.compare")}>
-      <Select aria-label={t("panel.compareWhat")} data={state.sliders} value={path} onChange={(value) => value && onChange({ compare: values.length > 0 ? { path: value, values: [] } : state.compare && null })} w={190} disabled={values.length > 0} placeholder={t("panel.compareWhat")} />
+      <Select aria-label={t("panel.compareWhat")} data={state.sliders} value={path} onChange={(value) => value && onChange({ compare: values.length > 0 ? { path: value, values: [] } : state.compare && null })} w={160} disabled={values.length > 0} placeholder={t("panel.compareWhat")} />
       <form
         onSubmit={(event) => {
           event.preventDefault();
           add();
         }}
       >
-        <TextInput aria-label={t("panel.compareAt")} placeholder={t("panel.compareHint")} value={text} onChange={(event) => setText(event.currentTarget.value)} error={wrong} w={150} />
+        <TextInput aria-label={t("panel.compareAt")} placeholder={t("panel.compareHint")} value={text} onChange={(event) => setText(event.currentTarget.value)} error={wrong} w={130} />
       </form>
       {values.map((value) => (
         <span key={value} className={classes.chip} data-testid="chip">

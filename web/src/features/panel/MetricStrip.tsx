@@ -23,7 +23,7 @@ export function MetricStrip({ names, current, reference, stale, selected, goals,
     <Group gap={6} role="group" aria-label={t("panel.metrics")} data-testid="metrics" data-stale={stale} className={classes.strip}>
       {names.map((name) => {
         const metric = current[name];
-        const shown = metric?.value != null ? formatMetric(name, metric.value, metric.unit) : null;
+        const shown = metric?.value != null ? formatMetric(name, isNoise(name, metric.value, current) ? 0 : metric.value, metric.unit) : null;
         const before = reference?.[name]?.value;
         const goal = goals.find((one) => one.metric === name);
         const met = goal ? holds(goal, metric?.value) : null;
@@ -63,4 +63,9 @@ export function MetricStrip({ names, current, reference, stale, selected, goals,
       })}
     </Group>
   );
+}
+
+/** An error that is only the last digits of the numbers that it is the difference of. */
+function isNoise(name: string, value: number, { peak }: Record<string, Metric>): boolean {
+  return name === "steady_state_error" && Math.abs(value) < 1e-9 * Math.abs(peak?.value ?? 0);
 }

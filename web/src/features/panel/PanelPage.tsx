@@ -22,7 +22,7 @@ import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
 import { firstSliders } from "@/shared/systems/movable";
-import { mainOutput, pathsOf, readState, USUAL, variantsOf, writeState, type PanelState } from "./state";
+import { mainOutput, pathsOf, readState, usualMetrics, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "./useLive";
 
 const NONE: Record<string, number | null> = {};
@@ -35,7 +35,7 @@ export function PanelPage() {
   const queries = useQueryClient();
   const [query, setQuery] = useSearchParams();
   const state = useMemo(() => readState(query), [query]);
-  const change = useCallback((part: Partial<PanelState>) => setQuery((before) => writeState({ ...readState(before), ...part }, before), { replace: true }), [setQuery]);
+  const change = useCallback((part: Partial<PanelState>) => setQuery((before) => writeState({ ...readState(before), ...part }, before), { replace: true, preventScrollReset: true }), [setQuery]);
   const loops = useMemo(() => loopsOf(system.document), [system.document]);
 
   const plots = useRef<PlotsHandle>(null);
@@ -69,7 +69,7 @@ export function PanelPage() {
       ...(state.input || state.amplitude !== 1 ? (input ? { input: { port: input, signal: { kind: "step", amplitude: state.amplitude } } } : {}) : {}),
       ...(output ? { output } : {}),
       ...(frequency ? { frequency } : {}),
-      metrics: [...new Set([...(state.metrics ?? USUAL), ...state.goals.map((goal) => goal.metric)])],
+      metrics: [...new Set([...(state.metrics ?? usualMetrics(loops)), ...state.goals.map((goal) => goal.metric)])],
       ...(state.measured.length > 0 ? { measured: state.measured } : {}),
       duration: state.duration ?? "auto",
     },
@@ -224,9 +224,9 @@ export function PanelPage() {
             <CompareBar state={state} parameters={parameters} onChange={change} onPin={() => change({ reference: { ...state.values } })} />
             <SnapshotTray snapshots={state.snapshots} parameters={parameters} values={state.values} metrics={known.metrics} measured={variants.map((variant, i) => ({ label: variant.label, metrics: live.measured.get(i)?.metrics }))} onChange={(snapshots) => change({ snapshots })} onApply={(values) => change({ values })} />
             <MeasuredSetup measured={state.measured} opened={known} output={output ?? ""} onChange={(measured) => change({ measured })} />
+            <GoalBar goals={goals} current={first?.metrics ?? {}} metrics={live.opened?.metrics ?? known.metrics} search={searchAt(id, searched)} onChange={(next) => change({ goals: next })} />
           </Group>
         )}
-        {known && <GoalBar goals={goals} current={first?.metrics ?? {}} metrics={live.opened?.metrics ?? known.metrics} search={searchAt(id, searched)} onChange={(next) => change({ goals: next })} />}
         <Group gap="sm" align="center">
           {known && <MetricStrip names={live.opened?.metrics ?? known.metrics} current={first?.metrics ?? {}} reference={second?.metrics ?? null} stale={live.stale} selected={metric} goals={goals} onSelect={(chosen) => change({ metric: chosen })} />}
           {verdict !== "ok" && (

@@ -79,7 +79,7 @@ export const PanelPlots = memo(
         if (what === "step" && units.has(name)) found.set(kind, { dark, series: withRecorded, title: words(name), x: { label: t("panel.time"), unit: "s" }, y: { label: words(name), unit: units.get(name)! } });
         else if (what === "spectrum" && units.has(name)) found.set(kind, { dark, series: withRecorded, title: t("panel.spectrumOf", { output: words(name) }), x: { label: "f", unit: "Hz", log: true }, y: { label: t("panel.amplitude"), unit: `dB(${units.get(name) || "1"})` }, span: 120 });
         else if (what === "bode") found.set(kind, { ...common, title: t("panel.magnitude"), x: frequency, y: { label: t("panel.magnitudeShort"), unit: "dB" }, clamp: [-80, 120], lines: [{ y: 0 }] });
-        else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, lines: [{ y: -180 }] });
+        else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, clamp: [-720, 360], lines: [{ y: -180 }] });
         else if (what === "nyquist") found.set(kind, { ...common, title: t("panel.nyquist"), x: { label: "Re", unit: "" }, y: { label: "Im", unit: "" }, equal: true, clamp: [-3, 3], keep: [[-1, 0], [0, 0]], lines: [{ x: -1 }, { y: 0 }], ...(loop ? { circle: 1 } : {}) });
         else if (what === "poles") found.set(kind, { ...common, series: series.map((s) => ({ ...s, marks: "cross" as const })), title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
       }
@@ -123,9 +123,20 @@ export const PanelPlots = memo(
         const overlays = recorded.filter((one) => one.output === name);
         if (what === "step" || what === "spectrum") for (const one of overlays) curves.push({ x, y: what === "step" ? one.values : one.spectrum });
         const bands = what === "step" ? overlays.map(({ low, high, series: { color } }): Band => ({ x, low, high, color })) : [];
-        handle.update(curves, decorOf(what ?? "", name === output || name === undefined, bands, seen, margins));
+        const decor = decorOf(what ?? "", name === output || name === undefined, bands, seen, margins);
+        handle.update(curves, decor);
+        describe(kind, decor.marks, curves.some(({ y }) => y.some(Number.isFinite)) ? "" : t(`panel.nothing.${what}`, ""));
       }
       holder.current?.setAttribute("data-frame", String(next.seq));
+    };
+
+    /** What is marked in a picture, for those who cannot see it; and for everybody, why there is nothing in it. */
+    const describe = (kind: string, marks: Mark[], nothing: string) => {
+      const text = nothing || marks.map((mark) => mark.text).join(", ");
+      const picture = holder.current?.children[[...specs.keys()].indexOf(kind)]?.querySelector("[role=img]");
+      if (!picture || (picture.getAttribute("aria-description") ?? "") === text) return;
+      picture.setAttribute("aria-description", text);
+      picture.toggleAttribute("data-empty", nothing !== "");
     };
 
     /** What lies behind the curves of one plot: forbidden zones, margins, error bands. */

@@ -3,7 +3,7 @@ import { useTranslation } from "react-i18next";
 import type { Opened } from "@/shared/live/protocol";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { words } from "@/shared/units/format";
-import { mainOutput, MEASURABLE, USUAL, type PanelState } from "./state";
+import { mainOutput, MEASURABLE, usualMetrics, type PanelState } from "./state";
 
 interface Props {
   state: PanelState;
@@ -48,7 +48,7 @@ export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
         <Popover.Dropdown>
           <Stack gap="sm">
             <MultiSelect label={t("panel.plots")} data={choices} value={plots} onChange={(value) => onChange({ plots: value })} comboboxProps={{ withinPortal: false }} />
-            <MultiSelect label={t("panel.metrics")} data={MEASURABLE.map((name) => ({ value: name, label: t(`metrics.${name}`, words(name)) }))} value={state.metrics ?? USUAL} onChange={(value) => onChange({ metrics: value })} comboboxProps={{ withinPortal: false }} />
+            <MultiSelect label={t("panel.metrics")} data={MEASURABLE.map((name) => ({ value: name, label: t(`metrics.${name}`, words(name)) }))} value={state.metrics ?? usualMetrics(loops)} onChange={(value) => onChange({ metrics: value })} comboboxProps={{ withinPortal: false }} />
             <MultiSelect
               label={t("panel.sliders")}
               data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)}

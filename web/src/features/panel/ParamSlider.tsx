@@ -100,7 +100,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
             onDoubleClick={reset}
           />
         )}
-        <NumberEntry ref={entry} aria-label={t("panel.valueOf", { path })} value={rounded(rests)} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={118} size="xs" />
+        <NumberEntry ref={entry} aria-label={t("panel.valueOf", { path })} value={rounded(rests)} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={prettyUnit(unit).length > LONG ? 158 : 118} size="xs" />
       </div>
     </div>
   );
@@ -119,6 +119,9 @@ interface HeadProps {
   onKnob(path: string, knob: boolean): void;
   onScale(path: string, scale: Scale): void;
 }
+
+/** A unit of more characters would leave no room for the number. */
+const LONG = 6;
 
 /** What does not change while the slider moves: it is not rendered then. */
 const Head = memo(function Head({ parameter: { path, unit, doc }, influence, metric, knob, log, canLog, moved, onReset, onRemove, onKnob, onScale }: HeadProps) {

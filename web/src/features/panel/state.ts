@@ -20,7 +20,12 @@ export interface Overlay {
 }
 
 /** What the strip can show: metrics that need nothing but the curves. The first are shown until somebody chooses. */
-export const USUAL = ["rise_time", "response_time", "settling_time", "overshoot", "peak", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+const USUAL = ["rise_time", "response_time", "settling_time", "overshoot", "peak", "steady_state_error", "bandwidth", "phase_margin", "gain_margin", "sensitivity_peak", "damping_ratio"];
+
+/** What follows no reference has no error: its output is another quantity than its input. */
+export function usualMetrics(loops: readonly string[]): string[] {
+  return loops.length > 0 ? USUAL : USUAL.filter((name) => name !== "steady_state_error");
+}
 export const MEASURABLE = [...USUAL, "peak_time", "undershoot", "delay_margin", "complementary_peak", "critical_frequency", "iae", "ise", "itae", "control_effort", "max_velocity", "max_acceleration"];
 
 /** What a front panel shows; all of it stands in its address. */

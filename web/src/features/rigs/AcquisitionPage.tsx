@@ -1,4 +1,4 @@
-import { Alert, Button, Code, Group, List, Modal, Paper, Progress, SimpleGrid, Stack, Table, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Alert, Button, Code, Group, List, Modal, Paper, Progress, ScrollArea, SimpleGrid, Stack, Table, Text, Title, useComputedColorScheme } from "@mantine/core";
 import { useDisclosure } from "@mantine/hooks";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
@@ -144,9 +144,11 @@ export function AcquisitionPage() {
                   </Text>
                 )}
                 {attempt.facts && (
-                  <Code block mt="xs" fz="xs">
-                    {JSON.stringify(attempt.facts, null, 2).slice(0, 3000)}
-                  </Code>
+                  <ScrollArea.Autosize mah={320} mt="xs" type="auto" viewportProps={{ tabIndex: 0, role: "group", "aria-label": t("rigs.attempt", { number: attempt.number }) }}>
+                    <Code block fz="xs">
+                      {JSON.stringify(attempt.facts, rounded, 2)}
+                    </Code>
+                  </ScrollArea.Autosize>
                 )}
               </Paper>
             ))}
@@ -156,6 +158,9 @@ export function AcquisitionPage() {
     </div>
   );
 }
+
+/** Clocks and rates with the digits that mean something. */
+const rounded = (_key: string, value: unknown): unknown => (typeof value === "number" ? Number(value.toPrecision(7)) : value);
 
 function LivePlots({ live, units }: { live: Live; units: Map<string, string> }) {
   const names = Object.keys(live.channels);

@@ -33,7 +33,7 @@ export function MeasurePage() {
       <PageHead title={t("rigs.measureOn", { name: rig.data.name })} doc={t("rigs.measureDoc")} />
       <Paper withBorder p="md" maw={760}>
         <Stack gap="sm">
-          {own.length > 0 && <NativeSelect size="xs" maw={320} label={t("rigs.fromTemplate")} value={template?.id ?? ""} onChange={(event) => setQuery(event.currentTarget.value ? { template: event.currentTarget.value } : {}, { replace: true })} data={[{ value: "", label: t("rigs.noTemplate") }, ...own.map((one) => ({ value: one.id, label: one.name }))]} />}
+          {own.length > 0 && <NativeSelect size="xs" maw={320} label={t("rigs.fromTemplate")} value={template?.id ?? ""} onChange={(event) => setQuery(event.currentTarget.value ? { template: event.currentTarget.value } : {}, { replace: true, preventScrollReset: true })} data={[{ value: "", label: t("rigs.noTemplate") }, ...own.map((one) => ({ value: one.id, label: one.name }))]} />}
           <Form key={template ? `${template.id}@${template.revision}` : "new"} rig={rig.data} template={template} />
         </Stack>
       </Paper>

@@ -30,7 +30,14 @@ export function RigsPage() {
       <Stack gap="lg" display={there ? undefined : "none"}>
         <ProblemAlert error={rigs.error ?? agents.error ?? acquisitions.error} />
         {rigs.data?.length === 0 && (
-          <Empty title={t("rigs.none")}>
+          <Empty
+            title={t("rigs.none")}
+            action={
+              <Button component={Link} to="/access">
+                {t("rigs.toAccess")}
+              </Button>
+            }
+          >
             {t("rigs.noneDoc")}
             <Code block mt="sm">
               {"pip install 'servotune[agent]'\nexport SERVOTUNE_AGENT_KEY=...\nservotune agent --settings agent.toml"}
@@ -61,7 +68,7 @@ export function RigsPage() {
           <section>
             <Group justify="space-between" mb="xs" align="flex-end">
               <Title order={2}>{t("rigs.measurements")}</Title>
-              <NativeSelect size="xs" label={t("jobs.status")} value={status ?? ""} onChange={(event) => setQuery(event.currentTarget.value ? { status: event.currentTarget.value } : {}, { replace: true })} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((state) => ({ value: state, label: t(`status.${state}`) }))]} />
+              <NativeSelect size="xs" label={t("jobs.status")} value={status ?? ""} onChange={(event) => setQuery(event.currentTarget.value ? { status: event.currentTarget.value } : {}, { replace: true, preventScrollReset: true })} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((state) => ({ value: state, label: t(`status.${state}`) }))]} />
             </Group>
             {rows.length === 0 ? <Text fz="sm">{t("rigs.noMatch")}</Text> : <AcquisitionTable rows={rows} />}
             {acquisitions.hasNextPage && (

@@ -32,8 +32,8 @@ export function RevisionsPage() {
       <Stack gap="md">
         <ProblemAlert error={revisions.error ?? first.error ?? second.error ?? restore.error} />
         <Group align="flex-end">
-          <Select label={t("revisions.from")} data={numbers} value={String(before)} onChange={(value) => setQuery({ from: value!, to: String(after) }, { replace: true })} w={140} />
-          <Select label={t("revisions.to")} data={numbers} value={String(after)} onChange={(value) => setQuery({ from: String(before), to: value! }, { replace: true })} w={140} />
+          <Select label={t("revisions.from")} data={numbers} value={String(before)} onChange={(value) => setQuery({ from: value!, to: String(after) }, { replace: true, preventScrollReset: true })} w={140} />
+          <Select label={t("revisions.to")} data={numbers} value={String(after)} onChange={(value) => setQuery({ from: String(before), to: value! }, { replace: true, preventScrollReset: true })} w={140} />
           <Button variant="default" onClick={() => restore.mutate()} disabled={before === current.revision} loading={restore.isPending}>
             {t("revisions.restore", { number: before })}
           </Button>

@@ -75,7 +75,7 @@ export function SystemsPage() {
       <PageHead title={t("nav.systems")} doc={t("systems.doc")}>
         <FileButton accept="application/json,.json" onChange={(file) => file && read.mutate(file)}>
           {(props) => (
-            <Button variant="default" {...props}>
+            <Button variant="default" {...props} aria-describedby={read.error ? "import-problem" : undefined}>
               {t("systems.import")}
             </Button>
           )}
@@ -86,11 +86,23 @@ export function SystemsPage() {
       </PageHead>
       <Stack gap="lg">
         <TourOffer onOpen={(template) => create.mutate({ document: template.document, to: `panel?${template.panel}`, tour: true })} busy={create.isPending} />
-        <ProblemAlert error={create.error ?? copy.error ?? remove.error ?? read.error ?? systems.error} />
-        {systems.isSuccess && all.length === 0 && <Empty title={t("systems.none")}>{t("systems.noneDoc")}</Empty>}
+        <ProblemAlert error={create.error ?? copy.error ?? remove.error ?? systems.error} />
+        <ProblemAlert id="import-problem" error={read.error} />
+        {systems.isSuccess && all.length === 0 && (
+          <Empty
+            title={t("systems.none")}
+            action={
+              <Button component={Link} to={{ hash: "templates", search: query.toString() }}>
+                {t("systems.toTemplates")}
+              </Button>
+            }
+          >
+            {t("systems.noneDoc")}
+          </Empty>
+        )}
         {all.length > 0 && (
           <div>
-            <TextInput label={t("systems.search")} value={search} onChange={(event) => setQuery(event.currentTarget.value ? { q: event.currentTarget.value } : {}, { replace: true })} maw={320} mb="xs" type="search" />
+            <TextInput label={t("systems.search")} value={search} onChange={(event) => setQuery(event.currentTarget.value ? { q: event.currentTarget.value } : {}, { replace: true, preventScrollReset: true })} maw={320} mb="xs" type="search" />
             <Table.ScrollContainer minWidth={560}>
               <Table highlightOnHover>
                 <Table.Thead>

@@ -1,4 +1,4 @@
-import { Checkbox, Group, MultiSelect, NativeSelect, TextInput } from "@mantine/core";
+import { Checkbox, Group, MultiSelect, NativeSelect, TextInput, type TextInputProps } from "@mantine/core";
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Scalar } from "@/shared/api/types";
@@ -79,7 +79,7 @@ function Span({ label, description, error, value, unit, onChange }: { label: str
 }
 
 /** Several numbers in one entry, with semicolons between them: `10 Hz; 50 Hz`. */
-export function ListEntry({ value, unit, onChange, error, ...rest }: { label: string; description?: string | undefined; error?: string | undefined; placeholder?: string | undefined; value: unknown; unit: string; onChange(list: Scalar[]): void; w?: number; withAsterisk?: boolean; required?: boolean }) {
+export function ListEntry({ value, unit, onChange, error, errorProps, ...rest }: { label: string; "aria-label"?: string; errorProps?: TextInputProps["errorProps"]; description?: string | undefined; error?: string | undefined; placeholder?: string | undefined; value: unknown; unit: string; onChange(list: Scalar[]): void; w?: number; withAsterisk?: boolean; required?: boolean }) {
   const { t } = useTranslation();
   const given = (Array.isArray(value) ? value : value === undefined ? [] : [value]).map(shownScalar).join("; ");
   const [text, setText] = useState(given);
@@ -91,5 +91,5 @@ export function ListEntry({ value, unit, onChange, error, ...rest }: { label: st
     setWrong(bad);
     if (!bad && text !== given) onChange(entries.map((entry) => (entry.kind === "quantity" ? { value: entry.value, unit: entry.unit } : (entry as { value: number }).value)));
   };
-  return <TextInput {...rest} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => { if (event.key === "Enter") { event.preventDefault(); commit(); } }} error={wrong ? t("forms.list") : error} rightSection={unit ? <span style={{ fontSize: "0.75rem", whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined} rightSectionWidth={unit ? 44 : undefined} rightSectionPointerEvents="none" classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />;
+  return <TextInput {...rest} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => { if (event.key === "Enter") { event.preventDefault(); commit(); } }} error={wrong ? t("forms.list") : error} {...(wrong || !errorProps ? {} : { errorProps })} rightSection={unit ? <span style={{ fontSize: "0.75rem", whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined} rightSectionWidth={unit ? 44 : undefined} rightSectionPointerEvents="none" classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />;
 }

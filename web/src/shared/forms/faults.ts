@@ -19,3 +19,8 @@ export function ruleAndValue(t: TFunction, message: string, value: unknown, fact
   const shown = typeof value === "number" && !Number.isNaN(value) ? String(Math.round((value / factor) * 1e9) / 1e9) : typeof value === "string" ? value.trim() : "";
   return shown === "" ? rule : t("forms.got", { rule, value: shown.length > 60 ? `${shown.slice(0, 60)}…` : shown });
 }
+
+/** The properties of a field whose fault is shown elsewhere, beneath its row: it is marked, and whoever only hears the page is told there, too. */
+export function toldElsewhere(fault: string | undefined): { error?: string; errorProps?: { display: "none" } } {
+  return fault === undefined ? {} : { error: fault, errorProps: { display: "none" } };
+}

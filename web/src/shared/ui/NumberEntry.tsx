@@ -50,6 +50,7 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
       {...rest}
       value={text}
       error={wrong ?? error}
+      {...(wrong === null ? {} : { errorProps: {} })}
       description={rest.description ?? understood}
       onChange={(event) => setText(event.currentTarget.value)}
       onBlur={commit}

@@ -42,7 +42,7 @@ function Form({ dataset, kinds }: { dataset: Dataset; kinds: Map<string, Field[]
   const [query, setQuery] = useSearchParams();
   const plan = readPlan(query);
   const [empty, setEmpty] = useState<string[]>([]);
-  const change = (part: Partial<Plan>) => setQuery(writePlan({ ...plan, ...part }), { replace: true });
+  const change = (part: Partial<Plan>) => setQuery(writePlan({ ...plan, ...part }), { replace: true, preventScrollReset: true });
   const others = useQuery({ queryKey: ["datasets", "choices"], queryFn: async () => (await must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))).items.filter((row) => row.status === "ready" && row.id !== dataset.id) });
   const channels = [...new Set(dataset.channels.map((channel) => String(channel.name)))];
   const make = useMutation({

@@ -1,6 +1,7 @@
 import { Group, List, Text, Title } from "@mantine/core";
+import type { ReactNode } from "react";
 import { useTranslation } from "react-i18next";
-import { DataTable } from "@/shared/ui/DataTable";
+import { DataTable, type Column } from "@/shared/ui/DataTable";
 import { formatNumber, words } from "@/shared/units/format";
 import type { OptimizationResult } from "../results";
 
@@ -60,44 +61,42 @@ export function Findings({ result }: { result: OptimizationResult }) {
           )}
         </section>
       )}
-      {alternatives.length > 0 && (
-        <section>
-          <Title order={2} mb="xs">
-            {t("jobs.structures")}
-          </Title>
-          <DataTable
-            testId="structures"
-            maxWidth={760}
-            rows={alternatives}
-            keyOf={(one) => one.name}
-            columns={[
-              { title: t("jobs.structure"), cell: (one) => <b style={{ fontWeight: one.name === chosen ? 700 : 400 }}>{one.name === chosen ? `${one.name} ★` : one.name}</b> },
-              { title: t("jobs.status"), cell: (one) => t(`jobs.outcome.${one.status}`, one.status) },
-              { title: t("jobs.objective"), numeric: true, cell: (one) => (one.objective === null ? "–" : formatNumber(one.objective)) },
-              { title: t("jobs.allMet"), cell: (one) => (one.certificate.valid ? "✓" : "✗") },
-            ]}
-          />
-        </section>
-      )}
-      {cross_check.length > 0 && (
-        <section>
-          <Title order={2} mb="xs">
-            {t("jobs.checked")}
-          </Title>
-          <DataTable
-            testId="checked"
-            maxWidth={760}
-            rows={cross_check}
-            keyOf={(one) => one.method}
-            columns={[
-              { title: t("optimise.method"), cell: (one) => words(one.method) },
-              { title: t("jobs.status"), cell: (one) => t(`jobs.outcome.${one.status}`, one.status) },
-              { title: t("jobs.objective"), numeric: true, cell: (one) => (one.objective === null ? "–" : formatNumber(one.objective)) },
-              { title: t("jobs.gap"), numeric: true, cell: (one) => share(one.gap) },
-            ]}
-          />
-        </section>
-      )}
+      <Compared title={t("jobs.structures")} testId="structures" head={t("jobs.structure")} rows={alternatives} nameOf={({ name }) => (name === chosen ? <b>{name} ★</b> : name)} last={{ title: t("jobs.allMet"), cell: (one) => (one.certificate.valid ? "✓" : "✗") }} />
+      <Compared title={t("jobs.checked")} testId="checked" head={t("optimise.method")} rows={cross_check} nameOf={({ method }) => words(method)} last={{ title: t("jobs.gap"), numeric: true, cell: ({ gap }) => share(gap) }} />
     </>
+  );
+}
+
+interface ComparedProps<Row> {
+  title: string;
+  testId: string;
+  head: string;
+  rows: readonly Row[];
+  nameOf(row: Row): ReactNode;
+  last: Column<Row>;
+}
+
+/** Ways that were compared, structures or methods: how each ended, how good it got, and what it is judged by. */
+function Compared<Row extends { status: string; objective: number | null }>({ title, testId, head, rows, nameOf, last }: ComparedProps<Row>) {
+  const { t } = useTranslation();
+  if (rows.length === 0) return null;
+  return (
+    <section>
+      <Title order={2} mb="xs">
+        {title}
+      </Title>
+      <DataTable
+        testId={testId}
+        maxWidth={760}
+        rows={rows}
+        keyOf={(_, i) => String(i)}
+        columns={[
+          { title: head, cell: nameOf },
+          { title: t("jobs.status"), cell: ({ status }) => t(`jobs.outcome.${status}`, status) },
+          { title: t("jobs.objective"), numeric: true, cell: ({ objective }) => (objective === null ? "–" : formatNumber(objective)) },
+          last,
+        ]}
+      />
+    </section>
   );
 }
