@@ -294,6 +294,37 @@ def test_what_is_wrong_inside_stands_on_the_subsystem_and_leads_there(page: Page
     assert "in=drive" in page.url
 
 
+def test_on_a_slow_machine_the_way_in_and_out_is_not_taken_back(page: Page, client) -> None:
+    """The address is written behind the picture, and so late here that a delayed write of the selection comes between."""
+    chain = {f"b{i}": {"kind": "gain", "gain": 1} for i in range(150)}
+    inner = {
+        "blocks": {"in": {"kind": "input"}, **chain},
+        "connections": [{"from": f"b{i - 1}" if i else "in", "to": f"b{i}"} for i in range(150)],
+        "outputs": {"out": "b149"},
+    }
+    outer = {
+        "name": "slow",
+        "blocks": {"u": {"kind": "input"}, "drive": {"kind": "subsystem", "system": inner}},
+        "connections": [{"from": "u", "to": "drive"}],
+        "outputs": {"y": "drive"},
+    }
+    opened(page, str(client.post("/v1/systems", json=outer).json()["id"]))
+    node(page, "drive").click()
+    expect(page).to_have_url(re.compile(r"\?at=drive$"))
+    here = page.get_by_label("Where in the system").locator("[aria-current]")
+    page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 6})
+    page.keyboard.press("Enter")
+    node(page, "b149").wait_for(state="attached")
+    page.wait_for_timeout(1000)
+    expect(page).to_have_url(re.compile(r"\?in=drive$"))
+    expect(here).to_have_text("drive")
+    page.keyboard.press("Alt+ArrowUp")
+    expect(here).to_have_text("slow")
+    page.wait_for_timeout(1000)
+    expect(page).to_have_url(re.compile(r"\?at=drive$"))
+    expect(here).to_have_text("slow")
+
+
 def test_a_tab_that_is_overtaken_is_told_and_takes_theirs_or_keeps_its_own(two, system, client) -> None:
     page, other = two
     enter(other, "k", "7")

@@ -38,7 +38,10 @@ export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: C
   const view = useView(root);
   const { document, scope, scopeKey, frames, selected, wire, pick, go } = view;
   const own = places[scopeKey];
-  const [quick, setQuick] = useState<{ mode: Mode; at?: Point; from?: End | null } | null>(null);
+  // What is being typed belongs to the system in which it was begun: whoever leaves it leaves that too.
+  const [typing, setTyping] = useState<{ mode: Mode; at?: Point; from?: End | null; within: string } | null>(null);
+  const quick = typing?.within === scopeKey ? typing : null;
+  const setQuick = (begun: { mode: Mode; at?: Point; from?: End | null } | null) => setTyping(begun && { ...begun, within: scopeKey });
   const check = useCheck(root);
   const saving = useSaving(id);
   const { arrange, laid } = useArranging(document, scopeKey, catalogue);

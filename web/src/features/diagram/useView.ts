@@ -1,5 +1,5 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
-import { useLocation, useNavigation, useNavigationType, useSearchParams } from "react-router";
+import { useLocation, useNavigation, useNavigationType, useSearchParams, type NavigateOptions } from "react-router";
 import type { SystemDocument } from "@/shared/api/types";
 import { OUT } from "./graph";
 import { scoped } from "./model";
@@ -19,52 +19,42 @@ export function useView(root: SystemDocument) {
   const document = found ?? root;
   const frames = query.get("frames") === "1";
 
-  const [selection, setSelection] = useState<Selection>(() => selectionAt(query));
+  const here = viewOf(query);
+  // An address arrives later than a state: a selection that was made for another view is none in this one, and not written to it.
+  const [held, setHeld] = useState(() => ({ view: here, ...selectionAt(query) }));
+  const selection = held.view === here ? held : NOTHING_SELECTED;
   const idle = useNavigation().state === "idle";
   useEffect(() => {
-    const next = withSelection(query, selection);
+    const next = held.view === here ? withSelection(query, held) : query;
     // Whoever is on the way to another page is not called back for a selection.
     if (next === query || !idle) return;
     const timer = setTimeout(() => setQuery(next, { replace: true, preventScrollReset: true }), REST);
     return () => clearTimeout(timer);
-  }, [query, setQuery, selection, idle]);
+  }, [query, setQuery, held, here, idle]);
   const { key } = useLocation();
   const way = useNavigationType();
   const shown = useRef(key);
   useEffect(() => {
     if (shown.current === key) return;
     shown.current = key;
-    if (way === "POP") setSelection(selectionAt(query));
-  }, [key, way, query]);
+    if (way === "POP") setHeld({ view: here, ...selectionAt(query) });
+  }, [key, way, here, query]);
 
-  const pick = useCallback((...names: string[]) => setSelection({ names, wire: null }), []);
-  const pickWire = useCallback((wire: string | null) => setSelection((before) => ({ ...before, wire })), []);
-  const select = useCallback((change: (before: readonly string[]) => string[]) => setSelection((before) => ({ ...before, names: change(before.names) })), []);
-  const go = useCallback(
-    (to: readonly string[], ...names: string[]) => {
-      setQuery((before) => {
-        const next = withSelection(before, { names, wire: null });
-        const there = new URLSearchParams(next);
-        if (to.length > 0) there.set("in", to.join("."));
-        else there.delete("in");
-        return there;
-      });
-      pick(...names);
+  const change = useCallback((to: (before: Selection) => Selection) => setHeld((before) => ({ view: here, ...to(before.view === here ? before : NOTHING_SELECTED) })), [here]);
+  const pick = useCallback((...names: string[]) => change(() => ({ names, wire: null })), [change]);
+  const pickWire = useCallback((wire: string | null) => change(({ names }) => ({ names, wire })), [change]);
+  const select = useCallback((to: (before: readonly string[]) => string[]) => change(({ names, wire }) => ({ names: to(names), wire })), [change]);
+  const leave = useCallback(
+    (names: string[], move: (query: URLSearchParams) => void, options?: NavigateOptions) => {
+      const there = new URLSearchParams(withSelection(query, { names, wire: null }));
+      move(there);
+      setQuery(there, options);
+      setHeld({ view: viewOf(there), names, wire: null });
     },
-    [setQuery, pick],
+    [query, setQuery],
   );
-  const toggleFrames = () => {
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(withSelection(before, NOTHING_SELECTED));
-        if (frames) next.delete("frames");
-        else next.set("frames", "1");
-        return next;
-      },
-      { replace: true },
-    );
-    pick();
-  };
+  const go = useCallback((to: readonly string[], ...names: string[]) => leave(names, (query) => (to.length > 0 ? query.set("in", to.join(".")) : query.delete("in"))), [leave]);
+  const toggleFrames = () => leave([], (query) => (frames ? query.delete("frames") : query.set("frames", "1")), { replace: true });
   const { wire } = selection;
   // A link may name what is no longer there, and so may a step back in the history.
   const selected = useMemo(() => {
@@ -73,6 +63,9 @@ export function useView(root: SystemDocument) {
   }, [document, selection.names]);
   return { document, scope, scopeKey: scope.join("."), frames, selected, wire, select, pick, pickWire, go, toggleFrames };
 }
+
+/** Which picture an address asks for: names of blocks mean something in it only. */
+const viewOf = (query: URLSearchParams): string => `${query.get("in") ?? ""}?${query.get("frames") ?? ""}`;
 
 /** Whether a document has this block, maybe deep inside, or this output. */
 function isIn(document: SystemDocument, name: string): boolean {
