@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
 
-from storage.jobs import processes
+from storage import processes
 from storage.models import Worker
 from storage.repositories.workers import RETIRED
 

@@ -15,10 +15,9 @@ from typing import Any, ClassVar
 
 from dbos import DBOS, DBOSClient, DBOSConfig
 
-from storage import models
+from storage import models, processes
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE, StateError
-from storage.jobs import processes
 from storage.jobs.children import Zygote
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.keeping import Keeper

@@ -12,7 +12,10 @@ from storage.models.base import Base, Id, Sha256, Word, utc_now
 
 
 class Idempotency(Base):
-    """One key of one principal: first ``running``, then ``done`` with the response to repeat."""
+    """One key of one principal: first ``running``, then ``done`` with the response to repeat.
+
+    ``process`` is the name of the process at work, as of `storage.processes`; None where the system cannot tell.
+    """
 
     __tablename__ = "idempotency"
     __table_args__ = (
@@ -26,6 +29,7 @@ class Idempotency(Base):
     body_sha256: Mapped[str] = mapped_column(Sha256)
     state: Mapped[str] = mapped_column(Word)
     claim: Mapped[str] = mapped_column(Id)
+    process: Mapped[str | None]
     status_code: Mapped[int | None]
     headers: Mapped[dict[str, Any] | None]
     body: Mapped[bytes | None]

@@ -123,7 +123,7 @@ class JobTally(Base):
 class Worker(Base):
     """A worker that lives as long as ``seen_at`` changes; ``token`` tells two holders of one name apart.
 
-    ``process`` is the name of its process for those on the same machine, see `storage.jobs.processes`; ``warm_up`` is how long
+    ``process`` is the name of its process for those on the same machine, see `storage.processes`; ``warm_up`` is how long
     (s) it took to load what computes, None until that is done.
     """
 

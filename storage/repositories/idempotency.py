@@ -1,7 +1,8 @@
 """Repeats the first answer to a request that comes again with the same ``Idempotency-Key``.
 
 The claim is committed before the work begins, so that a second request learns that the first one runs; the answer
-is kept in the work's own transaction, so that there is an answer exactly when there is a change.
+is kept in the work's own transaction, so that there is an answer exactly when there is a change. A claim whose process has
+ended is free: at once where this machine can see that, else when it is older than any request may become.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, CursorResult, delete, update
 from sqlalchemy.orm import Session
 
+from storage import processes
 from storage.clock import moment, shared_now
 from storage.errors import IdempotencyMismatchError, IdempotencyRunningError, StateError
 from storage.ids import new_id
 from storage.insertion import insert_if_absent
 from storage.models import Idempotency
 
-#: A request that has not answered after this long died with its process; the next one may take its key.
+#: A request that has not answered after this long died with its process, wherever that was; the next one may take its key.
 ABANDONED_AFTER = timedelta(minutes=5)
 
 
@@ -64,9 +66,9 @@ class IdempotencyRepository:
             When the first request has not answered yet.
         """
         token = new_id("idem")
-        values = {"endpoint": endpoint, "body_sha256": body_sha256, "state": "running", "claim": token}
-        values["created_at"] = moment(self._session)
-        if insert_if_absent(self._session, Idempotency, principal=self._principal, key=key, **values):
+        own = {"claim": token, "process": processes.this_process(), "created_at": moment(self._session)}
+        asked = {"principal": self._principal, "key": key, "endpoint": endpoint, "body_sha256": body_sha256}
+        if insert_if_absent(self._session, Idempotency, **asked, **own, state="running"):
             return Claim(key=key, token=token)
         row = self._session.get_one(Idempotency, (self._principal, key), populate_existing=True)
         if (row.endpoint, row.body_sha256) != (endpoint, body_sha256):
@@ -76,7 +78,7 @@ class IdempotencyRepository:
         if row.state == "done":
             assert row.status_code is not None
             return Answer(status_code=row.status_code, headers=row.headers or {}, body=row.body or b"")
-        if abs(shared_now(self._session) - row.created_at) < ABANDONED_AFTER or not self._replace(row, token):
+        if not self._abandoned(row) or not self._replace(row, token):
             raise IdempotencyRunningError(f"the first request with Idempotency-Key {key!r} has not finished yet")
         return Claim(key=key, token=token)
 
@@ -102,11 +104,16 @@ class IdempotencyRepository:
         """Free the key of a request that failed without changing anything, so that it may be tried again."""
         self._session.execute(delete(Idempotency).where(*self._mine(claim)))
 
+    def _abandoned(self, row: Idempotency) -> bool:
+        if processes.alive(row.process) is False:
+            return True
+        return abs(shared_now(self._session) - row.created_at) >= ABANDONED_AFTER
+
     def _replace(self, row: Idempotency, token: str) -> bool:
         taken = self._session.execute(
             update(Idempotency)
             .where(*self._mine(Claim(key=row.key, token=row.claim)))
-            .values(claim=token, created_at=moment(self._session))
+            .values(claim=token, process=processes.this_process(), created_at=moment(self._session))
             .returning(Idempotency.key)
             .execution_options(synchronize_session=False)
         ).one_or_none()

@@ -19,7 +19,7 @@ from tests.support.desk import COMPUTE
 
 WORK = """
 import logging, sys, threading
-from storage.jobs import processes
+from storage import processes
 from storage.jobs.worker import Worker
 logging.basicConfig(level=logging.INFO, format="%(asctime)s %(process)d %(name)s: %(message)s")
 if sys.argv[5] == "elsewhere":

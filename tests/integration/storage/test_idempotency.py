@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
 import pytest
 
-from storage import Database
+from storage import Database, processes
 from storage.errors import IdempotencyMismatchError, IdempotencyRunningError, StateError
 from storage.models import DEFAULT_WORKSPACE, Idempotency
 from storage.models.base import utc_now
@@ -73,6 +74,36 @@ def test_a_request_that_died_is_taken_over_and_cannot_come_back(database):
         IdempotencyRepository(session, "key_1").abandon(first)  # not its own any more: nothing happens
         IdempotencyRepository(session, "key_1").finish(second, ANSWER)
     assert claim(database) == ANSWER
+
+
+def test_a_request_that_died_with_its_process_on_this_machine_is_taken_over_at_once(database):
+    other = subprocess.Popen(["cat"], stdin=subprocess.PIPE)
+    first = claim(database)
+    with database.session() as session:
+        row = session.get_one(Idempotency, ("key_1", "k"))
+        assert row.process == processes.this_process()
+        row.process = processes.name_of(other.pid)
+    with pytest.raises(IdempotencyRunningError):
+        claim(database)
+    other.kill()
+    other.communicate()
+    second = claim(database)
+    assert isinstance(second, Claim)
+    with pytest.raises(IdempotencyRunningError):  # it is this process' now
+        claim(database)
+    with database.sessions() as session, pytest.raises(StateError, match="expired"):
+        IdempotencyRepository(session, "key_1").finish(first, ANSWER)
+
+
+def test_a_request_that_died_elsewhere_is_taken_over_when_it_is_old(database):
+    claim(database)
+    with database.session() as session:
+        session.get_one(Idempotency, ("key_1", "k")).process = "another-boot/pid:[1]/7/7"
+    with pytest.raises(IdempotencyRunningError):
+        claim(database)
+    with database.session() as session:
+        session.get_one(Idempotency, ("key_1", "k")).created_at = utc_now() - ABANDONED_AFTER - timedelta(seconds=1)
+    assert isinstance(claim(database), Claim)
 
 
 def test_old_keys_are_forgotten(database):

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import pytest
 
-from storage.jobs.processes import alive, this_process
 from storage.jobs.pulse import Pulse
 from storage.models import Worker
+from storage.processes import alive, this_process
 from storage.repositories import WorkerRepository
 
-TELL = "from storage.jobs.processes import this_process; print(this_process(), flush=True); input()"
+TELL = "from storage.processes import this_process; print(this_process(), flush=True); input()"
 
 
 @dataclass

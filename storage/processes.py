@@ -17,8 +17,13 @@ _PROC = Path("/proc")
 
 def this_process() -> str | None:
     """Return the name of this process; None on a system that cannot tell (anything but Linux)."""
-    here, start = _here(), _start_of(os.getpid())
-    return None if here is None or start is None else f"{here}/{os.getpid()}/{start}"
+    return name_of(os.getpid())
+
+
+def name_of(number: int) -> str | None:
+    """Return the name of a process that this one can see by its number; None where the system cannot tell."""
+    here, start = _here(), _start_of(number)
+    return None if here is None or start is None else f"{here}/{number}/{start}"
 
 
 def alive(process: str | None) -> bool | None:
