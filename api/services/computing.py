@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 
 from api.problems import Problem, invalid
@@ -20,12 +20,12 @@ class _Alarm:
     """Raises :class:`_OverdueError` in the thread that made it, wherever that is computing when the time is over.
 
     The numerics know no clock, so the interpreter is asked to raise: between two bytecodes, after the compiled call
-    that runs. The lock makes sure that nothing is raised once the computation has ended.
+    that runs. The lock makes sure that nothing is raised once the computation has ended, or while that thread holds it.
     """
 
     def __init__(self, seconds: float) -> None:
         self._thread = ctypes.c_ulong(threading.get_ident())
-        self._lock = threading.Lock()
+        self.lock = threading.RLock()
         self._ended = self._fired = False
         self._timer = threading.Timer(seconds, self._fire)
         self._timer.daemon = True
@@ -35,7 +35,7 @@ class _Alarm:
         self._timer.start()
 
     def _fire(self) -> None:
-        with self._lock:
+        with self.lock:
             if not self._ended:
                 self._fired = True
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_OverdueError))
@@ -43,7 +43,7 @@ class _Alarm:
     def stop(self) -> None:
         """Stop counting; an alarm that has gone off, but was not heard yet, is raised here."""
         self._timer.cancel()
-        with self._lock:
+        with self.lock:
             self._ended = True
         if self._fired:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
@@ -56,6 +56,7 @@ class Computing:
 
     settings: Settings
     _slots: threading.BoundedSemaphore = field(init=False)
+    _own: threading.local = field(init=False, default_factory=threading.local)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_slots", threading.BoundedSemaphore(self.settings.compute_slots))
@@ -75,9 +76,11 @@ class Computing:
         alarm = _Alarm(seconds)
         try:
             alarm.start()
+            self._own.alarm = alarm
             try:
                 yield
             finally:
+                del self._own.alarm
                 alarm.stop()
         except _OverdueError:
             detail = (
@@ -86,6 +89,11 @@ class Computing:
             raise Problem(422, "too-long", detail) from None
         finally:
             self._slots.release()
+
+    def quiet(self) -> AbstractContextManager[object]:
+        """Let what runs inside end although the time of this thread's computation is over: a connection is in use."""
+        alarm: _Alarm | None = getattr(self._own, "alarm", None)
+        return nullcontext() if alarm is None else alarm.lock
 
     def check_size(self, *, samples: int, curves: int, variants: int) -> None:
         """Raise the 422 for a reply that would be too large, naming the count and the limit."""

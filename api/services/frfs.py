@@ -24,7 +24,7 @@ from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
 from api.services.installation import Caller, Installation
-from api.services.measured_parts import Part, check_lines, read_part
+from api.services.measured_parts import Part, check_lines, part_of_recording
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
 from api.units import UnitError, factor
@@ -49,7 +49,7 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     names = request.output if isinstance(request.output, list) else [request.output]
     if len(set(names)) < len(names):
         raise invalid("output must name each channel once", "output")
-    measured = _read(service, caller, request, names)
+    measured = _measured(service, caller, request, names)
     sensors = _sensors(request, names)
     subject = None if request.system is None else subject_of(service, caller, request.system)
     if subject is not None:
@@ -93,11 +93,11 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=reference)
 
 
-def _read(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> Part:
+def _measured(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> Part:
     many = isinstance(request.output, list)
     places: dict[Place, str] = {("input",): request.input}
     places |= {("output", i) if many else ("output",): name for i, name in enumerate(names)}
-    return read_part(service, caller, request.dataset, places, request.part)
+    return part_of_recording(service, caller, request.dataset, places, request.part)
 
 
 def _sensors(request: FrfRequest, names: list[str]) -> dict[str, Sensor | None]:
@@ -126,7 +126,7 @@ def _segment(request: FrfRequest, measured: Part) -> int:
 
 
 def _frf(request: FrfRequest, measured: Part, name: str) -> Frf:
-    pairs = list(zip(measured.experiments(request.input), measured.experiments(name), strict=True))
+    pairs = list(zip(measured.channels[request.input], measured.channels[name], strict=True))
     if request.estimator in ("H1", "H2", "Hv"):
         return averaged_frf(
             pairs,
@@ -141,10 +141,11 @@ def _frf(request: FrfRequest, measured: Part, name: str) -> Frf:
         detail = f"part must lie in one experiment for {request.estimator}, got {len(pairs)} of them"
         raise invalid(detail, "part")
     settle = si(request.settle, "s", name="settle", place=("settle",))
+    x, y = (recorded[:] for recorded in pairs[0])
     if request.estimator == "multisine":
         period = si(request.period, "s", name="period", place=("period",))
-        return multisine_frf(*pairs[0], measured.rate, period=period, settle=settle)
-    return stepped_sine_frf(*pairs[0], measured.rate, steps_from_wire(request), settle=settle)
+        return multisine_frf(x, y, measured.rate, period=period, settle=settle)
+    return stepped_sine_frf(x, y, measured.rate, steps_from_wire(request), settle=settle)
 
 
 def _corrected(frf: Frf, source: str, target: str, sensors: Mapping[str, Sensor | None]) -> Frf:

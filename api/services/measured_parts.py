@@ -1,9 +1,10 @@
-"""Channels of a stretch of a recording in SI, experiment by experiment: what spectra are made of."""
+"""Channels of a stretch of a recording in SI, experiment by experiment: what spectra are made of, read as it is looked at."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,26 +25,57 @@ _PIECE = 1 << 19
 """Samples that are read and calibrated together (a whole number of stored blocks), so that each exists only once."""
 
 
+class Recorded:
+    """Samples first <= i < stop of a channel in SI, read from the database whenever some of them are looked at.
+
+    What was read last is kept: segments overlap.
+
+    Raises
+    ------
+    Problem
+        When they are looked at: 422 at the channel's place in the request for a missing sample.
+    """
+
+    def __init__(self, read: Callable[[int, int], Values], first: int, stop: int) -> None:
+        self._read = read
+        self._first = first
+        self.size = stop - first
+        self._kept_from, self._kept = 0, np.empty(0)
+
+    def __getitem__(self, span: slice) -> Values:
+        """Return the samples of a span without a step, not to be changed."""
+        start, stop, _ = span.indices(self.size)
+        end = self._kept_from + self._kept.size
+        if not self._kept_from <= start < end:
+            values = self._read(self._first + start, self._first + stop)
+        elif stop <= end:
+            return self._kept[start - self._kept_from : stop - self._kept_from]
+        else:
+            rest = self._read(self._first + end, self._first + stop)
+            values = np.concatenate([self._kept[start - self._kept_from :], rest])
+        self._kept_from, self._kept = start, values
+        return values
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Part:
-    """A stretch of some channels; ``spans`` are its experiments as (first, stop)."""
+    """A stretch of some channels, each experiment by experiment."""
 
     rate: float
-    channels: Mapping[str, Values]
+    channels: Mapping[str, list[Recorded]]
     units: Mapping[str, str]
-    spans: tuple[tuple[int, int], ...]
 
     def experiments(self, name: str) -> list[Values]:
-        """Return a channel, experiment by experiment."""
-        return [self.channels[name][first:stop] for first, stop in self.spans]
+        """Return all samples of a channel."""
+        return [recorded[:] for recorded in self.channels[name]]
 
     @property
     def longest(self) -> int:
         """Samples of the longest experiment."""
-        return max(stop - first for first, stop in self.spans)
+        return max(recorded.size for channel in self.channels.values() for recorded in channel)
 
 
-def read_part(
+def part_of_recording(
     service: Installation,
     caller: Caller,
     dataset: str,
@@ -52,7 +84,7 @@ def read_part(
     *,
     check: Callable[[float, int], None] | None = None,
 ) -> Part:
-    """Read channels of a recording between two times.
+    """Return channels of a recording between two times, of which no sample is read yet.
 
     Parameters
     ----------
@@ -62,13 +94,13 @@ def read_part(
     given : list or None
         ``part`` of the request: [t0, t1].
     check : callable, optional
-        Told the rate and the samples of the longest experiment before any sample is read: raises what can be refused.
+        Told the rate and the samples of the longest experiment: raises what can be refused.
 
     Raises
     ------
     Problem
-        422 with the place of a dataset or channel that does not exist, of missing samples, or of a part that is empty or
-        too long; 409 for a dataset not ready.
+        422 with the place of a dataset or channel that does not exist, of a unit without a factor, or of a part that is
+        empty or too long; 409 for a dataset not ready.
     """
     with service.database.session() as session:
         repository = DatasetRepository(session, caller.workspace)
@@ -81,36 +113,47 @@ def read_part(
         rate = row.sample_rate
         ends = np.cumsum(counts)
         spans = [(max(int(end) - count, first), min(int(end), stop)) for end, count in zip(ends, counts, strict=True)]
-        inside = tuple((a - first, b - first) for a, b in spans if b - a > 1)
+        inside = [(begin, end) for begin, end in spans if end - begin > 1]
         if not inside:
             got = max(stop - first, 0)
             raise invalid(f"part must hold at least 2 samples at {rate:g} samples/s, got {got}", "part")
         if check is not None:
-            check(rate, max(b - a for a, b in inside))
-        channels: dict[str, Values] = {}
-        units: dict[str, str] = {}
-        for place, name in places.items():
-            channels[name], units[name] = _read(repository, row, described[name], first, stop, place=place)
-    return Part(rate=rate, channels=channels, units=units, spans=inside)
+            check(rate, max(end - begin for begin, end in inside))
+    channels: dict[str, list[Recorded]] = {}
+    units: dict[str, str] = {}
+    for place, name in places.items():
+        _, units[name] = in_si(np.empty(0), described[name], place=place)
+        read = partial(_read, service, caller, dataset, channel=described[name], rate=rate, place=place)
+        channels[name] = [Recorded(read, begin, end) for begin, end in inside]
+    return Part(rate=rate, channels=channels, units=units)
 
 
 def _read(
-    repository: DatasetRepository, row: Dataset, channel: Mapping[str, Any], first: int, stop: int, *, place: Place
-) -> tuple[Values, str]:
-    """Return the samples first <= i < stop of a channel in SI, none missing, and the name of the unit."""
-    assert row.sample_rate is not None
-    name, unit = str(channel["name"]), ""
+    service: Installation,
+    caller: Caller,
+    dataset: str,
+    first: int,
+    stop: int,
+    *,
+    channel: Mapping[str, Any],
+    rate: float,
+    place: Place,
+) -> Values:
+    """Return the samples first <= i < stop of a channel in SI, none missing."""
+    name = str(channel["name"])
     values = np.empty(stop - first)
-    for start in range(first - first % _PIECE, stop, _PIECE):
-        begin, end = max(start, first), min(start + _PIECE, stop)
-        piece, unit = in_si(repository.read_channel(row.id, name, begin, end), channel, place=place)
-        missing = np.flatnonzero(~np.isfinite(piece))
-        if missing.size:
-            at = (begin + int(missing[0])) / row.sample_rate
-            detail = f"channel {name!r} must have no missing samples in the part looked at, got one at {at:g} s"
-            raise invalid(detail, *place)
-        values[begin - first : end - first] = piece
-    return values, unit
+    with service.computing.quiet(), service.database.session() as session:
+        repository = DatasetRepository(session, caller.workspace)
+        for start in range(first - first % _PIECE, stop, _PIECE):
+            begin, end = max(start, first), min(start + _PIECE, stop)
+            piece, _ = in_si(repository.read_channel(dataset, name, begin, end), channel, place=place)
+            missing = np.flatnonzero(~np.isfinite(piece))
+            if missing.size:
+                at = (begin + int(missing[0])) / rate
+                detail = f"channel {name!r} must have no missing samples in the part looked at, got one at {at:g} s"
+                raise invalid(detail, *place)
+            values[begin - first : end - first] = piece
+    return values
 
 
 def _row(repository: DatasetRepository, dataset: str) -> Dataset:

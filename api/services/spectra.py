@@ -24,7 +24,7 @@ from api.problems import at, invalid
 from api.schemas.spectra import SpectrumRequest
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
-from api.services.measured_parts import check_lines, read_part
+from api.services.measured_parts import check_lines, part_of_recording
 from api.services.results import Study
 from api.services.studies import Variant, each, frequencies_of, study_of, variants_of
 from api.services.systems import subject_of
@@ -52,7 +52,7 @@ def _recorded(service: Installation, caller: Caller, request: SpectrumRequest) -
     def check(rate: float, longest: int) -> None:
         check_lines(service, (_segment(request, rate) or longest) // 2, curves=3)
 
-    part = read_part(service, caller, str(request.dataset), {("channel",): channel}, request.part, check=check)
+    part = part_of_recording(service, caller, str(request.dataset), {("channel",): channel}, request.part, check=check)
     rate, unit, experiments = part.rate, part.units[channel], part.experiments(channel)
     if request.fundamental is not None and len(experiments) > 1:
         raise invalid(f"part must lie in one experiment for harmonics, got {len(experiments)} of them", "part")

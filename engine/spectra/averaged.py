@@ -26,9 +26,10 @@ import numpy as np
 from engine.errors import SpectrumError
 from engine.spectra.crossed import Crossed, crossed
 from engine.spectra.doubts import delay_doubts, leakage_doubts, resonance_doubts
-from engine.spectra.fourier import Complex, Real
-from engine.spectra.frf import Doubt, Frf, check_pair
+from engine.spectra.fourier import Complex
+from engine.spectra.frf import Doubt, Frf, check_changing
 from engine.spectra.sampled import Removal, WindowKind, window_of
+from engine.spectra.stretches import Samples
 
 Estimator = Literal["H1", "H2", "Hv"]
 
@@ -37,7 +38,7 @@ _FEWEST = 1.5
 
 
 def averaged_frf(
-    pairs: Sequence[tuple[Real, Real]],
+    pairs: Sequence[tuple[Samples, Samples]],
     rate: float,
     *,
     estimator: Estimator = "H1",
@@ -50,7 +51,7 @@ def averaged_frf(
 
     Parameters
     ----------
-    pairs : sequence of (ndarray, ndarray), shapes (samples,)
+    pairs : sequence of (Samples, Samples)
         Input and output of each experiment.
     rate : float
         Samples per second.
@@ -64,10 +65,10 @@ def averaged_frf(
         If a channel is constant, or a setting is out of its bounds.
     """
     for x, y in pairs:
-        if x.shape != y.shape:
+        if x.size != y.size:
             raise SpectrumError(f"input and output must be of the same length, got {x.size} and {y.size} samples")
-    # one experiment, of whatever length, need not be copied
-    check_pair(*(each[0] if len(each) == 1 else np.concatenate(each) for each in zip(*pairs, strict=True)))
+    for name, experiments in zip(("input", "output"), zip(*pairs, strict=True), strict=True):
+        check_changing(name, experiments)
     found = crossed(pairs, rate, segment=segment, window=window, overlap=overlap, removal=removal)
     frf = estimated(found, estimator)
     doubts: list[Doubt] = []

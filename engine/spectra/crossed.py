@@ -21,12 +21,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from engine.errors import SpectrumError
 from engine.spectra.fourier import Complex, Real
 from engine.spectra.sampled import Removal, WindowKind, window_of
+from engine.spectra.stretches import Samples
 
 SHORTEST = 8
 """Samples of a segment."""
 
-_MOST_NUMBERS = 1_000_000
-"""Samples transformed at once: 16 MB."""
+_MOST_NUMBERS = 500_000
+"""Samples transformed at once: 4 MB, and as much for their lines."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ def _positive(power: Real) -> Real:
 
 
 def crossed(
-    pairs: Sequence[tuple[Real, Real]],
+    pairs: Sequence[tuple[Samples, Samples]],
     rate: float,
     *,
     segment: int,
@@ -64,7 +65,7 @@ def crossed(
 
     Parameters
     ----------
-    pairs : sequence of (ndarray, ndarray), shapes (samples,)
+    pairs : sequence of (Samples, Samples)
         Input and output of each experiment: no segment lies in two.
     rate : float
         Samples per second.
@@ -102,8 +103,9 @@ def crossed(
         averages += count
         effective += _independent(count, step, weights)
         for span in _spans(count, segment):
-            left = _lines(x, weights, step, removal, span)
-            right = _lines(y, weights, step, removal, span)
+            stretch = slice(span.start * step, (span.stop - 1) * step + segment)
+            left = _lines(x[stretch], weights, step, removal)
+            right = _lines(y[stretch], weights, step, removal)
             xx += (np.abs(left) ** 2).sum(axis=0)
             yy += (np.abs(right) ** 2).sum(axis=0)
             xy += (left.conj() * right).sum(axis=0)
@@ -124,9 +126,9 @@ def _spans(count: int, segment: int) -> Iterator[slice]:
     return (slice(start, min(start + chunk, count)) for start in range(0, count, chunk))
 
 
-def _lines(values: Real, weights: Real, step: int, removal: Removal, span: slice) -> Complex:
-    """Return the transforms of some segments, shape (segments, lines)."""
-    parts = sliding_window_view(values, weights.size)[::step][span]
+def _lines(values: Real, weights: Real, step: int, removal: Removal) -> Complex:
+    """Return the transforms of the segments of a stretch, shape (segments, lines)."""
+    parts = sliding_window_view(values, weights.size)[::step]
     if removal != "nothing":
         parts = parts - parts.mean(axis=1, keepdims=True)
     if removal == "trend":

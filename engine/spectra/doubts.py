@@ -17,6 +17,7 @@ import numpy as np
 from engine.spectra.crossed import Crossed
 from engine.spectra.fourier import Real
 from engine.spectra.frf import Doubt, Frf
+from engine.spectra.stretches import Samples, stretches
 
 LINES_OF_A_RESONANCE = 8
 """Within the half-power width: a Hann window then reads the peak of one mode 0.2 dB too low, with four lines 0.7 dB."""
@@ -69,7 +70,7 @@ def _half_power_width(frequency: Real, magnitude: Real, peak: int) -> float | No
     return float(ends[1] - ends[0])
 
 
-def leakage_doubts(pairs: Sequence[tuple[Real, Real]], segment: int) -> list[Doubt]:
+def leakage_doubts(pairs: Sequence[tuple[Samples, Samples]], segment: int) -> list[Doubt]:
     """Return a doubt about segments without a window that are neither periods nor at rest at their ends."""
     if all(_periodic(x, segment) or (_rests(x, segment) and _rests(y, segment)) for x, y in pairs if x.size >= segment):
         return []
@@ -80,18 +81,23 @@ def leakage_doubts(pairs: Sequence[tuple[Real, Real]], segment: int) -> list[Dou
     return [Doubt(kind="leakage", detail=detail)]
 
 
-def _periodic(x: Real, segment: int) -> bool:
+def _periodic(x: Samples, segment: int) -> bool:
     if x.size < 2 * segment:
         return False
-    difference = x[segment : 2 * segment] - x[:segment]
-    return float(np.linalg.norm(difference)) < _REPEATS * float(np.linalg.norm(x[:segment] - x[:segment].mean()))
+    first, second = x[:segment], x[segment : 2 * segment]
+    return float(np.linalg.norm(second - first)) < _REPEATS * float(np.linalg.norm(first - first.mean()))
 
 
-def _rests(values: Real, segment: int) -> bool:
+def _rests(values: Samples, segment: int) -> bool:
     """Say whether segments begin and end at one level, as a pulse with silence around it does."""
-    ends = np.append(values[::segment], values[segment - 1 :: segment])
+    kept, low, high = [], np.inf, -np.inf
+    for start, part in stretches(values):
+        place = np.arange(start, start + part.size) % segment
+        kept.append(part[(place == 0) | (place == segment - 1)])
+        low, high = min(low, float(part.min())), max(high, float(part.max()))
+    ends = np.concatenate(kept)
     level = float(np.median(ends))
-    return float(np.abs(ends - level).max()) <= _REST * float(np.abs(values - level).max())
+    return float(np.abs(ends - level).max()) <= _REST * max(high - level, level - low)
 
 
 def delay_doubts(found: Crossed, length: float) -> list[Doubt]:

@@ -5,12 +5,14 @@ H(jω) = Y(jω) / X(jω),   ln|H| and arg H each within ± t σ,   t of Student'
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from engine.errors import SpectrumError
 from engine.spectra.fourier import Complex, Real
+from engine.spectra.stretches import Samples, extremes
 
 MOST_UNCERTAIN = 30.0
 """Largest half width of a band of ln|H|: beyond it nothing is known."""
@@ -160,5 +162,18 @@ def check_pair(x: Real, y: Real) -> None:
     if x.shape != y.shape or x.ndim != 1:
         raise SpectrumError(f"input and output must be of the same length, got {x.size} and {y.size} samples")
     for name, values in (("input", x), ("output", y)):
-        if values.size == 0 or float(np.ptp(values)) <= 1e-14 * float(max(values.max(), -values.min())):
-            raise SpectrumError(f"{name} must change, got a constant channel", at=(name,))
+        check_changing(name, [values])
+
+
+def check_changing(name: str, experiments: Sequence[Samples]) -> None:
+    """Refuse a channel that is the same all the time.
+
+    Raises
+    ------
+    SpectrumError
+        At ``name``.
+    """
+    ends = [extremes(values) for values in experiments if values.size]
+    low, high = min((low for low, _ in ends), default=0.0), max((high for _, high in ends), default=0.0)
+    if high - low <= 1e-14 * max(high, -low):
+        raise SpectrumError(f"{name} must change, got a constant channel", at=(name,))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from sqlalchemy import func, select
@@ -62,6 +64,24 @@ def test_many_raw_samples_are_read_by_a_job_as_few_are_at_once(client, monkeypat
     assert stored(client) == about(before + len(data))
     assert client.delete(where, headers={"If-Match": '"3"'}).status_code == 204
     assert stored(client) == about(before)
+
+
+def test_a_frequency_response_needs_less_memory_than_the_recording_has(client):
+    x = np.random.default_rng(1).standard_normal(2_000_000)
+    data = np.column_stack([x, 2 * x]).astype("<f8").tobytes()
+    channels = [{"name": "x"}, {"name": "y"}]
+    recording = upload(client, RAW | {"sample_rate": 1000, "channels": channels}, data, segment=8 << 20)
+    body = {"dataset": recording.json()["id"], "input": "x", "output": "y", "band": [1, 20]}
+    assert client.post("/v1/frfs", json=body | {"part": [0, 100]}).status_code == 200  # loads what it needs
+    tracemalloc.start()
+    try:
+        reply = client.post("/v1/frfs", json=body)
+        needed = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert reply.status_code == 200, reply.text
+    assert reply.json()["outputs"]["y"]["magnitude"] == pytest.approx([2.0] * len(reply.json()["frequency"]))
+    assert needed < len(data)
 
 
 def test_a_file_that_is_read_again_is_another_revision_and_counts_with_its_samples(client, sqlite_service):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+from engine.spectra.averaged import averaged_frf
 from engine.spectra.harmonics import harmonics_of_samples
 from engine.spectra.sampled import spectrum
 
@@ -45,6 +46,37 @@ def test_segments_of_two_million_samples_need_less_than_the_recording() -> None:
     assert (
         needed < values.nbytes
     )  # all windowed segments at once, half overlapping, would be twice that, and as much again
+
+
+class Read:
+    """Samples that are made when they are looked at; remembers the most that were looked at together."""
+
+    size = 3_000_000
+
+    def __init__(self, delay: int) -> None:
+        self.delay = delay
+        self.most = 0
+
+    def __getitem__(self, span: slice) -> np.ndarray:
+        start, stop, _ = span.indices(self.size)
+        self.most = max(self.most, stop - start)
+        time = np.arange(start - self.delay, stop - self.delay, dtype=np.float64)
+        return np.sin(1e-6 * time**2) + np.sin(2e-7 * time**2)
+
+
+@pytest.mark.parametrize("window", ["hann", "none"])
+def test_a_response_of_three_million_samples_is_that_of_the_whole_arrays_and_reads_some_at_a_time(window: Any) -> None:
+    x, y = Read(0), Read(3)
+    settings = {"segment": 4096, "window": window, "overlap": 0.4}
+    found = averaged_frf([(x, y)], RATE, **settings)
+    assert max(x.most, y.most) <= 1 << 19
+    whole = averaged_frf([(x[:], y[:])], RATE, **settings)
+    np.testing.assert_array_equal(found.value, whole.value)
+    np.testing.assert_array_equal(found.coherence, whole.coherence)
+    assert found.doubts == whole.doubts
+    # a delay of three samples, which costs three of the 4096 of a segment
+    inside = (found.frequency > 0.2 * RATE) & (found.frequency < 0.4 * RATE)
+    assert np.abs(found.value * np.exp(3j * found.frequency / RATE) - 1)[inside].max() < 0.01
 
 
 def test_harmonics_are_those_of_the_whole_least_squares_problem_in_little_memory() -> None:
