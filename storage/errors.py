@@ -46,7 +46,7 @@ def why_unavailable(error: Exception) -> str:
     if state == _DISK_FULL or code == sqlite3.SQLITE_FULL:
         return "the database takes no changes: its disk is full"
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
-        return "the database is busy"
+        return "the database takes no changes: another process has held its lock for too long"
     return "the database does not answer"
 
 

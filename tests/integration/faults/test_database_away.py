@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -117,6 +119,43 @@ def test_a_database_that_takes_no_changes_says_so_and_recovers(
         before = client.get(SYSTEMS, params={"limit": 1000}).json()["items"]
         assert len(before) == 1 + len(replies) - len(refused)  # what was refused left nothing
         assert client.post(SYSTEMS, json=big).status_code == 201
+
+
+#: A process that stands still in the middle of a write.
+FROZEN = """
+import os, signal, sqlite3, sys
+own = sqlite3.connect(sys.argv[1], isolation_level=None)
+own.execute("BEGIN IMMEDIATE")
+print("holds the lock", flush=True)
+os.kill(os.getpid(), signal.SIGSTOP)
+"""
+
+
+def test_changes_of_a_file_whose_writer_stands_still_are_refused_in_time_and_go_on_when_it_is_killed(
+    sqlite_template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "service.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    monkeypatch.setattr("storage.session.LOCK_TIMEOUT", 0.5)
+    with serving(f"sqlite:///{path}") as service, service.client() as client:
+        frozen = subprocess.Popen([sys.executable, "-c", FROZEN, str(path)], stdout=subprocess.PIPE)
+        try:
+            assert frozen.stdout is not None
+            assert frozen.stdout.readline() == b"holds the lock\n"
+            began = time.monotonic()
+            for headers in ({}, {"Idempotency-Key": "while it stands still"}):
+                refused = client.post(SYSTEMS, json=LAG, headers=headers)
+                assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
+                assert "another process has held its lock for too long" in refused.json()["detail"]
+            assert time.monotonic() - began < 20.0  # two waits of half a second, on a busy machine
+            assert client.get(SYSTEMS).json()["items"] == []
+            assert client.get("/readyz").status_code == 200
+        finally:
+            frozen.kill()
+            frozen.communicate()
+        again = client.post(SYSTEMS, json=LAG, headers={"Idempotency-Key": "while it stands still"})
+        assert again.status_code == 201
+        assert len(client.get(SYSTEMS).json()["items"]) == 1
 
 
 def test_a_postgres_that_only_reads_says_so_and_recovers(postgres_url, postgres_template) -> None:
