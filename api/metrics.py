@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -18,8 +18,8 @@ from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from storage.clock import shared_now
 from storage.errors import UNAVAILABLE
-from storage.models.base import utc_now
 from storage.repositories import WorkerRepository
 from storage.repositories import jobs as repository
 from storage.repositories.workers import STALE_AFTER
@@ -48,7 +48,7 @@ class Metrics:
             ProcessCollector(registry=self.registry)
         else:
             MultiProcessCollector(self._told, path=str(shared))  # type: ignore[no-untyped-call]  # as the library has it
-            self._told.register(_Processes(shared))
+            self._told.register(_Asked(partial(_of_processes, shared)))
         self.requests = Counter(
             "servotune_requests", "Requests answered", ("method", "route", "status"), registry=self.registry
         )
@@ -68,87 +68,87 @@ class Metrics:
 
     def read_from(self, database: Database) -> None:
         """Let the numbers of jobs and workers come from this database."""
-        self._told.register(_Installation(database))
+        self._told.register(_Asked(partial(_of_installation, database)))
 
     def text(self) -> bytes:
         """Return all numbers in Prometheus' text format."""
         return generate_latest(self._told)
 
 
-class _Processes(Collector):
-    """What the processes of a service use, each with its id."""
+class _Asked(Collector):
+    """Tells what is found when somebody wants to know.
 
-    def __init__(self, shared: Path) -> None:
-        self._shared = shared
+    Parameters
+    ----------
+    find : callable
+        Yields the families of numbers as they are now.
+    """
+
+    def __init__(self, find: Callable[[], Iterator[Metric]]) -> None:
+        self._find = find
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing, as below."""
+        """Return nothing: what is registered is not asked yet."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield what one process alone would tell, with a label for each."""
-        families: dict[str, Metric] = {}
-        for file in sorted(self._shared.glob("gauge_livesum_*.db")):
-            pid = file.stem.rpartition("_")[2]
-            for family in ProcessCollector(pid=partial(int, pid), registry=None).collect():
-                known = families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
-                for sample in family.samples:
-                    known.add_sample(sample.name, {**sample.labels, "process": pid}, sample.value)
-        yield from families.values()
+        """Yield what is found."""
+        yield from self._find()
 
 
-class _Installation(Collector):
-    """Asks the database."""
+def _of_processes(shared: Path) -> Iterator[Metric]:
+    """Yield what each of several processes would tell alone, with its id as a label."""
+    families: dict[str, Metric] = {}
+    for file in sorted(shared.glob("gauge_livesum_*.db")):
+        pid = file.stem.rpartition("_")[2]
+        for family in ProcessCollector(pid=partial(int, pid), registry=None).collect():
+            known = families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
+            for sample in family.samples:
+                known.add_sample(sample.name, {**sample.labels, "process": pid}, sample.value)
+    yield from families.values()
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
 
-    def describe(self) -> Iterable[Metric]:
-        """Return nothing: what is registered is not asked before somebody wants to know."""
-        return ()
+def _of_installation(database: Database) -> Iterator[Metric]:
+    """Yield whether the database answers, and what it knows of jobs and workers."""
+    try:
+        found = list(_in_database(database))
+    except UNAVAILABLE as error:
+        _log.warning("the database does not tell the metrics: %s", error)
+        found = []
+    yield GaugeMetricFamily("servotune_database_up", "1 when the database answers", value=float(bool(found)))
+    yield from found
 
-    def collect(self) -> Iterator[Metric]:
-        """Yield whether the database answers, and what it knows."""
-        try:
-            found = list(self._known())
-        except UNAVAILABLE as error:
-            _log.warning("the database does not tell the metrics: %s", error)
-            found = []
-        yield GaugeMetricFamily("servotune_database_up", "1 when the database answers", value=float(bool(found)))
-        yield from found
 
-    def _known(self) -> Iterator[Metric]:
-        now = utc_now()
-        depth = GaugeMetricFamily("servotune_jobs", "Unfinished jobs and parts of jobs", labels=("kind", "status"))
-        age = GaugeMetricFamily(
-            "servotune_queue_oldest_seconds", "Age of the oldest job that waits", labels=("kind",)
-        )  # fmt: skip
-        ended = CounterMetricFamily("servotune_jobs_ended", "Jobs that have ended", labels=("kind", "status"))
-        seconds = CounterMetricFamily(
-            "servotune_job_seconds", "Time of ended jobs from their first start", labels=("kind", "status")
-        )
-        workers = GaugeMetricFamily("servotune_workers", "Workers by whether they live", labels=("state",))
-        slots = GaugeMetricFamily("servotune_worker_slots", "Jobs that the living workers compute at a time")
-        warm_up = GaugeMetricFamily(
-            "servotune_kernel_warm_up_seconds", "Time that a worker took to load its kernels", labels=("worker",)
-        )
-        with self._database.session() as session:
-            for kind, status, count, oldest in repository.waiting(session):
-                depth.add_metric((kind, status), count)
-                if status == "queued":
-                    age.add_metric((kind,), max((now - oldest).total_seconds(), 0.0))
-            for tally in repository.tallies(session):
-                ended.add_metric((tally.kind, tally.status), tally.count)
-                seconds.add_metric((tally.kind, tally.status), tally.seconds)
-            known = WorkerRepository(session).all()
-        living = [worker for worker in known if worker.seen_at >= now - STALE_AFTER]
-        workers.add_metric(("alive",), len(living))
-        workers.add_metric(("silent",), len(known) - len(living))
-        slots.add_metric((), sum(worker.slots for worker in living))
-        for worker in living:
-            if worker.warm_up is not None:
-                warm_up.add_metric((worker.id,), worker.warm_up)
-        yield from (depth, age, ended, seconds, workers, slots, warm_up)
+def _in_database(database: Database) -> Iterator[Metric]:
+    depth = GaugeMetricFamily("servotune_jobs", "Unfinished jobs and parts of jobs", labels=("kind", "status"))
+    age = GaugeMetricFamily("servotune_queue_oldest_seconds", "Age of the oldest job that waits", labels=("kind",))
+    ended = CounterMetricFamily("servotune_jobs_ended", "Jobs that have ended", labels=("kind", "status"))
+    seconds = CounterMetricFamily(
+        "servotune_job_seconds", "Time of ended jobs from their first start", labels=("kind", "status")
+    )
+    workers = GaugeMetricFamily("servotune_workers", "Workers by whether they live", labels=("state",))
+    slots = GaugeMetricFamily("servotune_worker_slots", "Jobs that the living workers compute at a time")
+    warm_up = GaugeMetricFamily(
+        "servotune_kernel_warm_up_seconds", "Time that a worker took to load its kernels", labels=("worker",)
+    )
+    with database.session() as session:
+        now = shared_now(session)
+        for kind, status, count, oldest in repository.waiting(session):
+            depth.add_metric((kind, status), count)
+            if status == "queued":
+                age.add_metric((kind,), max((now - oldest).total_seconds(), 0.0))
+        for tally in repository.tallies(session):
+            ended.add_metric((tally.kind, tally.status), tally.count)
+            seconds.add_metric((tally.kind, tally.status), tally.seconds)
+        known = WorkerRepository(session).all()
+    living = [worker for worker in known if worker.seen_at >= now - STALE_AFTER]
+    workers.add_metric(("alive",), len(living))
+    workers.add_metric(("silent",), len(known) - len(living))
+    slots.add_metric((), sum(worker.slots for worker in living))
+    for worker in living:
+        if worker.warm_up is not None:
+            warm_up.add_metric((worker.id,), worker.warm_up)
+    yield from (depth, age, ended, seconds, workers, slots, warm_up)
 
 
 class Measured:
