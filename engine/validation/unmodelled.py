@@ -40,7 +40,7 @@ _FEWEST_LINES = 6
 """Of a band that are to tell five numbers of a resonance."""
 _HIGHEST_DAMPING = 0.3
 _ALIKE = 0.6
-"""Share of what a band holds that its resonance must explain."""
+"""Share of what a band holds that its resonance must explain, and of what a smooth correction of as many numbers leaves of it."""
 _ITERATIONS = 30
 
 
@@ -194,8 +194,19 @@ def _resonance(left: Crossed, model: Crossed, driven: npt.NDArray[np.bool_], ban
         return None
     resonance, value = found
     inside = left.frequency[band.start] <= resonance.frequency <= left.frequency[band.stop - 1]
-    missed = np.sum(np.abs(certainty * (lacks - value)) ** 2) / np.sum(np.abs(certainty * lacks) ** 2)
-    return resonance if inside and missed <= 1.0 - _ALIKE else None
+    missed = np.sum(np.abs(certainty * (lacks - value)) ** 2)
+    # of a model that is wrong everywhere a band is left where all else is drowned: any curve with five numbers bends to it
+    smooth = np.sum(np.abs(certainty * (lacks - _polynomial(left.frequency[lines], lacks, certainty))) ** 2)
+    return resonance if inside and missed <= (1.0 - _ALIKE) * smooth else None
+
+
+def _polynomial(frequency: Real, value: Complex, certainty: Real) -> Complex:
+    """Fit c4 s⁴ + c3 s³ + c2 s² + c1 s + c0, each line by its certainty."""
+    s = 1j * frequency / frequency[-1]
+    powers = s[:, None] ** np.arange(5)
+    matrix, right = powers * certainty[:, None], value * certainty
+    found = np.linalg.lstsq(np.vstack([matrix.real, matrix.imag]), np.hstack([right.real, right.imag]), rcond=None)[0]
+    return np.asarray(powers @ found)
 
 
 def _quotient(frequency: Real, value: Complex, certainty: Real) -> tuple[Resonance, Complex] | None:

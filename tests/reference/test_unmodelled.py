@@ -99,6 +99,23 @@ def test_a_wrong_gain_is_a_band_without_a_resonance() -> None:
     assert band.share_percent > 95
 
 
+@pytest.mark.parametrize("kind", ["chirp", "noise", "multisine", "steps"])
+def test_a_model_that_is_wrong_everywhere_names_no_mode(kind) -> None:
+    # Gain, dead time, order and pace are wrong: what looks out of the noise here and there is a part of that.
+    poles = [1.0, 2 * 0.6 * 90.0, 90.0**2]
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        u = dict(signals(rng))[kind]
+        late = np.concatenate([np.zeros(7), u[:-7]])
+        swinging = lfilter(*bilinear([2 * 90.0**2], poles, fs=1 / H), late)
+        slower, twice = lag(u, tau=0.05), lag(lag(u, tau=0.02), tau=0.01)
+        for measured, model in ((swinging, lag(u, tau=0.1)), (slower, lag(u, tau=0.02)), (twice, lag(u, tau=0.02))):
+            noise = 0.003 * measured.std() * rng.normal(size=SAMPLES)
+            found = unmodelled(compared(measured + noise, model, u=u))
+            assert found  # the input does explain what is left
+            assert [band.resonance for band in found if band.resonance is not None] == []
+
+
 def test_of_several_inputs_the_one_that_excites_the_mode_is_named() -> None:
     rng = np.random.default_rng(3)
     first, second = rng.normal(size=(2, SAMPLES))
