@@ -10,7 +10,7 @@ from pathlib import Path
 
 import servotune
 from examples.demo import analysing, measuring, report, tuning
-from examples.demo.findings import PLACES, DemoError, Estimate, Findings, Recording, Search
+from examples.demo.findings import PLACES, DemoError, Estimate, Findings, Recording, Search, Understanding
 from examples.demo.service import own_service
 from examples.demo.systems import VARIABLES
 from examples.demo.units import MILLISECONDS, measured, parameter, signed, words
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     step = Narrator()
     try:
         with own_service(options.workdir) as client:
-            findings = run(client, options.recording, step)
+            findings = improve(client, understand(client, options.recording, step), step)
         step("h", "report")
         report.write(findings, options.report)
     except (DemoError, servotune.ServotuneError) as error:
@@ -64,8 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def run(client: servotune.Client, recording_file: Path, step: Narrator) -> Findings:
-    """Do steps a to g over HTTP and return what was learnt."""
+def understand(client: servotune.Client, recording_file: Path, step: Narrator) -> Understanding:
+    """Do steps a to e over HTTP and return what was learnt."""
     step("a", "recording")
     recording = measuring.import_recording(client, recording_file, measuring.DATA / "import.json")
     _tell_recording(step, recording)
@@ -99,9 +99,21 @@ def run(client: servotune.Client, recording_file: Path, step: Narrator) -> Findi
     step("e", "influence")
     influence = analysing.influence(client, "P", scenarios[0])
     _tell_influence(step, influence)
+    return Understanding(
+        recording=recording,
+        estimates=estimates,
+        scenarios=scenarios,
+        checks=checks,
+        start=start,
+        influence=influence,
+    )
 
+
+def improve(client: servotune.Client, understood: Understanding, step: Narrator) -> Findings:
+    """Do steps f and g over HTTP and return all that was learnt."""
+    scenarios = understood.scenarios
     step("f", "optimisation")
-    bounds = tuning.limits(start)
+    bounds = tuning.limits(understood.start)
     jobs = tuning.start_searches(client, scenarios, bounds)
     told = [_told(step, tuning.finished(*job)) for job in jobs]
     searches = tuple(
@@ -119,12 +131,7 @@ def run(client: servotune.Client, recording_file: Path, step: Narrator) -> Findi
         if search.method == "gradient"
     }
     return Findings(
-        recording=recording,
-        estimates=estimates,
-        scenarios=scenarios,
-        checks=checks,
-        start=start,
-        influence=influence,
+        **vars(understood),
         limits=bounds,
         searches=searches,
         tuned=tuned,

@@ -121,8 +121,8 @@ class Search:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Everything that the report shows."""
+class Understanding:
+    """What the recording tells: the model, how well it holds, how it behaves and what moves it."""
 
     recording: Recording
     estimates: tuple[Estimate, ...]
@@ -131,6 +131,12 @@ class Findings:
     checks: tuple[Check, ...]
     start: Behaviour
     influence: Influence
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings(Understanding):
+    """Everything that the report shows."""
+
     limits: Mapping[str, float]
     searches: tuple[Search, ...]
     tuned: Mapping[str, Behaviour]

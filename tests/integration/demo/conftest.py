@@ -1,4 +1,4 @@
-"""The demonstration is run twice: on the recording as it is, and on one whose measured channel comes later."""
+"""The demonstration is run whole on the recording as it is, and what understands a recording also on one that comes later."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import pytest
 
 from examples.demo import __main__ as demo
 from examples.demo import report
-from examples.demo.findings import Findings
+from examples.demo.findings import Findings, Understanding
 from examples.demo.measuring import DATA
+from examples.demo.service import own_service
 
 LATER = 3
 """Samples (1 ms each) by which the changed recording's measured channel comes later."""
@@ -51,10 +52,21 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return demonstrate(DATA / "0A.txt", tmp_path_factory.mktemp("original"))
 
 
+@dataclass(frozen=True)
+class Understood:
+    """What the steps before the searches said and found."""
+
+    said: str
+    found: Understanding
+
+
 @pytest.fixture(scope="session")
-def changed(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
-    folder = tmp_path_factory.mktemp("changed")
-    return demonstrate(delayed(DATA / "0A.txt", folder / "0A.txt"), folder)
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Understood:
+    folder, said = tmp_path_factory.mktemp("changed"), io.StringIO()
+    recording = delayed(DATA / "0A.txt", folder / "0A.txt")
+    with own_service(folder / "work") as client, redirect_stdout(said):
+        found = demo.understand(client, recording, demo.Narrator())
+    return Understood(said.getvalue(), found)
 
 
 def delayed(source: Path, target: Path) -> Path:

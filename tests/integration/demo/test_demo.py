@@ -15,8 +15,9 @@ import pytest
 
 from examples.demo import report, tuning
 from examples.demo.analysing import metric
+from examples.demo.findings import Understanding
 from examples.demo.units import measured, signed
-from tests.integration.demo.conftest import LATER, Demonstration
+from tests.integration.demo.conftest import LATER, Demonstration, Understood
 
 ROOT = Path(__file__).parents[3]
 
@@ -87,18 +88,30 @@ def test_grid_and_gradient_agree(original: Demonstration):
         assert abs(grid - gradient) <= 0.1 * gradient, (law, aim)
 
 
-def test_a_later_measurement_is_found_as_a_longer_delay_and_shown(original: Demonstration, changed: Demonstration):
-    def lateness(demonstration: Demonstration) -> list[float]:
+def test_a_later_measurement_is_found_as_a_longer_delay(original: Demonstration, changed: Understood):
+    def lateness(understood: Understanding) -> list[float]:
         return [
             estimate.scenario["valve.time_constant"] + estimate.scenario[f"{estimate.place}.time"]
-            for estimate in demonstration.findings.estimates
+            for estimate in understood.estimates
             if estimate.place == "recording"
         ]
 
     # Behind the loop the delay is visible by itself: it grows by just what the recording was shifted.
-    for before, after in zip(lateness(original), lateness(changed), strict=True):
+    for before, after in zip(lateness(original.findings), lateness(changed.found), strict=True):
         assert after - before == pytest.approx(LATER * 1e-3, abs=0.3e-3)
-    before, after = set(_numbers(original.page)), set(_numbers(changed.page))
+
+
+def test_a_later_measurement_changes_what_is_said_and_shown(
+    original: Demonstration, changed: Understood, tmp_path: Path
+):
+    # Identification, validation, starting point, influence: each step tells other numbers.
+    for letter in "bcde":
+        before, after = (set(_said(text, letter)) for text in (original.said, changed.said))
+        assert len(before - after) > 0.4 * len(before), letter
+    # And so does the page, although the searches that it shows are the same.
+    report.write(replace(original.findings, **vars(changed.found)), tmp_path / "report.html")
+    before = set(_numbers(original.page))
+    after = set(_numbers((tmp_path / "report.html").read_text(encoding="utf-8")))
     assert len(before - after) > 0.5 * len(before)
 
 
@@ -194,3 +207,10 @@ class _References(HTMLParser):
 
 def _numbers(page: str) -> list[str]:
     return [number for part in _Text.of(page) for number in re.findall(r"[+\N{MINUS SIGN}]?\d+\.\d+", part)]
+
+
+def _said(text: str, letter: str) -> list[str]:
+    """Return the numbers of one step on the terminal."""
+    step = re.search(rf"^{letter}  .*?(?=^[a-z]  |\Z)", text, flags=re.DOTALL | re.MULTILINE)
+    assert step, text
+    return re.findall(r"[+-]?\d+\.\d+", step[0])
