@@ -7,6 +7,8 @@ INSTALLED := $(VENV)/.installed
 WARM := $(VENV)/.warm
 PAGES := api/static/index.html
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Tests start some hundred processes: what they load is compiled once, also where the environment says that nothing compiled is kept.
+export PYTHONDONTWRITEBYTECODE :=
 
 # What a goal needs is made two at a time (kernels beside pages, checks beside the tests of the pages); several goals in their order.
 ifeq ($(words $(MAKECMDGOALS)),1)
