@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
-from engine.errors import DiagramError
+from engine.errors import DiagramError, UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import merged, path
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 _AT_REST = 1e-13
 _ROUNDING = 1e-9
 """Relative distances from the final value: nothing to follow any more, and what rounding may leave at most."""
+
+_PATIENCE = 4
+"""So often may a response be followed for twice as long without coming nearer to rest."""
 
 LARGEST = 1e100
 """Beyond this a growing response is not followed."""
@@ -310,15 +313,22 @@ def _whole(
     part: LaneSystem, signals: Mapping[str, Signal], lifetime: float, finals: Sequence[Array | None]
 ) -> Trajectory:
     """Return the response until nothing moves any more: a lifetime, and longer where that is not enough."""
-    horizon, rest = _horizon(part, signals, lifetime), np.inf
+    horizon, rest, stalled = _horizon(part, signals, lifetime), np.inf, 0
     while True:
         found = respond(part, list(signals.values()), horizon)
         if any(final is None for final in finals):
             return found
         last = _remainder(found, np.array([final[0].real for final in finals if final is not None]))
+        stays = last > 0.5 * rest
         # what does not shrink any more is rounding
-        if last <= _AT_REST or (last < _ROUNDING and last > 0.5 * rest):
+        if last <= _AT_REST or (last < _ROUNDING and stays):
             return found
+        stalled += stays
+        if stalled == _PATIENCE:
+            raise UnresolvedError(
+                f"a response must settle within {_ROUNDING:g} of its largest value, but rounding leaves {last:.2g}: "
+                "its time constants or its gains lie too far apart"
+            )
         horizon, rest = 2 * horizon, last
 
 

@@ -23,7 +23,9 @@ from engine.linear.system import ARRAYS, LaneSystem
 from engine.verdicts import Verdict
 
 _HIDDEN = 1e-10
-"""A direction weaker than this (balanced, relative) is hidden."""
+"""A direction is hidden that is weaker than this part of the terms it is the sum of: they cancel."""
+_ROUNDING = 1e-14
+"""And one that is weaker than this part of the strongest: it is what rounding leaves in the coefficients."""
 
 
 def path(
@@ -123,15 +125,19 @@ def _reachable(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.ND
     size = max(float(np.linalg.norm(a)), 1e-300)
     norms = np.linalg.norm(b, axis=0)
     front = b[:, norms > 0] / norms[norms > 0]
+    terms = np.abs(front)
     while front.shape[1] and basis.shape[1] < n:
         for _ in range(2):
-            front = front - basis @ (basis.T @ front)
+            known = basis.T @ front
+            terms = terms + np.abs(basis) @ np.abs(known)
+            front = front - basis @ known
         u, s, _ = np.linalg.svd(front, full_matrices=False)
-        new = u[:, s > _HIDDEN]
+        # a slow state beside a fast one is driven weakly, but by terms that are as weak
+        new = u[:, s > np.maximum(_HIDDEN * (np.abs(u).T @ terms.max(axis=1)), _ROUNDING)]
         if not new.shape[1]:
             break
         basis = np.concatenate([basis, new], axis=1)
-        front = a @ new / size
+        front, terms = a @ new / size, np.abs(a) @ np.abs(new) / size
     return basis
 
 

@@ -19,7 +19,7 @@ from scipy.linalg import eig, matrix_balance
 from engine.circles import circles
 from engine.linear.neutral import neutral
 from engine.linear.pole_guesses import guesses
-from engine.linear.tangent import slopes, solve
+from engine.linear.tangent import evened, slopes, solve
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -295,5 +295,11 @@ def static_gain(system: LaneSystem) -> Array:
     bottom = np.concatenate([system.c2, system.d22 - np.eye(m)], axis=-1)
     matrix = np.concatenate([top, bottom], axis=-2)
     right = -np.concatenate([system.b1, system.d21], axis=-2)
-    inner = solve(matrix, right) if n + m else np.zeros((system.lanes, 0, system.n_in))
+    inner = np.zeros((system.lanes, 0, system.n_in))
+    if n + m:
+        # rows of one size, and once more what was left: a weak coupling must not drown in the pivot of a strong one
+        rows = evened(matrix[0].real)
+        matrix, right = matrix * rows, right * rows
+        inner = solve(matrix, right)
+        inner = inner + solve(matrix, right - matrix @ inner)
     return np.asarray(np.concatenate([system.c1, system.d12], axis=-1) @ inner + system.d11)

@@ -34,6 +34,12 @@ def parted(value: Array, other: Array) -> bool:
     return bool(np.any(np.abs(value.imag - other.imag) > 0.01 * largest))
 
 
+def evened(matrix: Array) -> Array:
+    """Return the powers of 2, shape (..., k, 1), that make the rows of ``matrix``, shape (..., k, k), of one size."""
+    largest = np.abs(matrix).max(axis=-1, keepdims=True)
+    return np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
+
+
 def solve(matrix: Array, right: Array) -> Array:
     """Solve ``matrix @ x = right`` for lanes that share the real part, factorising that part once.
 

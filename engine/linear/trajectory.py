@@ -38,6 +38,11 @@ MAX_STEPS = 30_000
 
 MOST_AT_ONCE = 8192
 
+_FEW_PIECES = 4
+"""So few pieces one delay ago hold nothing that the nodes of the segment that hears them could all lie beside."""
+_OVERLOOKED = 5e-11
+"""Of the largest value so far: what may be heard between the nodes."""
+
 Propagators: TypeAlias = dict[tuple[tuple[float, ...], int, bool], Propagator]
 """Propagators by the key of their segments, and whether commands are straight there."""
 
@@ -54,10 +59,11 @@ class _Segment:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Nodes:
-    """States, inputs, outputs and signals to be delayed on the nodes, shapes (segments, lanes, N + 1, ·)."""
+    """States, inputs, delayed signals, outputs and signals to be delayed on the nodes, shapes (segments, lanes, N + 1, ·)."""
 
     x: Array
     u: Array
+    w: Array
     y: Array
     z: Array
 
@@ -135,6 +141,7 @@ class _Run:
         self.propagators: Propagators = {}
         self._reach: dict[Propagator, Array] = {}
         self._dtype = system.dtype
+        self._loudest = np.zeros(system.m)
         self._shortest = float(system.delays[0].real.min()) if system.m else np.inf
         self.edges: Array = np.zeros((1, self.lanes))
         self.u, self.y, self.z = (
@@ -198,7 +205,7 @@ class _Run:
             w = np.zeros((segment.count, self.lanes, DEGREE + 1, 0))
         y = x @ s.c1.swapaxes(-1, -2) + u @ s.d11.swapaxes(-1, -2) + w @ s.d12.swapaxes(-1, -2)
         z = x @ s.c2.swapaxes(-1, -2) + u @ s.d21.swapaxes(-1, -2) + w @ s.d22.swapaxes(-1, -2)
-        return _Nodes(x=x, u=u, y=y, z=z)
+        return _Nodes(x=x, u=u, w=w, y=y, z=z)
 
     def terms(self, segment: _Segment, nodes: _Nodes) -> Array:
         """Return the size of the terms that outputs and signals to be delayed are the sum of, shape (segments, ·).
@@ -213,6 +220,23 @@ class _Run:
         x, u = nodes.x[:, 0, 0].real, nodes.u[:, 0]
         return np.asarray(np.abs(np.concatenate([x, u[:, 0], u[:, -1] - u[:, 0]], axis=-1)) @ self._reach[propagator])
 
+    def overlooks(self, segment: _Segment, nodes: _Nodes) -> bool:
+        """Return whether something between the nodes of ``segment`` is heard, which many short pieces held one delay ago."""
+        if not self.s.m or not self.count:
+            return False
+        start, h = (float((self._basis[0] @ part).real) for part in (segment.start, segment.width))
+        edges = self.edges[: self.count + 1, 0].real
+        for channel, delay in enumerate(self.s.delays[0].real):
+            first, last = np.searchsorted(edges, (start - delay, start - delay + h))
+            if h > delay or last - first <= _FEW_PIECES:
+                continue
+            middles = (edges[first : last - 1] + edges[first + 1 : last]) / 2
+            heard = weights((middles + delay - start) / h) @ nodes.w[0, 0, :, channel].real
+            held = self.z[first : last - 1, DEGREE // 2, 0, channel].real
+            if np.abs(heard - held).max() > _OVERLOOKED * self._loudest[channel]:
+                return True
+        return False
+
     def append(self, segment: _Segment, nodes: _Nodes) -> None:
         """Take over the first ``segment.count`` of the segments computed."""
         k, count = self.count, segment.count
@@ -220,6 +244,7 @@ class _Run:
             self._allocate(max(2 * k, k + count))
         for kept, found in ((self.u, nodes.u), (self.y, nodes.y), (self.z, nodes.z)):
             kept[k : k + count] = found[:count].swapaxes(1, 2)
+        self._loudest = np.maximum(self._loudest, np.abs(nodes.z[:count, 0].real).max(axis=(0, 1), initial=0.0))
         self.state = nodes.x[count - 1, :, -1]
         start, width = self._basis @ segment.start, self._basis @ segment.width
         self.edges[k : k + count + 1] = start + np.arange(count + 1)[:, None] * width
@@ -332,11 +357,14 @@ def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Tra
                 nodes.x, nodes.y, nodes.z, partial(run.terms, segment, nodes), states=not straight
             )
             good = count if held.all() or (straight and width * whole <= smallest) else int(held.argmin())
+            good = 0 if good and run.overlooks(segment, nodes) else good
             if not good:
                 level, most = level + 1, 1
                 waiting, patience = (4 * patience, 4 * patience) if trial else (waiting, patience)
                 trial = False
                 continue
+            if trial:
+                patience = 1
             # twice the width fits where the segments behind it begin at an even place
             place = np.arange(1, good + 1)
             grows = roomy[:good] & ((position / width + place) % 2 == 0) & (place > waiting) & (level > 0)

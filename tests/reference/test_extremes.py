@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import gammainc
 
 from engine.diagram import Diagram
 from engine.errors import DiagramError
+from engine.evaluation import Evaluation
 from engine.study import MetricRequest, measure, simulate
 from engine.verdicts import Verdict
 from tests.reference.measuring import expect, step
@@ -100,3 +102,55 @@ def test_a_delay_of_a_quarter_of_an_hour_in_a_loop() -> None:
     assert done.curves["y"][[3, 5, 7]] == pytest.approx([1 / 2, 1 / 4, 3 / 8], abs=1e-12)
     expect(done.metrics["y"]["overshoot"], 0.5)
     assert np.isfinite(done.curves["y"]).all()
+
+
+def test_a_lag_of_a_second_in_a_loop_of_a_day() -> None:
+    delay = 1e5
+    # y = sum of -(-1/2)^k P(k, t - k T): each echo is one more lag, P the regularised incomplete gamma function
+    diagram = system(
+        {
+            "r": block("input"),
+            "e": block("sum", signs="+-"),
+            "late": block("delay", time=delay),
+            "lag": block("transfer_function", numerator=[0.5], denominator=[1, 1]),
+        },
+        ["r -> e.in1", "lag -> e.in2", "e -> late", "late -> lag"],
+        {"y": "lag"},
+    )
+    response = Evaluation(diagram).time_response({"r": step()}, ["y"])
+    assert response.joint is not None
+    assert len(response.joint.y) < 2000  # pieces: the lag is short, and what follows it is wide
+    echoes = np.arange(1, 50)
+    after = np.linspace(0.0, 100.0, 201)
+    time = (echoes[:, None] * delay + after).ravel()
+    exact = sum(-((-0.5) ** k) * gammainc(k, np.maximum(time - k * delay, 0.0)) for k in echoes)
+    assert np.abs(response.joint.output(0).sample(time) - exact).max() <= 1e-8
+
+
+MOTOR = {"back_emf_constant": 0.21, "inertia": 2e-3, "viscous_friction": 3e-3, "resistance": 0.33}
+
+
+def test_a_current_that_follows_at_once_still_turns_the_shaft() -> None:
+    # ω/u = K/((R + L s)(J s + b) + K K_e); the angle integrates it however fast the current is
+    for inductance in (1e-6, 1e-9, 1e-12):
+        motor = block("dc_motor", **MOTOR, torque_constant=0.2, inductance=inductance)
+        diagram = system({"u": block("input"), "m": motor}, ["u -> m.voltage"], {"angle": "m.angle"})
+        slow = Evaluation(diagram).path("u", "angle").response(np.array([1e-6]))
+        assert slow[0] == pytest.approx(0.2 / (0.33 * 3e-3 + 0.2 * 0.21) / 1e-6j, rel=1e-3)
+
+
+def test_a_weak_torque_turns_as_far_as_it_must() -> None:
+    # ω = K u/(R b + K K_e)
+    motor = block("dc_motor", **MOTOR, torque_constant=1e-12, inductance=1.5e-3)
+    diagram = system({"u": block("input"), "m": motor}, ["u -> m.voltage"], {"speed": "m.speed"})
+    done = simulate(diagram, signals={"u": step()}, outputs=["speed"], metrics=["peak"])
+    expect(done.metrics["speed"]["peak"], 1e-12 / (0.33 * 3e-3 + 1e-12 * 0.21))
+
+
+@pytest.mark.parametrize("frequency", [1e6, 1e9, 1e12])
+def test_a_fast_filter_leaves_the_integral_action(frequency: float) -> None:
+    law = {"kp": 3.0, "ki": 2.0, "kd": 0.5, "filter_frequency": frequency}
+    diagram = system({"e": block("input"), "law": block("pid", **law)}, ["e -> law"], {"u": "law"})
+    path = Evaluation(diagram).path("e", "u")
+    assert (path.static, path.verdict) == (None, Verdict.INTEGRATING)
+    assert path.response(np.array([1e-6]))[0] == pytest.approx(2.0 / 1e-6j, rel=1e-5)
