@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -11,6 +12,8 @@ from storage.loading import uncollected
 
 if TYPE_CHECKING:
     import threading
+
+    from pydantic_core import ErrorDetails
 
     from api.settings import Settings
 
@@ -151,6 +154,7 @@ def openapi(argv: Sequence[str]) -> int:
 def read_settings() -> Settings:
     """Return the settings of this process, and let it write its log; wrong ones end it with a sentence."""
     from pydantic import ValidationError
+    from pydantic_settings import SettingsError
 
     from api import logs
     from api.settings import Settings
@@ -158,10 +162,24 @@ def read_settings() -> Settings:
     try:
         settings = Settings()
     except ValidationError as error:
-        wrong = "; ".join(f"SERVOTUNE_{str(e['loc'][0]).upper()}: {e['msg']}" for e in error.errors())
-        raise SystemExit(f"settings must be valid: {wrong}") from error
+        raise SystemExit("; ".join(dict.fromkeys(map(_wrong, error.errors())))) from error
+    except SettingsError as error:
+        found = re.search('field "(.*?)"', str(error))
+        raise SystemExit(f"SERVOTUNE_{found[1].upper() if found else ''} must be JSON") from error
     logs.configure(settings.log_level, form=settings.log_format)
     return settings
+
+
+def _wrong(error: ErrorDetails) -> str:
+    """Return what is wrong with a setting, by the name of its variable; validators of ours name what they mean."""
+    from api.handlers import sentence
+
+    first, *inside = error["loc"]
+    variable = f"SERVOTUNE_{str(first).upper()}"
+    if error["type"] == "value_error":
+        return f"{variable}: {error['msg'].removeprefix('Value error, ')}"
+    # pydantic also counts the alternatives of a union as places, by descriptions in brackets
+    return sentence("/".join([variable, *(str(part) for part in inside if "[" not in str(part))]), error)
 
 
 def _prepare(settings: Settings) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Sequence, Sized
+import re
+from collections.abc import Mapping, Sequence, Sized
+from difflib import get_close_matches
 from http import HTTPStatus
 from typing import Any
 
@@ -35,36 +37,48 @@ def problem_response(problem: Problem) -> Response:
 
 def _fault(error: dict[str, Any], body: Any) -> Fault:
     where, *location = error["loc"]
-    message = str(error["msg"])
     kind = error["type"]
     if where != "body":
         name = f"{where} parameter {'.'.join(str(part) for part in location)}"
-        return Fault(place=(), detail=_sentence(kind, name, message, error))
+        return Fault(place=(), detail=sentence(name, error))
     if kind == "json_invalid":
-        return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}")
+        at = f" (character {location[0]})" if location else ""
+        return Fault(place=(), detail=f"the body must be JSON: {error['ctx']['error']}{at}")
     if not isinstance(body, dict):
         return Fault(place=(), detail="the body must be a JSON object sent with Content-Type: application/json")
     place = place_in(body, location, names_a_field=kind in {"missing", "extra_forbidden"})
-    name = str(place[-1]) if place else "the document"
-    sentence = _sentence(kind, name, message, error)
+    name = _name(place)
     if kind in {"union_tag_invalid", "union_tag_not_found"} and isinstance(error.get("input"), dict):
         expected = error.get("ctx", {}).get("expected_tags", "")
-        got = _shown(error["input"].get("kind"))
-        return Fault(place=(*place, "kind"), detail=f"kind must be one of {expected or 'the catalogue'}, got {got}")
-    return Fault(place=place, detail=sentence)
+        got = error["input"].get("kind")
+        near = get_close_matches(got, re.findall(r"'(.*?)'", expected), n=1) if isinstance(got, str) else []
+        meant = f" (was {near[0]!r} meant?)" if near else ""
+        detail = f"kind must be one of {expected or 'the catalogue'}, got {_shown(got)}{meant}"
+        return Fault(place=(*place, "kind"), detail=detail)
+    return Fault(place=place, detail=sentence(name, error))
+
+
+def _name(place: Sequence[str | int]) -> str:
+    """Return what a sentence calls a place: its last name, with the numbers behind it."""
+    names = [at for at, part in enumerate(place) if isinstance(part, str)]
+    return "/".join(str(part) for part in place[names[-1] if names else 0 :]) or "the document"
 
 
 _KINDS = {
     "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
     "tuple_type": "a list", "dict_type": "an object", "model_type": "an object", "model_attributes_type": "an object",
+    "datetime_type": "a date and time", "datetime_parsing": "a date and time", "datetime_from_date_parsing": "a date and time",
+    "timezone_aware": "a date and time with its zone",
+    "ip_v4_network": "an IP network", "ip_v6_network": "an IP network",
     "float_type": "a number", "float_parsing": "a number", "int_type": "a whole number", "int_parsing": "a whole number",
     "int_from_float": "a whole number", "finite_number": "a finite number",
 }  # fmt: skip
 """What pydantic expected where the JSON value was of another kind."""
 
 
-def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
+def sentence(name: str, error: Mapping[str, Any]) -> str:
     """Return ``<name> must be <rule>, got <value>`` for what pydantic found."""
+    kind, message = error["type"], str(error["msg"])
     given, limits = error.get("input"), error.get("ctx", {})
     count = len(given) if isinstance(given, Sized) else 0
     sentences = {
@@ -72,8 +86,12 @@ def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
         "extra_forbidden": f"{name} must be left out: it is no field here",
         "value": f"{name} {message}",
         "value_error": f"{name} {message.removeprefix('Value error, ')}",
-        "too_long": f"{name} must be at most {limits.get('max_length')} items, got {count}",
-        "too_short": f"{name} must be at least {limits.get('min_length')} items, got {count}",
+        "literal_error": f"{name} must be {limits.get('expected')}, got {_shown(given)}",
+        "enum": f"{name} must be {limits.get('expected')}, got {_shown(given)}",
+        "too_long": f"{name} must have at most {_counted(limits.get('max_length'), 'item')}, got {count}",
+        "too_short": f"{name} must have at least {_counted(limits.get('min_length'), 'item')}, got {count}",
+        "string_too_long": f"{name} must have at most {_counted(limits.get('max_length'), 'character')}, got {count}",
+        "string_too_short": f"{name} must have at least {_counted(limits.get('min_length'), 'character')}, got {count}",
         "string_pattern_mismatch": f"{name} must match {limits.get('pattern')}, got {_shown(given)}",
         "greater_than": f"{name} must be > {limits.get('gt')}, got {given}",
         "greater_than_equal": f"{name} must be >= {limits.get('ge')}, got {given}",
@@ -83,6 +101,10 @@ def _sentence(kind: str, name: str, message: str, error: dict[str, Any]) -> str:
     if kind in _KINDS:
         return f"{name} must be {_KINDS[kind]}, got {_shown(given)}"
     return sentences.get(kind, f"{name}: {message}, got {_shown(given)}")
+
+
+def _counted(number: int | None, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _shown(value: Any) -> str:
@@ -116,9 +138,8 @@ def _on_http(request: Request, error: Exception) -> Response:
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(sorted({*headers.get("Allow", "").split(", "), *_allowed(request)} - {""}))
-    detail = {404: "no such path", 405: "the path exists, but not with this method"}.get(
-        error.status_code, error.detail
-    )
+    known = {404: "no such path", 405: f"the method must be one of {headers.get('Allow')} here, got {request.method}"}
+    detail = known.get(error.status_code, error.detail)
     return problem_response(Problem(error.status_code, kind, detail, headers=headers))
 
 

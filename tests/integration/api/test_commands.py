@@ -158,8 +158,11 @@ def test_the_worker_ends_with_a_killed_service(tmp_path) -> None:
     ("settings", "says"),
     [
         ({"database_url": "oracle://x"}, "sqlite or postgresql"),
-        ({"bootstrap_key": "short"}, "SERVOTUNE_BOOTSTRAP_KEY"),
-        ({"body_limit": "much"}, "SERVOTUNE_BODY_LIMIT"),
+        ({"bootstrap_key": "short"}, "SERVOTUNE_BOOTSTRAP_KEY must have at least 16 characters, got 5"),
+        ({"body_limit": "much"}, "SERVOTUNE_BODY_LIMIT must be a whole number, got 'much'"),
+        ({"oidc_roles": "admins"}, "SERVOTUNE_OIDC_ROLES must be JSON"),
+        ({"webhook_networks": '["lab"]'}, "SERVOTUNE_WEBHOOK_NETWORKS/0 must be an IP network, got 'lab'\n"),
+        ({"log_format": "yaml"}, "SERVOTUNE_LOG_FORMAT must be 'text' or 'json', got 'yaml'"),
         ({"database_url": "postgresql+psycopg://nobody@127.0.0.1:1/none"}, "must be reachable"),
     ],
 )
