@@ -106,7 +106,11 @@ class Kept:
                 return
             assert self._process.stdin is not None
             self._process.stdin.close()
-            self._process, lived = self._start(), 0.0
+            try:
+                self._process = self._start()
+            except OSError as error:  # the machine has no memory, or no numbers left; perhaps later
+                _log.error("%s cannot be started: %s", self._what, error)
+            lived = 0.0
 
 
 def worker_beside(
