@@ -1,4 +1,7 @@
-"""One service and one browser for all tests of a process; a page that fails a test when a script on it fails."""
+"""One service and one browser for all tests of the pages in a process; a page that fails a test when a script on it fails.
+
+They end with the last of these tests: an idle service and its worker would take a twentieth of a core from all tests that follow.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,19 @@ from tests.browser.driving import Running, launched, running, signed_in
 expect.set_options(timeout=30_000)  # beside other tests a page may wait for its processor
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     with running(tmp_path_factory.mktemp("browser")) as found:
         yield found
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def client(service: Running) -> Iterator[httpx.Client]:
     with service.client() as found:
         yield found
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
         found = launched(playwright)
@@ -33,7 +36,7 @@ def browser() -> Iterator[Browser]:
         found.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def visitor(browser: Browser, service: Running) -> Iterator[BrowserContext]:
     """A browser that has signed in once."""
     context = signed_in(browser, service.url)
