@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import threading
+from collections.abc import Callable
 from typing import Any
 
 
@@ -21,6 +22,17 @@ def parser_of(command: str, description: str, **more: Any) -> argparse.ArgumentP
         Further arguments of `argparse.ArgumentParser`.
     """
     return argparse.ArgumentParser(prog=f"servotune {command}", description=description, **more)
+
+
+def whole(low: int, high: int) -> Callable[[str], int]:
+    """Return what reads a whole number from ``low`` to ``high``."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"must be a whole number from {low} to {high}, got {text!r}")
+        return int(text)
+
+    return read
 
 
 def stopped_by_signals() -> threading.Event:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from api.arguments import parser_of, stopped_by_signals
+from api.arguments import parser_of, stopped_by_signals, whole
 from storage.loading import uncollected
 
 if TYPE_CHECKING:
@@ -36,12 +36,11 @@ def serve(argv: Sequence[str]) -> int:
     """
     parser = parser_of("serve", "Start the service. Settings are environment variables SERVOTUNE_*.")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
-    parser.add_argument("--port", type=int, default=8000, help="port to listen on (default: %(default)s)")
+    parser.add_argument("--port", type=whole(0, 65535), default=8000, help="port to listen on (default: %(default)s)")
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
     parser.add_argument(
         "--processes",
-        type=int,
-        choices=range(1, 65),
+        type=whole(1, 64),
         metavar="N",
         help="processes that answer requests, at most 64 (default: SERVOTUNE_PROCESSES)",
     )
@@ -101,7 +100,7 @@ def worker(argv: Sequence[str]) -> int:
         Exit code.
     """
     parser = parser_of("worker", "Compute jobs. Settings are environment variables SERVOTUNE_*.")
-    parser.add_argument("--slots", type=int, help="jobs at the same time (default: SERVOTUNE_WORKER_SLOTS)")
+    parser.add_argument("--slots", type=whole(1, 1024), help="jobs at the same time (default: SERVOTUNE_WORKER_SLOTS)")
     parser.add_argument("--with-parent", action="store_true", help="stop when standard input closes")
     given = parser.parse_args(argv)
 
@@ -122,7 +121,7 @@ def worker(argv: Sequence[str]) -> int:
     try:
         Worker(settings.database_url, compute="api.worker:run", slots=slots, traced=traces.job).run(stop)
     except unreachable as error:
-        raise SystemExit(f"{_UNREACHABLE}: {error}") from error
+        raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except StateError as error:
         raise SystemExit(str(error)) from error
     finally:
@@ -202,7 +201,7 @@ def _prepare(settings: Settings) -> None:
         finally:
             database.dispose()
     except unreachable as error:
-        raise SystemExit(f"{_UNREACHABLE}: {error}") from error
+        raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except VaultError as error:
         raise SystemExit(f"SERVOTUNE_SECRET_KEY: {error.message}") from error
     if token is not None:

@@ -20,7 +20,7 @@ import httpx
 import pytest
 from opentelemetry.proto.trace.v1.trace_pb2 import Span
 
-from api.commands import openapi
+from api.commands import openapi, serve, worker
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, upload
 from tests.integration.api.test_datasets import FILE, TEXT
@@ -176,6 +176,21 @@ def test_wrong_settings_end_with_a_sentence(tmp_path, settings, says) -> None:
     assert done.returncode != 0
     assert says in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "says"),
+    [
+        (serve, ["--port", "99999"], "argument --port: must be a whole number from 0 to 65535, got '99999'"),
+        (serve, ["--port", "http"], "argument --port: must be a whole number from 0 to 65535, got 'http'"),
+        (serve, ["--processes", "0"], "argument --processes: must be a whole number from 1 to 64, got '0'"),
+        (worker, ["--slots", "0"], "argument --slots: must be a whole number from 1 to 1024, got '0'"),
+    ],
+)
+def test_wrong_arguments_end_with_a_sentence(capsys, command, arguments, says) -> None:
+    with pytest.raises(SystemExit):
+        command(arguments)
+    assert says in capsys.readouterr().err
 
 
 def test_openapi_is_printed(capsys) -> None:
