@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from storage.jobs.compute import HEADER, ComputeJob, Frame, send
-from storage.jobs.zygote import COMMAND, EXITED, KILL, PREPARED, START
+from storage.jobs.zygote import COMMAND, EXITED, KILL, NOT_STARTED, PREPARED, START
 
 _PIECE = 1 << 20
 
@@ -76,6 +76,8 @@ class Child:
             return "the computing process closed its pipe"
         if status is None:
             return "the computing process lost the process that started it"
+        if status == NOT_STARTED:
+            return "the computing process could not be started: the system has no room for another one"
         code = os.waitstatus_to_exitcode(status)
         if code >= 0:
             return f"the computing process ended by itself with exit code {code}"

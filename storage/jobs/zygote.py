@@ -28,6 +28,8 @@ COMMAND = struct.Struct("<cq")
 START, KILL = b"S", b"K"
 #: Zygote to worker: which child has ended, and its wait status.
 EXITED = struct.Struct("<qi")
+#: In place of a wait status, which is never negative: the system had no room for a child.
+NOT_STARTED = -1
 #: In place of a child: the zygote is prepared, after so many milliseconds.
 PREPARED = -1
 
@@ -78,7 +80,12 @@ def _obey(control: socket.socket, children: dict[int, int], compute: Compute, *,
     command, number = COMMAND.unpack(data)
     if command == START:
         pipe = socket.socket(fileno=descriptors[0])
-        process = os.fork()
+        try:
+            process = os.fork()
+        except OSError:  # those that compute go on
+            pipe.close()
+            control.sendall(EXITED.pack(number, NOT_STARTED))
+            return
         if process == 0:
             _be_child(control, pipe, compute, inherited)
         pipe.close()

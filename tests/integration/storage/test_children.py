@@ -70,6 +70,26 @@ def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(z
     other.kill()
 
 
+def test_a_child_that_the_system_has_no_room_for_takes_no_other_one_with_it():
+    zygote = Zygote("tests.support.no_room:run")
+    running = zygote.start(job("spin"))
+    told = next_frame(running)
+    assert isinstance(told, Message)
+    refused = zygote.start(job("spin"))
+    with pytest.raises(ChildDied, match="could not be started"):
+        next_frame(refused)
+    refused.kill()
+    assert running.receive(0.3) is None
+    assert exists(int(told.text))
+    later = zygote.start(job("square", values=[2], pause=0))
+    while not isinstance(frame := next_frame(later), Done):
+        pass
+    assert frame.result["count"] == 1
+    later.kill()
+    running.kill()
+    zygote.close()
+
+
 def test_a_service_manager_that_signals_every_process_leaves_the_children_to_the_worker(zygote):
     child = zygote.start(job("spin"))
     told = next_frame(child)
