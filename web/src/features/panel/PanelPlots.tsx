@@ -125,7 +125,9 @@ export const PanelPlots = memo(
         const bands = what === "step" ? overlays.map(({ low, high, series: { color } }): Band => ({ x, low, high, color })) : [];
         const decor = decorOf(what ?? "", name === output || name === undefined, bands, seen, margins);
         handle.update(curves, decor);
-        describe(kind, decor.marks, curves.some(({ y }) => y.some(Number.isFinite)) ? "" : t(`panel.nothing.${what}`, ""));
+        // In a Nyquist diagram a response of nothing is a point that nobody sees.
+        const heights = what === "nyquist" ? next.variants.map((_, k) => bodeOf(k).magnitude) : curves.map(({ y }) => y);
+        describe(kind, decor.marks, heights.some((height) => height.some(Number.isFinite)) ? "" : t(`panel.nothing.${what}`, ""));
       }
       holder.current?.setAttribute("data-frame", String(next.seq));
     };

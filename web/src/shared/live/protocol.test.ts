@@ -43,5 +43,10 @@ describe("Bode diagrams", () => {
     s.forEach((w, i) => expect(phase[i]).toBeCloseTo((-4 * Math.atan(w) * 180) / Math.PI, 3));
     expect(magnitude[1]).toBeCloseTo(-40 * Math.log10(2), 4);
   });
+  it("have no phase where nothing comes through, and begin behind it", () => {
+    const { phase, magnitude } = bode(Float32Array.of(0, -1, -1), Float32Array.of(0, 1e-9, 1));
+    expect([...phase]).toEqual([NaN, -180, -225]);
+    expect(magnitude[0]).toBe(-Infinity);
+  });
   it("see a double integrator at -180 degrees", () => expect(bode(Float32Array.of(-1), Float32Array.of(1e-9)).phase[0]).toBeCloseTo(-180));
 });

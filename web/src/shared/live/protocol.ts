@@ -113,11 +113,17 @@ export function bode(re: Float32Array, im: Float32Array): { magnitude: Float32Ar
   const magnitude = new Float32Array(re.length);
   const phase = new Float32Array(re.length);
   let turns = 0;
-  let before = 0;
+  let before: number | null = null;
   for (let i = 0; i < re.length; i++) {
-    magnitude[i] = 20 * Math.log10(Math.hypot(re[i]!, im[i]!));
+    const size = Math.hypot(re[i]!, im[i]!);
+    magnitude[i] = 20 * Math.log10(size);
+    // What does not come through is not late either.
+    if (size === 0) {
+      phase[i] = NaN;
+      continue;
+    }
     const angle = (Math.atan2(im[i]!, re[i]!) * 180) / Math.PI;
-    if (i > 0) turns -= 360 * Math.round((angle - before) / 360);
+    if (before !== null) turns -= 360 * Math.round((angle - before) / 360);
     // At the first frequency a loop is looked at from below: -180 and not +180 degrees for a double integrator.
     else if (angle > 90) turns = -360;
     before = angle;

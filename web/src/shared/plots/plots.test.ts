@@ -1,12 +1,13 @@
 import { describe, expect, it } from "vitest";
 import { csvOf } from "./export";
-import { clamped, decadeText, equalRanges, extent, padded, tickTexts } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, padded, tickTexts } from "./ranges";
 
 describe("ranges", () => {
   it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
   it("knows nothing of nothing", () => expect(extent([[NaN], []])).toBeNull());
   it("leaves air", () => expect(padded([0, 1], 0.1)).toEqual([-0.1, 1.1]));
   it("puts a constant into the middle", () => expect(padded([5, 5])).toEqual([4.5, 5.5]));
+  it("sees a curve of nothing but noughts as flat", () => expect(padded([0, 0])).toEqual([-1, 1]));
   it("clamps, unless nothing is left", () => {
     expect(clamped([-200, 20], [-60, 100])).toEqual([-60, 20]);
     expect(clamped([-200, -100], [-60, 100])).toEqual([-200, -100]);
@@ -32,7 +33,14 @@ describe("ticks", () => {
     [[-10, 0, 10], 10, ["-10", "0", "10"]],
     [[0, 2e-6, 4e-6], 2e-6, ["0", "2e-6", "4e-6"]],
     [[0, 2.5e6], 2.5e6, ["0", "2.5e6"]],
+    [[12.3865, 12.38675], 0.00025, ["12.38650", "12.38675"]],
   ])("%j", (splits, step, texts) => expect(tickTexts(splits, step)).toEqual(texts));
+});
+
+it("an axis is as wide as its labels, and not less than others", () => {
+  expect(axisWidth(null, 58)).toBe(58);
+  expect(axisWidth(["0.02", "0.04"], 58)).toBe(58);
+  expect(axisWidth(["12.38650", "12.38675"], 58)).toBe(16 + 8 * 7);
 });
 
 it("decades are short", () => expect([0.001, 0.1, 1000, 1e4].map(decadeText)).toEqual(["1e-3", "0.1", "1000", "1e4"]));

@@ -20,7 +20,7 @@ export function padded(range: Range | null, part = 0.06): Range {
   if (range === null) return [0, 1];
   const [low, high] = range;
   const span = high - low;
-  const air = span > 1e-12 * Math.max(Math.abs(low), Math.abs(high)) ? span * part : Math.max(Math.abs(high) * 0.1, 1e-9);
+  const air = span > 1e-12 * Math.max(Math.abs(low), Math.abs(high)) ? span * part : Math.abs(high) * 0.1 || 1;
   return [low - air, high + air];
 }
 
@@ -56,11 +56,18 @@ export function tickTexts(splits: readonly (number | null)[], step: number): str
   const power = Math.floor(Math.log10(step) + 1e-9);
   // A step of 2.5 needs one digit more than one of 2.
   const more = Math.abs(step / 10 ** power - Math.round(step / 10 ** power)) > 1e-6 ? 1 : 0;
-  if (size !== 0 && (power < -3 || size >= 1e6)) {
-    const kept = Math.max(0, Math.floor(Math.log10(size)) - power) + more;
-    return splits.map((v) => (v === null ? "" : v === 0 ? "0" : v.toExponential(kept).replace("e+", "e")));
-  }
-  return splits.map((v) => (v === null ? "" : v.toFixed(Math.max(0, more - power)).replace(/^-(0(\.0*)?)$/, "$1")));
+  const plain = splits.map((v) => (v === null ? "" : v.toFixed(Math.max(0, more - power)).replace(/^-(0(\.0*)?)$/, "$1")));
+  if (size === 0 || (power >= -3 && size < 1e6)) return plain;
+  const kept = Math.max(0, Math.floor(Math.log10(size)) - power) + more;
+  const powers = splits.map((v) => (v === null ? "" : v === 0 ? "0" : v.toExponential(kept).replace("e+", "e")));
+  return longest(plain) <= longest(powers) ? plain : powers;
+}
+
+const longest = (texts: string[]): number => Math.max(...texts.map((text) => text.length));
+
+/** Pixels that an axis needs for its labels; most need no more than the least. */
+export function axisWidth(texts: readonly string[] | null, least: number): number {
+  return Math.max(least, 16 + 7 * longest([...(texts ?? []), ""]));
 }
 
 /** A whole decade on a logarithmic axis: short enough to stand beside its neighbours. */

@@ -1,6 +1,6 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
 import { paintBehind, paintMarks } from "./decor";
 import { Handles } from "./handles";
 import { drawLine, drawPath } from "./lines";
@@ -92,7 +92,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   let lastY: Range | null = null;
   let plane: { x: Range; y: Range } | null = null;
   const label = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
-  const axis = (own: { label: string; unit: string; log?: boolean }, size: number): uPlot.Axis => ({
+  const axis = (own: { label: string; unit: string; log?: boolean }, size: uPlot.Axis.Size): uPlot.Axis => ({
     stroke: ink,
     grid,
     ticks: grid,
@@ -120,7 +120,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
         { label: spec.x.label },
         ...spec.series.map((s) => ({ label: s.label, stroke: s.color, ...(s.marks ? {} : { paths: aligned }), alpha: s.faint ? 0.4 : 1, width: s.marks ? 0 : (s.width ?? 1.5), dash: s.dash, points: s.marks ? { show: true, size: 5, stroke: s.color } : { show: false } })),
       ];
-  const empty: unknown[] = spec.equal ? [null, ...spec.series.map(() => [[0, 1], [0, 0]])] : [[1, 2], ...spec.series.map(() => [0, 0])];
+  const empty: unknown[] = spec.equal ? [null, ...spec.series.map(() => [[NaN, NaN], [NaN, NaN]])] : [[1, 2], ...spec.series.map(() => [null, null])];
   const decimals = (value: number) => Number(value.toPrecision(4)).toString();
   const options: uPlot.Options = {
     width: Math.max(element.clientWidth, 60),
@@ -132,7 +132,8 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     scales: spec.equal
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
       : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
-    axes: [axis(spec.x, 34), axis(spec.y, 58)],
+    // Both axes of a plane are alike by their sizes, which therefore stay.
+    axes: [axis(spec.x, 34), axis(spec.y, spec.equal ? 58 : (_u, texts) => axisWidth(texts, 58))],
     series: series as uPlot.Series[],
     hooks: {
       drawAxes: [(u) => paintBehind(u, spec, decor)],
@@ -167,22 +168,23 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     const seen = planeOf(current, [...(spec.keep ?? []), ...edges], spec.clamp);
     plane = equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height);
   };
+  const draw = () => {
+    if (spec.equal) findPlane();
+    const data = spec.equal ? [null, ...current.map((c) => [c.x, c.y])] : [current[0]?.x ?? [0, 1], ...current.map((c) => c.y)];
+    // batch() commits at its end, so that the picture is drawn before this returns.
+    plot.batch(() => plot.setData(data as unknown as uPlot.AlignedData));
+  };
   const observer = new ResizeObserver(() => {
     plot.setSize({ width: element.clientWidth, height: element.clientHeight });
-    if (spec.equal) {
-      findPlane();
-      plot.redraw(true, true);
-    }
+    // Only new data are asked for both ranges anew: redraw() would keep that of x, and a circle would become an ellipse.
+    if (spec.equal && current.length > 0) draw();
   });
   observer.observe(element);
   return {
     update(curves, behind = NOTHING) {
       current = curves;
       decor = behind;
-      if (spec.equal) findPlane();
-      const data = spec.equal ? [null, ...curves.map((c) => [c.x, c.y])] : [curves[0]?.x ?? [0, 1], ...curves.map((c) => c.y)];
-      // batch() commits at its end, so that the picture is drawn before this returns.
-      plot.batch(() => plot.setData(data as unknown as uPlot.AlignedData));
+      draw();
     },
     png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
     destroy() {
