@@ -29,7 +29,9 @@ type FrfRequest = components["schemas"]["FrfRequest"];
 const ask = (body: Record<string, unknown>): Promise<Reply> => must(api.POST("/v1/frfs", { body: body as unknown as FrfRequest }));
 const SHOWN = ["/input", "/output", "/estimator", "/segment", "/window", "/confidence", "/form", "/period", "/steps", "/settle", "/system", "/from", "/to"];
 const number = (value: number | null | undefined) => (value == null ? "–" : formatNumber(value, 3));
-const plain = (values: (number | null)[] | null | undefined): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
+type Values = (number | null)[] | null | undefined;
+const plain = (values: Values): Float64Array => Float64Array.from(values ?? [], (value) => value ?? NaN);
+const degrees = (values: Values): Float64Array => plain(values).map((value) => (value * 180) / Math.PI);
 
 /** Measured frequency responses with their coherence and the bounds that hold the truth, natural frequencies, and the doubts. */
 export function FrfPage() {
@@ -127,12 +129,12 @@ function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }
     const axis = { label: "ω", unit: "rad/s", log: true };
     const units = [...new Set(outputs.map(([, found]) => prettyUnit(found.unit)))];
     const lines = (pick: (found: Reply["outputs"][string]) => Omit<AnalysisLine, "label" | "x">): AnalysisLine[] => outputs.map(([output, found]) => ({ label: words(output), x, ...pick(found) }));
-    const band = (lower: (number | null)[] | null | undefined, upper: (number | null)[] | null | undefined) => (lower && upper ? { band: { lower: plain(lower), upper: plain(upper) } } : {});
+    const band = (lower: Values, upper: Values, read = plain) => (lower && upper ? { band: { lower: read(lower), upper: read(upper) } } : {});
     const models = outputs.flatMap(([output, { simulated }], i) => (simulated ? [{ simulated, label: t("spectra.modelOf", { output: words(output) }), x, color: i + outputs.length }] : []));
     const marks = (reply.modes?.modes ?? []).flatMap((mode) => (mode.frequency === null ? [] : [{ x: mode.frequency, label: "" }]));
     return {
       magnitude: { title: t("spectra.magnitude"), x: axis, y: { label: "|G|", unit: units.length === 1 ? units[0]! : "", log: true }, lines: [...lines((found) => ({ y: plain(found.magnitude), ...band(found.magnitude_lower, found.magnitude_upper) })), ...models.map(({ simulated, ...line }) => ({ ...line, y: plain(simulated.magnitude) }))], marks } as AnalysisSpec,
-      phase: { title: t("panel.phase"), x: axis, y: { label: t("panel.phase"), unit: "rad" }, lines: [...lines((found) => ({ y: plain(found.phase), ...band(found.phase_lower, found.phase_upper) })), ...models.map(({ simulated, ...line }) => ({ ...line, y: plain(simulated.phase) }))], marks } as AnalysisSpec,
+      phase: { title: t("panel.phase"), x: axis, y: { label: t("panel.phaseShort"), unit: "°" }, lines: [...lines((found) => ({ y: degrees(found.phase), ...band(found.phase_lower, found.phase_upper, degrees) })), ...models.map(({ simulated, ...line }) => ({ ...line, y: degrees(simulated.phase) }))], marks } as AnalysisSpec,
       coherence: { title: t("spectra.coherence"), x: axis, y: { label: "γ²", unit: "", min: 0, max: 1 }, lines: lines((found) => ({ y: plain(found.coherence) })) } as AnalysisSpec,
     };
   }, [reply, t]);
