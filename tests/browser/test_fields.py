@@ -31,3 +31,24 @@ def test_a_map_of_one_point_is_refused_at_its_points(page: Page, client: httpx.C
     page.goto(f"/systems/{study(client, 'hydraulic-velocity')}/optimise")
     page.get_by_label("Method", exact=True).select_option("grid")
     assert untold(page, Mistake(fill={"points": "1"}, press=("Start",), at="points", said="2")) == []
+
+
+def test_a_key_that_would_outlive_its_successor_too_long_is_refused_at_its_hours(
+    page: Page, client: httpx.Client
+) -> None:
+    client.post("/v1/keys", json={"name": "of the fields", "scopes": ["read"]}).raise_for_status()
+    page.goto("/access")
+    page.get_by_role("button", name="Rotate of the fields").click()
+    dialog = page.get_by_role("dialog")
+    hours, make = (
+        dialog.get_by_label("The old one opens for another"),
+        dialog.get_by_role("button", name="Make the new key"),
+    )
+    # 30 days are allowed, 720 h.
+    hours.fill("721")
+    expect(hours).to_have_attribute("aria-invalid", "true")
+    expect(hours).to_have_accessible_description(re.compile("must be at most 720 h, got 721 h"))
+    expect(make).to_be_disabled()
+    hours.fill("720")
+    make.click()
+    expect(page.get_by_test_id("new-key")).to_be_visible()

@@ -10,6 +10,8 @@ import { When } from "@/shared/ui/When";
 import { keysQuery, type Key, type NewKey } from "./api";
 
 const HOUR = 3600;
+/** Hours: for 30 days the service keeps an old key open. */
+const LONGEST = 720;
 
 /** Whether a key opens nothing any more: revoked, or past its end, as one is that was replaced at once. */
 function isOver({ revoked_at, expires_at }: Key): boolean {
@@ -33,6 +35,12 @@ export function KeyTable({ keys, onMade }: { keys: Key[]; onMade(made: NewKey): 
     },
   });
   const problem = isProblem(rotate.error) ? rotate.error : null;
+  // The service counts in seconds: its rule is told in what is filled in.
+  const tooLong = Number(hours) > LONGEST ? t("forms.got", { rule: t("forms.atMost", { limit: `${LONGEST} h` }), value: `${hours} h` }) : undefined;
+  const close = () => {
+    setRotated(null);
+    rotate.reset();
+  };
   return (
     <>
       <ProblemAlert error={revoke.error} />
@@ -63,13 +71,13 @@ export function KeyTable({ keys, onMade }: { keys: Key[]; onMade(made: NewKey): 
           },
         ]}
       />
-      <Modal opened={rotated !== null} onClose={() => setRotated(null)} title={t("access.rotateOf", { name: rotated?.name ?? "" })} closeButtonProps={{ "aria-label": t("datasets.close") }}>
+      <Modal opened={rotated !== null} onClose={close} title={t("access.rotateOf", { name: rotated?.name ?? "" })} closeButtonProps={{ "aria-label": t("datasets.close") }}>
         <Stack gap="sm">
           <Text fz="sm">{t("access.rotateDoc")}</Text>
-          <NumberInput size="xs" label={t("access.overlap")} description={t("access.overlapDoc")} suffix=" h" min={0} hideControls value={hours} onChange={setHours} error={problem?.at("/overlap")} data-autofocus />
+          <NumberInput size="xs" label={t("access.overlap")} description={t("access.overlapDoc")} suffix=" h" min={0} hideControls value={hours} onChange={setHours} error={tooLong ?? problem?.at("/overlap")} data-autofocus />
           <ProblemAlert error={rotate.error} shown={["/overlap"]} />
           <Group>
-            <Button onClick={() => rotated && rotate.mutate(rotated.id)} loading={rotate.isPending} disabled={hours === ""}>
+            <Button onClick={() => rotated && rotate.mutate(rotated.id)} loading={rotate.isPending} disabled={hours === "" || tooLong !== undefined}>
               {t("access.rotateGo")}
             </Button>
           </Group>
