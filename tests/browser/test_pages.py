@@ -149,3 +149,24 @@ def test_a_tablet_is_enough(browser, service, hydraulic) -> None:
     page.get_by_role("button", name="Undo").tap()
     expect(page.locator(".react-flow__node")).to_have_count(count)
     context.close()
+
+
+#: Pixels by which the table of a part of a page is wider than the frame that it scrolls in.
+_BEYOND = """name => {
+  const part = document.querySelector(`[data-testid=${name}]`);
+  const frame = (part.querySelector('table') ?? part).closest('.mantine-ScrollArea-viewport');
+  return frame.scrollWidth - frame.clientWidth;
+}"""
+
+
+def test_goals_on_a_tablet_and_influences_on_a_laptop_are_seen_without_scrolling_sideways(
+    page: Page, hydraulic
+) -> None:
+    page.set_viewport_size({"width": 820, "height": 1180})
+    page.goto(f"/systems/{hydraulic}/optimise")
+    page.get_by_test_id("wanted").get_by_role("row").nth(1).wait_for()
+    assert page.evaluate(_BEYOND, "wanted") == 0
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.goto(f"/systems/{hydraulic}/influence")
+    page.get_by_test_id("influence").wait_for()
+    assert page.evaluate(_BEYOND, "influence") == 0

@@ -93,8 +93,8 @@ export function InfluencePage() {
         </Text>
         {study.data && (
           <Group align="flex-start" gap="lg" wrap="wrap">
-            <Table.ScrollContainer minWidth={420} style={{ flex: "2 1 480px" }}>
-              <Table withTableBorder withColumnBorders data-testid="influence" aria-busy={study.isFetching}>
+            <Table.ScrollContainer minWidth={420} style={{ flex: "20 1 480px" }}>
+              <Table withTableBorder withColumnBorders horizontalSpacing={8} data-testid="influence" aria-busy={study.isFetching}>
                 <Table.Thead>
                   <Table.Tr>
                     <Table.Th>{t("influence.metric")}</Table.Th>

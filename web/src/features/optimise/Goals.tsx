@@ -27,7 +27,7 @@ export function Goals(part: Part) {
   const unitOf = (row: Goal) => boundUnit(metrics.get(row.metric), outputUnit(row));
   const last = form.goals.at(-1);
   const add = () => change({ goals: [...form.goals, { ...goalOf({ metric: "overshoot", output: last?.output ?? outputs[0] ?? "", sense: "", upper: 0.05 }, last?.from ?? opened.inputs[0] ?? "", last?.loop ?? loops[0] ?? "") }] });
-  const bound = (row: Goal, i: number, key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { number: i + 1 })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional onCommit={(value) => put(i, { [key]: value })} w={120} {...spoken(row.metric, row[key])} />;
+  const bound = (row: Goal, i: number, key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { number: i + 1 })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional onCommit={(value) => put(i, { [key]: value })} w={104} {...spoken(row.metric, row[key])} />;
   return (
     <RowTable
       testId="wanted"
@@ -36,9 +36,9 @@ export function Goals(part: Part) {
       field="goals"
       fields={FIELDS}
       faultAt={faultAt}
-      minWidth={860}
+      minWidth={700}
       maxWidth={1180}
-      heads={[{ title: t("influence.metric") }, { title: t("optimise.of") }, { title: t("optimise.sense") }, { title: t("optimise.least") }, { title: t("optimise.most") }]}
+      heads={[{ title: t("influence.metric") }, { title: t("optimise.of") }, { title: t("optimise.sense") }, { title: t("optimise.least"), width: 116 }, { title: t("optimise.most"), width: 116 }]}
       rows={form.goals}
       cells={(row, i) => [
         <NativeSelect size="xs" aria-label={t("optimise.goal", { number: i + 1 })} title={metrics.get(row.metric)?.definition} value={row.metric} data={goalMetrics(metrics.values(), loops, row.metric).map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} {...wrong(i, "metric")} onChange={(event) => put(i, { metric: event.currentTarget.value })} />,

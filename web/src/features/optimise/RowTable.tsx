@@ -11,7 +11,7 @@ interface Props<Row> {
   field: string;
   fields: readonly string[];
   faultAt(field: string): string | undefined;
-  heads: { title: string; numeric?: boolean }[];
+  heads: { title: string; numeric?: boolean; width?: number }[];
   rows: readonly Row[];
   /** What stands in a row, a cell for each head; what is wrong with the row is said in the first. */
   cells(row: Row, index: number): ReactNode[];
@@ -38,11 +38,11 @@ export function RowTable<Row>({ testId, title, doc, field, fields, faultAt, head
       </Text>
       {rows.length > 0 && (
         <Table.ScrollContainer minWidth={minWidth}>
-          <Table maw={maxWidth} verticalSpacing={4}>
+          <Table maw={maxWidth} verticalSpacing={4} horizontalSpacing={6}>
             <Table.Thead>
               <Table.Tr>
                 {heads.map((head) => (
-                  <Table.Th key={head.title} ta={head.numeric ? "right" : undefined}>
+                  <Table.Th key={head.title} w={head.width} ta={head.numeric ? "right" : undefined}>
                     {head.title}
                   </Table.Th>
                 ))}
