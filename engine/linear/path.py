@@ -26,6 +26,8 @@ _HIDDEN = 1e-10
 """A direction is hidden that is weaker than this part of the terms it is the sum of: they cancel."""
 _ROUNDING = 1e-14
 """And one that is weaker than this part of the strongest: it is what rounding leaves in the coefficients."""
+_ALIKE = 1e-4
+"""Relative difference of a response without its hidden directions: what rounding may make of it, and a lost one never does."""
 
 
 def path(
@@ -96,12 +98,33 @@ def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt
 
 
 def _minimal(system: LaneSystem) -> LaneSystem:
-    """Leave out the numerically uncontrollable and unobservable directions."""
+    """Leave out the numerically uncontrollable and unobservable directions, where nothing else goes with them."""
     balanced = _evenly_scaled(system)
     driven = np.concatenate([balanced.b1[0].real, balanced.b2[0].real, balanced.x0[0].real[:, None]], axis=1)
-    balanced = _project(balanced, _reachable(balanced.a[0].real, driven))
-    watched = np.concatenate([balanced.c1[0].real, balanced.c2[0].real]).T
-    return _project(balanced, _reachable(balanced.a[0].real.T, watched))
+    found = _project(balanced, _reachable(balanced.a[0].real, driven))
+    watched = np.concatenate([found.c1[0].real, found.c2[0].real]).T
+    found = _project(found, _reachable(found.a[0].real.T, watched))
+    # between rates that lie too far apart the staircase loses directions that are driven and seen
+    return found if found.n == balanced.n or _respond_alike(balanced, found) else system
+
+
+def _respond_alike(whole: LaneSystem, part: LaneSystem) -> bool:
+    """Return whether the transfer from all that drives to all that watches is the same, as far as rounding lets it be told."""
+    rates = np.abs(np.linalg.eigvals(whole.a[0].real))
+    rates = rates[rates > 0] if rates.any() else np.ones(1)
+    for s in np.geomspace(0.1 * rates.min(), 10 * rates.max(), 9) * np.exp(0.7j):  # no pole lies just there
+        (expected, terms), (got, _) = _transfer(whole, s), _transfer(part, s)
+        if np.any(np.abs(got - expected) > _ALIKE * np.abs(expected) + _HIDDEN * terms):
+            return False
+    return True
+
+
+def _transfer(system: LaneSystem, s: complex) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.float64]]:
+    """Return C (s - A)⁻¹ B, and the size of the terms that each of its entries is the sum of."""
+    driven = np.concatenate([system.b1[0].real, system.b2[0].real, system.x0[0].real[:, None]], axis=1)
+    watched = np.concatenate([system.c1[0].real, system.c2[0].real])
+    states = np.linalg.solve(s * np.eye(system.n) - system.a[0].real, driven)
+    return watched @ states, np.abs(watched) @ np.abs(states)
 
 
 def _evenly_scaled(system: LaneSystem) -> LaneSystem:

@@ -17,6 +17,7 @@ from engine.study import MetricRequest, measure, simulate
 from engine.verdicts import Verdict
 from tests.reference.measuring import expect, step
 from tests.reference.systems import block, system, transfer_function
+from tests.reference.test_drive_elements import CYLINDER, differential_cylinder, exact, mp
 
 
 def row(count: int, kind: str, last: dict[str, Any], **values: Any) -> Diagram:
@@ -154,3 +155,12 @@ def test_a_fast_filter_leaves_the_integral_action(frequency: float) -> None:
     path = Evaluation(diagram).path("e", "u")
     assert (path.static, path.verdict) == (None, Verdict.INTEGRATING)
     assert path.response(np.array([1e-6]))[0] == pytest.approx(2.0 / 1e-6j, rel=1e-5)
+
+
+def test_a_cylinder_in_thick_grease_still_integrates_its_flow() -> None:
+    law = {**CYLINDER, "rod_area": 42e-4, "viscous_friction": 1e12}
+    blocks = {"q": block("input"), "c": block("linear_hydraulic_motor", **law)}
+    path = Evaluation(system(blocks, ["q -> c.flow"], {"z": "c.position"})).path("q", "z")
+    assert (path.static, path.verdict) == (None, Verdict.INTEGRATING)
+    expected = complex(differential_cylinder(mp.mpc(0, 1e-6), exact(law))[0][0])
+    assert path.response(np.array([1e-6]))[0] == pytest.approx(expected, rel=1e-9)
