@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.linalg import eigvals, schur
 
 from engine.linear.roots import SAME, roots
-from engine.linear.tangent import INFINITESIMAL, evened, solve
+from engine.linear.tangent import INFINITESIMAL, solve
 
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
@@ -112,9 +112,8 @@ class FrequencyResponse:
         """Return G(jω) from F(jω) [x; w] = [B1; D21], factorised for each frequency."""
         s = self.system
         f, right, read = self._equations(frequencies)
-        rows = evened(f)
         try:
-            inner = np.linalg.solve(rows * f, rows * right)[..., 0]
+            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole
             return self._triangular(frequencies)
         return np.asarray(inner @ read + complex(s.d11[0, 0, 0].real))
@@ -144,9 +143,8 @@ class FrequencyResponse:
     def _slope(self, shape: Shape, frequencies: Real) -> Real:
         s = self.system
         f, right, read = self._equations(frequencies)
-        rows = evened(f)
         try:
-            inner = np.linalg.solve(rows * f, rows * right)[..., 0]
+            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole: beside it, where nothing is infinite
             return self._slope(shape, frequencies * (1 + SAME))
         outer = np.linalg.solve(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]

@@ -36,8 +36,8 @@ def parted(value: Array, other: Array) -> bool:
 
 def evened(matrix: Array) -> Array:
     """Return the powers of 2, shape (..., k, 1), that make the rows of ``matrix``, shape (..., k, k), of one size."""
-    largest = np.abs(matrix).max(axis=-1, keepdims=True)
-    return np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
+    _, exponent = np.frexp(np.abs(matrix).max(axis=-1, keepdims=True))
+    return np.asarray(np.ldexp(1.0, -exponent))
 
 
 def solve(matrix: Array, right: Array) -> Array:
