@@ -7,7 +7,7 @@ nothing: the diagram becomes tapes and tables, which the kernels read. Candidate
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -211,9 +211,7 @@ class Batch:
         total = len(points)
         results = self._nothing(total)
         available = threads or len(os.sched_getaffinity(0))
-        # whole vectors, so that the same candidates are neighbours on any number of threads
-        block = min(_BLOCK, max(_SMALL_BLOCK, -(-total // (available * LANES)) * LANES))
-        spans = [slice(first, min(first + block, total)) for first in range(0, total, block)]
+        spans = list(_spans(total, available))
         workers = min(available, len(spans))
         if workers <= 1:
             for span in spans:
@@ -304,6 +302,19 @@ class Batch:
                     results.doubtful,
                 )  # fmt: skip
         return _Readings(responses=timed, curves=framed)
+
+
+def _spans(total: int, threads: int) -> Iterator[slice]:
+    """Cut candidates into pieces of work, smaller towards the end: no thread waits long for the last one.
+
+    Whole vectors, so that the same candidates are neighbours on any number of threads.
+    """
+    first = 0
+    while first < total:
+        share = -(-(total - first) // (2 * threads if threads > 1 else 1))
+        size = min(_BLOCK, max(_SMALL_BLOCK, -(-share // LANES) * LANES))
+        yield slice(first, min(first + size, total))
+        first += size
 
 
 def _steps(signals: Mapping[str, Signal], diagram: Diagram) -> dict[int, float] | None:
