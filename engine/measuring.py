@@ -94,13 +94,15 @@ def measure(
         return [
             (measured_of(diagram, request, finding), None) for request, finding in zip(requests, found, strict=True)
         ]
-    groups = _lanes(diagram, overrides, gradient)
+    whole, bringing = _lanes(diagram, overrides, gradient)
+    groups = [*whole, *bringing]
     columns = [findings(group, requests) for group in groups]
+    values = columns[0] if whole else findings(Evaluation(diagram, overrides), requests)
     order = [lane for group in groups for lane in group.lanes]
     place = [order.index(name) for name in gradient]
     result: list[tuple[Measured, Gradient | None]] = []
     for row, request in enumerate(requests):
-        first = columns[0][row]
+        first = values[row]
         slopes = None
         if isinstance(first, Found):
             parts = [_slopes(group, column[row]) for group, column in zip(groups, columns, strict=True)]
@@ -120,19 +122,23 @@ def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
 
 def _lanes(
     diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str | CommandParameter]
-) -> list[Evaluation]:
-    """Return evaluations that together carry the gradient; parameters at 0 may bring states of their own."""
+) -> tuple[list[Evaluation], list[Evaluation]]:
+    """Return evaluations that together carry the gradient: of the system as it is, and of one more for each parameter at 0.
+
+    Such a parameter may bring a state of its own. Where that never comes to rest, metrics that need rest have no derivative.
+    """
     base = Evaluation(diagram, overrides)
     names = [lane for lane in gradient if isinstance(lane, str)]
     commands = [lane for lane in gradient if not isinstance(lane, str)]
     zero = [name for name in names if base.value_of(name) == 0]
     plain = [name for name in names if name not in zero]
-    groups = ([plain] if plain else []) + [[name] for name in zero]
-    found = [Evaluation(diagram, overrides, group) for group in groups]
+    whole = [Evaluation(diagram, overrides, plain)] if plain else []
     if commands and diagram.nonlinear:
         msg = f"a derivative by {commands[0].path} of a command must be that of a linear system, got a nonlinear one"
         raise DiagramError(msg, at=("parameters",))
-    return [*found, Evaluation(diagram, overrides, commands=commands)] if commands else found
+    if commands:
+        whole.append(Evaluation(diagram, overrides, commands=commands))
+    return whole, [Evaluation(diagram, overrides, [name]) for name in zero]
 
 
 def findings(evaluation: Evaluation, requests: Sequence[MetricRequest]) -> list[Finding]:

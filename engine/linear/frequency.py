@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigvals, schur
 
+from engine.linear.poles import poles
 from engine.linear.roots import SAME, roots
 from engine.linear.tangent import INFINITESIMAL, solve
 
@@ -220,10 +221,15 @@ class FrequencyResponse:
 
     @cached_property
     def corner_frequencies(self) -> npt.NDArray[np.complex128]:
-        """Poles and zeros of the delay-free part and the corners given, as complex numbers (damping matters)."""
+        """Poles and zeros of the delay-free part and the corners given, as complex numbers (damping matters).
+
+        Poles that cannot be told from 0 are no corners: rounding parts two integrators by its square root, and below that
+        the response is not what it says.
+        """
         s = self.system.value
         a = s.a[0]
-        found = [np.linalg.eigvals(a), self._corners]
+        own = poles(s.part(np.arange(s.n), np.arange(0)))
+        found = [own.values[~own.at_zero], self._corners]
         if not s.m and s.n:
             pencil = np.block([[a, s.b1[0]], [s.c1[0], s.d11[0]]])
             weight = np.diag([*([1.0] * s.n), 0.0])

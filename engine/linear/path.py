@@ -19,7 +19,8 @@ import numpy.typing as npt
 from scipy.linalg import matrix_balance
 
 from engine.linear.poles import Poles, poles
-from engine.linear.system import ARRAYS, LaneSystem
+from engine.linear.system import ARRAYS, Array, LaneSystem
+from engine.linear.tangent import slopes
 from engine.verdicts import Verdict
 
 _HIDDEN = 1e-10
@@ -39,7 +40,7 @@ def path(
     """
     part = connected(system, inputs, outputs)
     if part.n and poles_of(part.value).verdict is not Verdict.OK:
-        part = _minimal(part)
+        part = _minimal(part, poles_of)
     return part
 
 
@@ -97,15 +98,44 @@ def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt
         marked = grown
 
 
-def _minimal(system: LaneSystem) -> LaneSystem:
-    """Leave out the numerically uncontrollable and unobservable directions, where nothing else goes with them."""
+def _minimal(system: LaneSystem, poles_of: Callable[[LaneSystem], Poles]) -> LaneSystem:
+    """Leave out the numerically uncontrollable and unobservable directions, where nothing else goes with them.
+
+    What a parameter is about to bring in is hidden only as long as the parameter is just what it is: it stays, for
+    derivatives' sake. Where it never comes to rest, only if it is the parameter's own, as the integral of a gain of 0 is;
+    a pole and a zero that happen to coincide cancel, however they may move.
+    """
     balanced = _evenly_scaled(system)
-    driven = np.concatenate([balanced.b1[0].real, balanced.b2[0].real, balanced.x0[0].real[:, None]], axis=1)
-    found = _project(balanced, _reachable(balanced.a[0].real, driven))
-    watched = np.concatenate([found.c1[0].real, found.c2[0].real]).T
-    found = _project(found, _reachable(found.a[0].real.T, watched))
+    found = _without_hidden(balanced)
+    if found.n < balanced.n and system.dtype is np.complex128:
+        moving = _without_hidden(balanced, now_only=False)
+        own = _prune(system.value).n < system.n
+        if own or _lasting(poles_of(moving.value)) == _lasting(poles_of(found.value)):
+            found = moving
     # between rates that lie too far apart the staircase loses directions that are driven and seen
     return found if found.n == balanced.n or _respond_alike(balanced, found) else system
+
+
+def _without_hidden(system: LaneSystem, *, now_only: bool = True) -> LaneSystem:
+    """Leave out the directions that are not driven or not seen: with the parameters as they are now, or near it as well."""
+    driven = np.concatenate([system.b1, system.b2, system.x0[:, :, None]], axis=2)
+    found = _project(system, _span(system.a, driven, now_only=now_only))
+    watched = np.concatenate([found.c1, found.c2], axis=1)
+    return _project(found, _span(found.a.swapaxes(1, 2), watched.swapaxes(1, 2), now_only=now_only))
+
+
+def _span(a: Array, b: Array, *, now_only: bool) -> npt.NDArray[np.float64]:
+    """Return an orthonormal basis of what b drives through a, with its first change x' = A x' + A' x + B' u unless now only."""
+    basis = _reachable(a[0].real, b[0].real)
+    if now_only:
+        return basis
+    changes = np.concatenate([*slopes(b), *(slopes(a) @ basis)], axis=1)
+    return _reachable(a[0].real, np.concatenate([b[0].real, changes], axis=1))
+
+
+def _lasting(found: Poles) -> int:
+    """Return how many poles do not decay."""
+    return int(((found.values.real >= 0) | found.on_axis | found.at_zero).sum())
 
 
 def _respond_alike(whole: LaneSystem, part: LaneSystem) -> bool:
