@@ -152,9 +152,7 @@ class Evaluation:
             closed = self._poles_of(_closed(opened.value))
             own = self._poles_of(opened.value)
             static = None if np.any(own.at_zero) else static_gain(opened)[:, 0, 0]
-            response = FrequencyResponse(
-                opened, corners=closed.values[~closed.endless], needles=closed.values[closed.endless]
-            )
+            response = FrequencyResponse.near(opened, closed)
             self._loops[open_at] = LoopSubject(
                 response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
             )
@@ -167,7 +165,7 @@ class Evaluation:
             part = path(self.system, [self.input_index(source)], [self.output_index(target)], self._poles_of)
             own = self._poles_of(part.value)
             static = None if np.any(own.at_zero) else static_gain(part)[:, 0, 0]
-            response = FrequencyResponse(part, corners=own.values[~own.endless], needles=own.values[own.endless])
+            response = FrequencyResponse.near(part, own)
             self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
         return self._paths[key]
 

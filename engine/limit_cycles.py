@@ -137,10 +137,7 @@ class _Seen:
         reads = diagram.wiring(label).reads
         self._own = [read == reads[-1] for read in reads[:-1]]
         part = path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1])
-        own = poles(part.value)
-        self.loop = FrequencyResponse(
-            part, corners=own.values[~own.endless], needles=own.values[own.endless], floor=_FLOOR
-        )
+        self.loop = FrequencyResponse.near(part, poles(part.value), floor=_FLOOR)
         scan = self.loop.scan[0]
         self.frequencies = scan[:: max(1, len(scan) // _MOST_POINTS)]
 

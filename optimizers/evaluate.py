@@ -156,6 +156,8 @@ class Evaluator:
         if np.isnan(values).any():
             return None
         slopes[~np.isfinite(values)] = 0.0
+        # a parameter at 0 whose own state never comes to rest: there is a value, and nowhere to go from it
+        slopes[~np.isfinite(slopes)] = 0.0
         return Local(values=values, slopes=np.ascontiguousarray(slopes))
 
     def _compiled_slopes(self, lanes: Mapping[str, npt.NDArray[np.number]], variables: int) -> Slopes | None:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigvals, schur
 
-from engine.linear.poles import poles
+from engine.linear.poles import Poles, poles
 from engine.linear.roots import SAME, roots
 from engine.linear.tangent import INFINITESIMAL, solve
 
@@ -75,9 +75,9 @@ class FrequencyResponse:
     system : LaneSystem
         One input, one output.
     corners : ndarray
-        Further corner frequencies, rad/s (those of the closed loop, say), at which the scan looks closely.
+        Further corner frequencies, rad/s (those of the closed loop, say), at which the scan looks closely; none at 0.
     needles : ndarray
-        Poles at which the scan looks closely only where it comes by: a chain of echoes has no end.
+        Poles at which the scan looks closely only where it comes by, down to the slowest: a chain of echoes has no end.
     floor : float
         The scan ends where the magnitude has fallen below this part of its low-frequency or peak value.
     """
@@ -94,6 +94,12 @@ class FrequencyResponse:
         self._corners = np.zeros(0, dtype=complex) if corners is None else corners
         self._needles = np.zeros(0, dtype=complex) if needles is None else needles
         self._floor = floor
+
+    @classmethod
+    def near(cls, system: LaneSystem, found: Poles, *, floor: float = 1e-3) -> Self:
+        """Return the response of ``system``, looked at closely where these poles are; at 0 there is nothing to look at."""
+        corners, endless = found.values[~found.at_zero], found.endless[~found.at_zero]
+        return cls(system, corners=corners[~endless], needles=corners[endless], floor=floor)
 
     def __call__(self, frequencies: Real) -> Complex:
         """Return G(jω) for ``frequencies`` in rad/s, shape (k,); infinite at a pole on the axis."""
@@ -259,7 +265,8 @@ class FrequencyResponse:
             size = np.append(size, 1 / total_delay)
         if not len(size):
             size = np.ones(1)
-        low, high = 1e-3 * size.min(), 1e3 * size.max()
+        # the chain has no end, but a slowest link: an integral that hardly acts meets the rest far below every corner
+        low, high = 1e-3 * min(size.min(), np.abs(self._needles).min(initial=np.inf)), 1e3 * size.max()
         low, high = self._extend(low, high)
         omega = np.geomspace(low, high, int(np.clip(30 * np.log10(high / low), 60, 1200)))
         # a lightly damped pair is a needle on the frequency axis: look at it on its own scale

@@ -177,12 +177,13 @@ class Screening:
                     left.append(those[~_resolved(finer)])
                     self._read_time(finer, here[those], finer.settled, values, doubtful)
                 again = np.concatenate(left) if left else again[:0]
-        # An eigenvalue of 1 to rounding: an integrator beside the path, or the edge of stability. Not for screening.
-        edge = np.abs(growth[here] * lanes.width.real) < _MARGINAL
+        # An eigenvalue of 1 to rounding, or too near to tell: an integrator beside the path, or the edge of stability. Not for
+        # screening.
+        edge = ~(np.abs(growth[here] * lanes.width.real) >= _MARGINAL)
         doubtful[here[edge]] = True
         stable = here[growth[here] < 0]
         if stable.size:
-            self._read_frequency(stack, overrides, stable, values, doubtful)
+            self._read_frequency(stack, overrides, stable, values, doubtful, growth=growth)
 
     def _lanes(self, stack: StackedSystem, here: Array) -> tuple[Lanes, Array]:
         """Return what a march needs, and for which candidates all delays are equal."""
@@ -242,8 +243,9 @@ class Screening:
             doubtful[rows, column] = found.doubtful | (part.resolution[:, experiment, output] > RESOLVED)
 
     def _read_frequency(
-        self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array
-    ) -> None:
+        self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array,
+        *, growth: Array,
+    ) -> None:  # fmt: skip
         scans: dict[tuple[str | None, ...], tuple[Path, Scan]] = {}
         for index, request in enumerate(self._requests):
             loop = request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
@@ -269,7 +271,8 @@ class Screening:
                 metric = LOOP_METRICS[request.metric] if loop else PATH_METRICS[request.metric]
                 found = metric(path, scan)
             values[here, index] = found.value if np.iscomplexobj(values) else found.value.real
-            doubtful[here, index] = found.doubtful
+            # What is slower than the lowest frequency of the table crosses and bends below it.
+            doubtful[here, index] = found.doubtful | (np.abs(growth[here]) < scan.frequencies[:, 0])
 
 
 def _reading(request: MetricRequest) -> Callable[[Trace], Readings]:

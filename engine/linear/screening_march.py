@@ -192,7 +192,7 @@ class Responses:
     ``values`` (B, E, o, P, POINTS) at the points GRID of each piece; ``starts`` and ``lengths`` (P,) of the pieces in units
     of ``width`` (B,) s; ``final`` (B, E, o); ``resolution`` (B, E, o): the highest polynomial coefficient beside the largest
     value, an estimate of the relative error; ``settled`` (B,): followed until it rests; ``growth`` (B,): real part of the
-    rightmost characteristic root, about, 1/s. Only settled responses mean anything.
+    rightmost characteristic root, about, 1/s, NaN where its sign is open. Only settled responses mean anything.
     """
 
     starts: Array
@@ -273,6 +273,8 @@ def march(lanes: Lanes, mesh: Mesh, *, detail: int = 3, limit: int = 24, toleran
         coarse = _twice(coarse, powers[0])
         state = powers[-1] @ state
         powers = [*powers[1:], powers[-1] @ powers[-1]]
+    # Neither fallen below 1 nor grown beyond all bounds: the norm of the map bounds the rate, and leaves its sign open.
+    growth[open_ & (growth >= 0)] = np.nan
     values = _joined(parts, final)
     flat = values.real.reshape(batch, experiments, outputs, -1)
     extent = np.maximum(flat.max(axis=3), -flat.min(axis=3))

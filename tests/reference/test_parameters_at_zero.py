@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from engine.measuring import MetricRequest, measure
+from engine.screening import Screening
 from tests.reference.systems import block, system
 
 mp = mpmath.mp.clone()
@@ -75,3 +76,39 @@ def test_what_never_comes_to_rest_has_a_value_and_no_derivative():
     assert (measured.value, measured.verdict) == (alone.value, "ok")
     assert gradient is not None
     assert np.isnan(gradient.values).all()
+
+
+def test_an_integral_that_hardly_acts_is_measured_or_doubted_and_never_called_unstable():
+    small = np.array([1e-2, 1e-4, 1e-6, 1e-9])
+    requests = [MetricRequest(metric=metric, open_at="error") for metric in METRICS]
+    found = Screening(diagram(3.0, 0.0, 0.02), requests)({"law.ki": small})
+    assert not (found.growth >= 0).any()
+    expected = np.array([[float(value) for value in margins(3.0, ki, 0.02)] for ki in small])
+    assert np.all(found.doubtful | np.isclose(found.values, expected, rtol=1e-7))
+    assert not found.doubtful[0].any()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+@pytest.mark.parametrize("ki", [1e-2, 1e-4, 1e-7, 1e-10])
+def test_a_crossing_far_below_every_corner_is_found(ki, delay):
+    # |L| = |0.1 + ki/s| / |s² + 0.2 s + 1| is 1 only where the integral alone makes it so
+    def loop(w):
+        s = mp.mpc(0, w)
+        return (mp.mpf("0.1") + ki / s) * mp.exp(-s * delay) / (s**2 + s / 5 + 1)
+
+    crossover = mp.findroot(lambda scale: abs(loop(scale * ki)) - 1, (0.9, 1.1), solver="anderson") * ki
+    blocks = {
+        "r": block("input"),
+        "error": block("sum", signs="+-"),
+        "law": block("pi", kp=0.1, ki=ki),
+        "late": block("delay", time=delay) if delay else block("gain", gain=1.0),
+        "plant": block("transfer_function", numerator=[1.0], denominator=[1.0, 0.2, 1.0]),
+    }
+    wires = ["r -> error.in1", "plant -> error.in2", "error -> law", "law -> late", "late -> plant"]
+    requests = [MetricRequest(metric=metric, open_at="error") for metric in ("phase_margin", "delay_margin")]
+    drawn = system(blocks, wires, {"y": "plant"})
+    phase = mp.pi + mp.arg(loop(crossover))
+    expected = [float(phase), float(phase / crossover)]
+    assert [measured.value for measured, _ in measure(drawn, requests)] == pytest.approx(expected, rel=1e-9)
+    found = Screening(drawn, requests)({"law.ki": np.array([ki])})
+    assert np.all(found.doubtful | np.isclose(found.values, expected, rtol=1e-7))
