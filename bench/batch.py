@@ -91,20 +91,21 @@ def _many(ours: Ours, control: Interconnected | None, runs: int, candidates: int
     checked = range(0, candidates, max(1, candidates // CHECKED))
     truth = {k: ours.exact({name: float(column[k]) for name, column in sample.items()}) for k in checked}
     works = contenders(ours, sample)
-    times = side_by_side(works, rounds=max(1, runs // 3))
+    one = {} if control is None else {control.name: partial(control.metrics, ours.nominal)}
+    times = side_by_side({**works, **one}, rounds=max(1, runs // 3))
     rows = []
-    for who, remark in ((OURS, "against our exact path"), (NUMPY, f"{GRID}; {_ratios(times)}")):
+    for who, remark in ((OURS, "against our exact path"), (NUMPY, f"{GRID}; {_ratios(times, NUMPY)}")):
         found = works[who]()
         error = max(
             worst({name: float(column[k]) for name, column in found.items()}, exact) for k, exact in truth.items()
         )
         rows.append(Row(who=who, milliseconds=median(times[who]), error=error, remark=remark))
     plain = without_kept_memory(candidates, max(1, runs // 3))
-    remark = f"where memory goes back to the system between calls, as it does unasked; {_ratios(plain)}"
+    remark = f"where memory goes back to the system between calls, as it does unasked; {_ratios(plain, NUMPY)}"
     rows.append(Row(who=NUMPY, milliseconds=median(plain[NUMPY]), remark=remark))
-    if control is not None:
-        single = cpu_ms(lambda: control.metrics(ours.nominal), runs=runs)
-        rows.append(Row(who=control.name, milliseconds=candidates * single, remark=ONE_BY_ONE))
+    for name in one:
+        remark = f"{ONE_BY_ONE}; {_ratios(times, name, calls=candidates)}"
+        rows.append(Row(who=name, milliseconds=candidates * median(times[name]), remark=remark))
     return Job(title=f"inner velocity loop, {candidates:,} candidates, 10 results", rows=rows)
 
 
@@ -121,9 +122,13 @@ def without_kept_memory(candidates: int, rounds: int) -> dict[str, list[float]]:
     return dict(json.loads(done.stdout))
 
 
-def _ratios(times: Mapping[str, list[float]]) -> str:
-    ratios = [theirs / ours for ours, theirs in zip(times[OURS], times[NUMPY], strict=True)]
-    return f"takes {median(ratios):.2f}x, {min(ratios):.2f} to {max(ratios):.2f} in {len(ratios)} rounds side by side"
+def _ratios(times: Mapping[str, list[float]], peer: str, *, calls: int = 1) -> str:
+    """Say how many times longer ``calls`` calls of a peer take than one of ours, in the same round of both."""
+    ratios = [calls * theirs / ours for ours, theirs in zip(times[OURS], times[peer], strict=True)]
+    middle, least, most = (
+        f"{ratio:,.3g}" if ratio < 1000 else f"{ratio:,.0f}" for ratio in (median(ratios), min(ratios), max(ratios))
+    )
+    return f"takes {middle}x, {least} to {most} in {len(ratios)} rounds side by side"
 
 
 def _first(found: Results) -> dict[str, float]:

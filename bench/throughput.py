@@ -19,7 +19,7 @@ from bench.memory import peak_memory
 from bench.table import Job, Row
 from engine.screening import Screening
 
-CHUNK = 32_768
+CHUNK = 65_536
 PATIENCE = 20.0  # s that one thread may take
 ROUNDS = 3
 

@@ -311,7 +311,7 @@ def _spans(total: int, threads: int) -> Iterator[slice]:
     """
     first = 0
     while first < total:
-        share = -(-(total - first) // (2 * threads if threads > 1 else 1))
+        share = -(-(total - first) // threads)
         size = min(_BLOCK, max(_SMALL_BLOCK, -(-share // LANES) * LANES))
         yield slice(first, min(first + size, total))
         first += size
