@@ -20,7 +20,7 @@ import numpy.typing as npt
 from bench import batched_numpy
 from bench import inner_velocity_loop as inner
 from bench.accuracy import worst
-from bench.clock import cpu_ms, side_by_side
+from bench.clock import cpu_ms, in_rounds, side_by_side
 from bench.peers.python_control import Interconnected
 from bench.table import Job, Row
 from engine.measuring import measure
@@ -94,17 +94,17 @@ def _many(ours: Ours, control: Interconnected | None, runs: int, candidates: int
     one = {} if control is None else {control.name: partial(control.metrics, ours.nominal)}
     times = side_by_side({**works, **one}, rounds=max(1, runs // 3))
     rows = []
-    for who, remark in ((OURS, "against our exact path"), (NUMPY, f"{GRID}; {_ratios(times, NUMPY)}")):
+    for who, remark in ((OURS, "against our exact path"), (NUMPY, f"{GRID}; {in_rounds(times[NUMPY], times[OURS])}")):
         found = works[who]()
         error = max(
             worst({name: float(column[k]) for name, column in found.items()}, exact) for k, exact in truth.items()
         )
         rows.append(Row(who=who, milliseconds=median(times[who]), error=error, remark=remark))
     plain = without_kept_memory(candidates, max(1, runs // 3))
-    remark = f"where memory goes back to the system between calls, as it does unasked; {_ratios(plain, NUMPY)}"
+    remark = f"where memory goes back to the system between calls, as it does unasked; {in_rounds(plain[NUMPY], plain[OURS])}"
     rows.append(Row(who=NUMPY, milliseconds=median(plain[NUMPY]), remark=remark))
     for name in one:
-        remark = f"{ONE_BY_ONE}; {_ratios(times, name, calls=candidates)}"
+        remark = f"{ONE_BY_ONE}; {in_rounds(times[name], times[OURS], calls=candidates)}"
         rows.append(Row(who=name, milliseconds=candidates * median(times[name]), remark=remark))
     return Job(title=f"inner velocity loop, {candidates:,} candidates, 10 results", rows=rows)
 
@@ -120,15 +120,6 @@ def without_kept_memory(candidates: int, rounds: int) -> dict[str, list[float]]:
     plain = {name: value for name, value in os.environ.items() if not name.startswith(KEPT)}
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=plain)  # noqa: S603  our own module
     return dict(json.loads(done.stdout))
-
-
-def _ratios(times: Mapping[str, list[float]], peer: str, *, calls: int = 1) -> str:
-    """Say how many times longer ``calls`` calls of a peer take than one of ours, in the same round of both."""
-    ratios = [calls * theirs / ours for ours, theirs in zip(times[OURS], times[peer], strict=True)]
-    middle, least, most = (
-        f"{ratio:,.3g}" if ratio < 1000 else f"{ratio:,.0f}" for ratio in (median(ratios), min(ratios), max(ratios))
-    )
-    return f"takes {middle}x, {least} to {most} in {len(ratios)} rounds side by side"
 
 
 def _first(found: Results) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 
@@ -32,6 +32,15 @@ def side_by_side(works: Mapping[str, Callable[[], Any]], *, rounds: int) -> dict
             work()
             found[who].append(1e3 * (time.process_time() - begin))
     return found
+
+
+def in_rounds(theirs: Sequence[float], ours: Sequence[float], *, calls: int = 1) -> str:
+    """Say how many times longer ``calls`` calls of theirs take than one of ours, each in the same round."""
+    found = [calls * their / our for their, our in zip(theirs, ours, strict=True)]
+    middle, least, most = (
+        f"{ratio:,.{2 if ratio < 100 else 0}f}" for ratio in (statistics.median(found), min(found), max(found))
+    )
+    return f"takes {middle}x, {least} to {most} in {len(found)} rounds side by side"
 
 
 def _median(work: Callable[[], Any], runs: int, clock: Callable[[], float]) -> float:

@@ -15,13 +15,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from bench import inner_velocity_loop as inner
+from bench.clock import in_rounds
 from bench.memory import peak_memory
 from bench.table import Job, Row
 from engine.screening import Screening
 
 CHUNK = 65_536
 PATIENCE = 20.0  # s that one thread may take
-ROUNDS = 3
+ROUNDS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,7 @@ def screen(count: int, threads: int) -> Throughput:
 
 
 def job(most: int) -> Job:
-    """Measure ``most`` candidates, or as many as take twenty seconds, on two threads and on one: the best of three rounds.
+    """Measure ``most`` candidates, or as many as take twenty seconds, on two threads and on one: the best of five rounds.
 
     Of wall time the least says most: whatever else the machine does can only add to it. The remark gives all rounds.
     """
@@ -71,8 +72,10 @@ def job(most: int) -> Job:
     rows = []
     for threads, found in runs.items():
         wall, peak = min(run.wall for run in found), max(run.peak for run in found)
-        rounds = ", ".join(f"{run.wall:.2f}" for run in found)
-        remark = f"{count / wall:,.0f} candidates/s, rounds of {rounds} s, peak {peak:,.0f} MB"
+        each = ", ".join(f"{run.wall:.2f}" for run in found)
+        remark = f"{count / wall:,.0f} candidates/s, rounds of {each} s, peak {peak:,.0f} MB"
+        if threads == 1:
+            remark += "; " + in_rounds([run.wall for run in found], [run.wall for run in runs[2]])
         rows.append(
             Row(who=f"this engine, {threads} thread{'s' * (threads > 1)}", milliseconds=1e3 * wall, remark=remark)
         )
