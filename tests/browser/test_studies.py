@@ -7,9 +7,10 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page
 
 from tests.browser.driving import ROOT
+from tests.browser.places import until
 from tests.browser.soundness import quiet
 
 #: Studies whose documents are examples, kept in files of their own.
@@ -42,11 +43,18 @@ def _document(study: dict[str, Any]) -> Any:
 
 def _read(page: Page, plot: Locator, x: float, y: float) -> tuple[float, float]:
     """Return what the plot reads under the mouse, at these parts of its width and height."""
-    box = plot.locator(".u-over").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"])
     read = plot.locator("span.numbers").first
-    expect(read).to_contain_text("·")
+    plane = plot.locator(".u-over")
+
+    def told() -> bool:
+        box = plane.bounding_box()
+        assert box is not None
+        # What is below the mouse is read when it moves: a picture that is made anew meanwhile waits for the next time.
+        page.mouse.move(box["x"] + x * box["width"] - 1, box["y"] + y * box["height"])
+        page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"])
+        return "·" in read.inner_text()
+
+    until(told)
     right, up = read.inner_text().split("·")
     return float(right.split()[0]), float(up.split()[0])
 
