@@ -9,6 +9,7 @@ vouch for either is flagged doubtful and belongs to the exact path.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ from engine.linear.screening import Screening as Collocation
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.kernels.batch import Results
     from engine.linear.system import Array
     from engine.measuring import MetricRequest
 
@@ -74,31 +76,38 @@ class Screening:
         if batch is None:
             return self._all(overrides)
         points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
-        found = batch(points, threads=self._threads)
-        values, doubtful, growth = found.values, found.doubtful, found.growth
-        exists = found.valid & ~(growth >= 0)
+        asked = partial(self._second_opinion, batch, overrides) if second_opinion else None
+        found = batch(points, threads=self._threads, then=asked)
         others = tuple(np.flatnonzero(~np.array(batch.measured) & np.array(self.measurable)).tolist())
         if others:
             rest = self._only(others)(overrides)
             columns = list(others)
-            values[:, columns], doubtful[:, columns] = rest.values, rest.doubtful
-        # A second opinion on responses for which the kernels could not vouch: two methods that agree have found the same
-        # event, and the kernels' value of it is the more exact one. In frequency both read a table and may err alike.
+            found.values[:, columns], found.doubtful[:, columns] = rest.values, rest.doubtful
+        return Screened(values=found.values, doubtful=found.doubtful, growth=found.growth, valid=found.valid)
+
+    def _second_opinion(self, batch: Batch, overrides: Mapping[str, Array], found: Results, span: slice) -> None:
+        """Ask collocation for the responses of a span for which the kernels could not vouch.
+
+        Two methods that agree have found the same event, and the kernels' value of it is the more exact one. In frequency
+        both read a table and may err alike.
+        """
         mine = np.array(
             [k for k, own in enumerate(batch.measured) if own and self._requests[k].metric in TIME_READINGS], int
         )
+        values, doubtful, growth = found.values[span], found.doubtful[span], found.growth[span]
+        exists = found.valid[span] & ~(growth >= 0)
         unsure = np.flatnonzero(doubtful[:, mine].any(axis=1) & exists)
-        if second_opinion and unsure.size:
-            part = {name: np.asarray(column)[unsure] for name, column in overrides.items()}
-            again = self._only(tuple(mine.tolist()))(part)
-            first, second = values[np.ix_(unsure, mine)], again.values
-            agree = (np.abs(first - second) <= _AGREED * np.abs(second)) | (np.isnan(first) & np.isnan(second))
-            vouched = ~again.doubtful & (again.growth < 0)[:, None]
-            open_ = doubtful[np.ix_(unsure, mine)] & ~(agree & vouched)
-            values[np.ix_(unsure, mine)] = np.where(open_ & vouched, second, first)
-            doubtful[np.ix_(unsure, mine)] = open_
-            growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
-        return Screened(values=values, doubtful=doubtful, growth=growth, valid=found.valid)
+        if not unsure.size:
+            return
+        part = {name: np.asarray(column)[span][unsure] for name, column in overrides.items()}
+        again = self._only(tuple(mine.tolist()))(part)
+        first, second = values[np.ix_(unsure, mine)], again.values
+        agree = (np.abs(first - second) <= _AGREED * np.abs(second)) | (np.isnan(first) & np.isnan(second))
+        vouched = ~again.doubtful & (again.growth < 0)[:, None]
+        open_ = doubtful[np.ix_(unsure, mine)] & ~(agree & vouched)
+        values[np.ix_(unsure, mine)] = np.where(open_ & vouched, second, first)
+        doubtful[np.ix_(unsure, mine)] = open_
+        growth[unsure] = np.where(np.isnan(growth[unsure]), again.growth, growth[unsure])
 
     def slopes(self, overrides: Mapping[str, Array], directions: Mapping[str, Array]) -> Slopes | None:
         """Return metrics with their exact derivatives by compiled kernels; None where these do not answer every request.

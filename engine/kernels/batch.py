@@ -7,7 +7,7 @@ nothing: the diagram becomes tapes and tables, which the kernels read. Candidate
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -41,7 +41,7 @@ Real = npt.NDArray[np.float64]
 MOST_STATES: Final = 64
 _BLOCK: Final = 8192
 """At most so many candidates are one piece of work for a thread."""
-_SMALL_BLOCK: Final = 512
+_SMALL_BLOCK: Final = 128
 _PER_DECADE: Final = 30
 _EXTRA: Final = 3
 """How often the samples of a response are doubled where the usual ones leave doubt."""
@@ -197,7 +197,9 @@ class Batch:
             self._framed[index] = (targets[key], request.metric)
         return (functions, curves), bits, probes
 
-    def __call__(self, points: Real, *, threads: int | None = None) -> Results:
+    def __call__(
+        self, points: Real, *, threads: int | None = None, then: Callable[[Results, slice], None] | None = None
+    ) -> Results:
         """Return the metrics of candidates.
 
         Parameters
@@ -206,6 +208,8 @@ class Batch:
             Parameter values, SI.
         threads : int, optional
             As many as the machine has processors for this process by default.
+        then : function, optional
+            Called with every piece of the candidates that is found, on the thread that found it: no other one waits.
         """
         points = np.ascontiguousarray(points, dtype=float)
         total = len(points)
@@ -213,12 +217,18 @@ class Batch:
         available = threads or len(os.sched_getaffinity(0))
         spans = list(_spans(total, available))
         workers = min(available, len(spans))
+
+        def work(span: slice) -> None:
+            self._block(points, results, span)
+            if then is not None:
+                then(results, span)
+
         if workers <= 1:
             for span in spans:
-                self._block(points, results, span)
+                work(span)
         else:
             with ThreadPoolExecutor(workers) as pool:
-                for done in [pool.submit(self._block, points, results, span) for span in spans]:
+                for done in [pool.submit(work, span) for span in spans]:
                     done.result()
         return results
 
