@@ -12,6 +12,7 @@ import numpy.typing as npt
 from engine.document import Remark
 from engine.errors import DiagramError
 from engine.evaluation import Evaluation
+from engine.frequency_range import shown
 from engine.limit_cycles import PredictedCycle, predicted
 from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
@@ -131,7 +132,8 @@ def frequency_response(
         assert target is not None
         curve = evaluation.path(source, target).response
     scan, values = curve.scan
-    chosen = _chosen(scan, values, margins) if frequencies is None else np.asarray(frequencies, dtype=float)
+    listed = margins.gain if margins is not None else ()
+    chosen = shown(curve, listed) if frequencies is None else np.asarray(frequencies, dtype=float)
     response = curve(chosen)
     phase = _unwrapped(scan, values, chosen, response)
     wanted = metrics
@@ -198,19 +200,3 @@ def _listed(
     crossings: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
 ) -> tuple[tuple[float, float], ...]:
     return tuple((float(frequency[0].real), float(value[0].real)) for frequency, value in crossings)
-
-
-def _chosen(scan: Real, values: npt.NDArray[np.complex128], margins: Margins | None, most: int = 800) -> Real:
-    """Return at most about ``most`` frequencies: evenly on the log axis, thinned from the scan, crossings included."""
-    magnitude = np.abs(values)
-    finite = np.isfinite(magnitude) & (magnitude > 0)
-    if not finite.any():  # nothing comes through, a valve that is closed at rest say: all of it is as good
-        return np.asarray(np.geomspace(scan[0], scan[-1], most // 2))
-    seen = np.flatnonzero(finite & (magnitude > 1e-6 * np.median(magnitude[finite])))
-    low, high = scan[seen[0]], scan[seen[-1]]
-    inside = scan[(scan >= low) & (scan <= high)]
-    stride = max(1, len(inside) // (most // 2))
-    points = [np.geomspace(low, high, most // 2), inside[::stride]]
-    if margins is not None:
-        points.append(np.array([w for w, _ in (*margins.gain, *margins.phase) if w > 0]))
-    return np.unique(np.concatenate(points))

@@ -247,6 +247,11 @@ class FrequencyResponse:
         return np.asarray(corners[np.abs(corners) > 1e-12 * top])
 
     @property
+    def bends(self) -> Real:
+        """Where the magnitude bends, rad/s: its corners, and of an endless chain of poles the slowest."""
+        return np.append(np.abs(self.corner_frequencies), np.sort(np.abs(self._needles))[:1])
+
+    @property
     def scan(self) -> tuple[Real, npt.NDArray[np.complex128]]:
         """Frequencies (rad/s, rising) and the response there, fine enough that nothing hides between neighbours."""
         return self._scan[:2]
