@@ -2,18 +2,18 @@
 
 Texts are JSON (`api.schemas.live`); curves come as one binary frame (`api.services.live.curves`). While curves are computed the
 socket goes on reading, and of several vectors that came meanwhile only the last is answered. When none has come for a
-moment, metrics and elasticities follow.
+moment, metrics and elasticities follow; what is being measured when one comes is given up.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
@@ -23,6 +23,7 @@ from api.errors import KNOWN, problem_of
 from api.handlers import validation_problem
 from api.problems import Problem, invalid
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
+from api.services.computing import Recall, RecalledError
 from api.services.installation import Caller, Installation
 from api.services.live import Panel, curves, measured, open_panel
 
@@ -157,15 +158,34 @@ async def _computed(socket: WebSocket, box: _Letterbox, service: Installation, p
     for variant, vector in enumerate(asked.vectors[: asked.measure] if panel.metrics else ()):
         if not await box.rests(REST if variant == 0 else 0.0):
             return
-        told = await _try(socket, asked.seq, partial(measured, service, panel, asked.seq, variant, vector))
+        recall = Recall()
+        work = partial(measured, service, panel, asked.seq, variant, vector, recall=recall)
+        told = await _unless_newer(box, _try(socket, asked.seq, work), recall)
         if told is not None:
             await socket.send_json(told)
+
+
+async def _unless_newer(box: _Letterbox, work: Coroutine[Any, Any, T | None], recall: Recall) -> T | None:
+    """Return what ``work`` returns; it is recalled, and None returned, when the page says anything new meanwhile.
+
+    A nonlinear system is measured for seconds: its curves are not to wait for that.
+    """
+    working, news = asyncio.create_task(work), asyncio.create_task(box.wait())
+    try:
+        await asyncio.wait({working, news}, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        news.cancel()
+        if not working.done():
+            recall.ask()
+    return await working
 
 
 async def _try(socket: WebSocket, seq: int | None, work: Callable[[], T]) -> T | None:
     """Return what ``work`` returns, or tell the page why there is nothing and return None."""
     try:
         return await run_in_threadpool(work)
+    except RecalledError:
+        return None
     except KNOWN as error:
         problem = problem_of(error)
         assert problem is not None

@@ -16,6 +16,33 @@ class _OverdueError(Exception):
     """Raised inside a computation whose time is over."""
 
 
+class RecalledError(Exception):
+    """A computation was ended because nobody waits for it any more."""
+
+
+class Recall:
+    """Ends a computation from another thread, wherever it is."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._alarm: _Alarm | None = None
+        self.asked = False
+
+    def ask(self) -> None:
+        """End it, or keep it from beginning."""
+        with self._lock:
+            self.asked = True
+            if self._alarm is not None:
+                self._alarm.fire()
+
+    def wakes(self, alarm: _Alarm) -> None:
+        """Ring this alarm when asked; at once where it has been."""
+        with self._lock:
+            self._alarm = alarm
+            if self.asked:
+                alarm.fire()
+
+
 class _Alarm:
     """Raises :class:`_OverdueError` in the thread that made it, wherever that is computing when the time is over.
 
@@ -27,16 +54,17 @@ class _Alarm:
         self._thread = ctypes.c_ulong(threading.get_ident())
         self.lock = threading.RLock()
         self._ended = self._fired = False
-        self._timer = threading.Timer(seconds, self._fire)
+        self._timer = threading.Timer(seconds, self.fire)
         self._timer.daemon = True
 
     def start(self) -> None:
         """Begin to count."""
         self._timer.start()
 
-    def _fire(self) -> None:
+    def fire(self) -> None:
+        """Go off."""
         with self.lock:
-            if not self._ended:
+            if not self._ended and not self._fired:
                 self._fired = True
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_OverdueError))
 
@@ -62,13 +90,15 @@ class Computing:
         object.__setattr__(self, "_slots", threading.BoundedSemaphore(self.settings.compute_slots))
 
     @contextmanager
-    def slot(self) -> Iterator[None]:
+    def slot(self, recall: Recall | None = None) -> Iterator[None]:
         """Wait for a free slot and hold it while something is computed, for as long as a request may take.
 
         Raises
         ------
         Problem
             422 when the computation takes longer, 503 when no slot becomes free.
+        RecalledError
+            When ``recall`` was asked meanwhile.
         """
         seconds = self.settings.request_seconds
         if not self._slots.acquire(timeout=seconds):
@@ -78,11 +108,15 @@ class Computing:
             alarm.start()
             self._own.alarm = alarm
             try:
+                if recall is not None:
+                    recall.wakes(alarm)
                 yield
             finally:
                 del self._own.alarm
                 alarm.stop()
         except _OverdueError:
+            if recall is not None and recall.asked:
+                raise RecalledError from None
             detail = (
                 f"a request must be computed within {seconds:g} s, got one that needs longer: ask for less at a time"
             )

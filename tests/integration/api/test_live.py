@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 import time
@@ -113,6 +114,34 @@ def test_the_newest_values_win(sqlite_service) -> None:
         assert answered[-1] == 199
         assert answered == sorted(answered)
         assert len(answered) < 200
+
+
+def test_curves_do_not_wait_for_metrics_that_take_long(sqlite_service) -> None:
+    # Elasticities of 25 lags by 50 parameters take seconds, curves milliseconds.
+    numbers = range(25)
+    parameters = {f"k{n}": {"value": 1} for n in numbers} | {f"t{n}": {"value": 0.01 * (n + 1)} for n in numbers}
+    lags = {
+        f"lag{n}": {"kind": "transfer_function", "numerator": [f"=k{n}"], "denominator": [f"=t{n}", 1]} for n in numbers
+    }
+    wires = [{"from": a, "to": b} for a, b in itertools.pairwise(["u", *lags])]
+    blocks = {"u": {"kind": "input"}, **lags}
+    chain = {"parameters": parameters, "blocks": blocks, "connections": wires, "outputs": {"y": "lag24"}}
+    values = [entry["value"] for entry in parameters.values()]
+    with opened(sqlite_service) as socket:
+        say(socket, type="open", system=chain, parameters=list(parameters), metrics=["rise_time"], duration=4)
+        assert heard(socket)["type"] == "opened"
+        say(socket, type="set", seq=1, vectors=[values])
+        assert frame(socket.recv(timeout=20))[0]["seq"] == 1
+        time.sleep(0.3)  # its metrics are under way now
+        say(socket, type="set", seq=2, vectors=[[2.0, *values[1:]]])
+        assert frame(socket.recv(timeout=20))[0]["seq"] == 2
+        # what was given up has left nothing behind: the next system is measured
+        say(socket, **OPEN)
+        assert heard(socket)["type"] == "opened"
+        say(socket, type="set", seq=3, vectors=[[2.0, 0.2]])
+        assert frame(socket.recv(timeout=20))[0]["seq"] == 3
+        told = heard(socket)
+        assert (told["type"], told["seq"]) == ("metrics", 3)
 
 
 def test_a_system_with_a_delay_takes_the_exact_path(sqlite_service) -> None:

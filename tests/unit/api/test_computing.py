@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from api.problems import Problem
-from api.services.computing import Computing
+from api.services.computing import Computing, Recall, RecalledError
 from api.settings import Settings
 
 
@@ -56,6 +56,32 @@ def test_an_alarm_never_goes_off_after_the_computation() -> None:
             stopped += 1
         sum(range(1000))
     assert stopped <= 200
+
+
+def test_what_nobody_waits_for_any_more_is_ended_and_its_slot_is_free() -> None:
+    slots, recall = computing(request_seconds=30, compute_slots=1), Recall()
+    began = time.monotonic()
+    threading.Timer(0.1, recall.ask).start()
+    with pytest.raises(RecalledError), slots.slot(recall):
+        busy(30)
+    assert time.monotonic() - began < 5
+    with slots.slot():
+        busy(0.05)
+
+
+def test_what_was_recalled_before_does_not_begin() -> None:
+    recall = Recall()
+    recall.ask()
+    with pytest.raises(RecalledError), computing(request_seconds=30).slot(recall):
+        busy(30)
+
+
+def test_a_recall_that_comes_too_late_is_none() -> None:
+    slots, recall = computing(compute_slots=1), Recall()
+    with slots.slot(recall):
+        busy(0.01)
+    recall.ask()
+    busy(0.05)
 
 
 def test_a_taken_slot_is_waited_for_and_then_refused() -> None:
