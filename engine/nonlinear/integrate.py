@@ -26,13 +26,14 @@ from engine.errors import UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.nonlinear.bounds import Bounds
+from engine.nonlinear.driving import Driving
 from engine.nonlinear.guards import Crossing, first_crossing, touches
 from engine.nonlinear.outcome import Outcome
-from engine.nonlinear.pieces import Command, Record, command
+from engine.nonlinear.pieces import Command, Record
 from engine.nonlinear.steps import Step, Stepper
 from engine.nonlinear.straight import until
 from engine.nonlinear.switching import StoppedError, Switchboard
-from engine.nonlinear.windows import Chain, lines
+from engine.nonlinear.windows import Chain
 from engine.nonlinear.windows import solve as solve_chain
 from engine.verdicts import Verdict
 
@@ -85,11 +86,9 @@ class Integration:
         tolerance: float = TOLERANCE,
     ) -> None:
         self.system = system
-        self._signals = [signals.get(name) for name in system.inputs]
-        self._constants = np.zeros(len(self._signals)) if constants is None else constants
-        self._lines = all(signal is None or signal.degree() in {0, 1} for signal in self._signals)
         self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
         self.record = Record(edges=[self._board.t])
+        self._driving = Driving(system, signals, constants, self.record)
         self._stepper = Stepper(system, self.record, tolerance)
         self._bounds = Bounds(clock, wall_limit)
         self.smooth = True
@@ -101,8 +100,7 @@ class Integration:
         self._loosened = -math.inf
         self._refused = 0
         self._horizon = 0.0
-        self._last_seen: tuple[Array, float, tuple[Array, Array, Array]] | None = None
-        for t in sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())}):
+        for t in self._driving.breakpoints():
             self._note(t, generation=0)
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
@@ -180,17 +178,8 @@ class Integration:
                     self._sample_again(stop.law)
         self._echo(min((stop.generation if stop.law is None else 0 for stop in due), default=0))
         self._board.switches = 0
-        if self._jumps() or any(stop.law is not None for stop in due):
+        if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
             self._board.settle()
-
-    def _jumps(self) -> bool:
-        """Return whether a signal may jump at this instant; after a mere kink the laws are where they were."""
-        if not self.record.u or self.system.delays.shape[-1]:
-            return True
-        last = self.record.u[-1][-1, 0].real
-        now = np.array([self.now])
-        new = [0.0 if signal is None else float(signal.value(now)[0]) for signal in self._signals]
-        return bool(np.any(np.abs(np.array(new) + self._constants - last) > 1e-12 * np.abs(last)))
 
     def _sample_again(self, number: int) -> None:
         """Note when a law that has taken a sample updates its output, and when it takes the next."""
@@ -214,18 +203,10 @@ class Integration:
         following = self._agenda.following()
         ahead = min(self._width, 1.0, math.inf if following is None else following.time - self.now)
         ahead = ahead if ahead > 0 else min(self._width, 1.0)
-        if self.system.delays.shape[-1]:
-            return self._seen(t, ahead)
-        if self._last_seen is None or self._last_seen[0] is not t or self._last_seen[1] != ahead:
-            self._last_seen = (t, ahead, self._seen(t, ahead))
-        return self._last_seen[2]
-
-    def _seen(self, t: Array, ahead: float) -> tuple[Array, Array, Array]:
-        u, du = self._command(ahead).near(np.zeros(1), t[:, None])
-        return u, du, self.record.delayed(t[:, None], self.system.delays, later=True)
+        return self._driving.around(t, self.now, ahead)
 
     def _command(self, width: float) -> Command:
-        return command(self._signals, self.now, width, self._constants)
+        return self._driving.command(self.now, width)
 
     # steps
 
@@ -320,7 +301,7 @@ class Integration:
 
     def _straight(self) -> Straight | None:
         """Return the system as linear maps where it is one now, and nothing but straight lines drives it."""
-        if not self._lines or self.system.delays.shape[-1] or not self.system.states:
+        if not self._driving.straight or self.system.delays.shape[-1] or not self.system.states:
             return None
         found = self.system.value.straight(self._board.modes)
         return found if found is not None and found.map.solved else None
@@ -335,7 +316,7 @@ class Integration:
         if not inside or self._pause > 0 or np.any(self._board.t.imag):
             return False
         times = np.array([self.now, *(stop.time for stop in ahead)])
-        straight = lines(self._signals, times, self._constants) if np.all(np.diff(times) > 0) else None
+        straight = self._driving.lines(times)
         chain = None if straight is None else solve_chain(self._stepper, self._board, straight)
         if chain is None:
             self._chain, self._pause = max(_FEWEST, self._chain // 2), _PAUSE
