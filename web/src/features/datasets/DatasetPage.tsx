@@ -2,7 +2,7 @@ import { Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Titl
 import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
-import { Link, useParams, useSearchParams } from "react-router";
+import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
@@ -18,6 +18,7 @@ import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { datasetQuery, drawnOf, stretchOf, usualSegment } from "./recording";
 import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
+import { useQueryText } from "@/shared/ui/useQueryText";
 
 const POINTS = 1600;
 /** Pixels of a plot with its head and its legend: kept free until its samples come, so that nothing below it jumps. */
@@ -27,7 +28,7 @@ const ROOM = 260;
 export function DatasetPage() {
   const { t } = useTranslation();
   const { id = "" } = useParams();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const dataset = useQuery(datasetQuery(id));
   const ready = dataset.data?.status === "ready";
   const names = (dataset.data?.channels ?? []).map((channel) => String(channel.name));
@@ -35,14 +36,10 @@ export function DatasetPage() {
   const [from, to] = stretchOf(query, end);
   const drawn = drawnOf(query, names);
   const put = (change: (next: URLSearchParams) => void) =>
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(before);
-        change(next);
-        return next;
-      },
-      { replace: true, preventScrollReset: true },
-    );
+    setQuery((next) => {
+      change(next);
+      return next;
+    });
   const look = (a: number, b: number) =>
     put((next) => {
       next.set("from", String(Number(Math.max(0, a).toPrecision(8))));

@@ -1,6 +1,7 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
-import { useLocation, useNavigation, useNavigationType, useSearchParams, type NavigateOptions } from "react-router";
+import { useLocation, useNavigation, useNavigationType, type NavigateOptions } from "react-router";
 import type { SystemDocument } from "@/shared/api/types";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { OUT } from "./graph";
 import { scoped } from "./model";
 import { NOTHING_SELECTED, selectionAt, withSelection, type Selection } from "./selection";
@@ -11,7 +12,7 @@ export const ROOT: readonly string[] = [];
 
 /** What of a system is looked at: a subsystem of it, all of them opened, what is selected. A link shows the same. */
 export function useView(root: SystemDocument) {
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const within = query.get("in") ?? "";
   const asked = useMemo(() => within.split(".").filter(Boolean), [within]);
   const found = scoped(root, asked);
@@ -28,7 +29,7 @@ export function useView(root: SystemDocument) {
     const next = held.view === here ? withSelection(query, held) : query;
     // Whoever is on the way to another page is not called back for a selection.
     if (next === query || !idle) return;
-    const timer = setTimeout(() => setQuery(next, { replace: true, preventScrollReset: true }), REST);
+    const timer = setTimeout(() => setQuery((before) => withSelection(before, held)), REST);
     return () => clearTimeout(timer);
   }, [query, setQuery, held, here, idle]);
   const { key } = useLocation();
@@ -45,13 +46,14 @@ export function useView(root: SystemDocument) {
   const pickWire = useCallback((wire: string | null) => change(({ names }) => ({ names, wire })), [change]);
   const select = useCallback((to: (before: readonly string[]) => string[]) => change(({ names, wire }) => ({ names: to(names), wire })), [change]);
   const leave = useCallback(
-    (names: string[], move: (query: URLSearchParams) => void, options?: NavigateOptions) => {
-      const there = new URLSearchParams(withSelection(query, { names, wire: null }));
-      move(there);
-      setQuery(there, options);
-      setHeld({ view: viewOf(there), names, wire: null });
-    },
-    [query, setQuery],
+    (names: string[], move: (query: URLSearchParams) => void, options: NavigateOptions = {}) =>
+      setQuery((before) => {
+        const there = new URLSearchParams(withSelection(before, { names, wire: null }));
+        move(there);
+        setHeld({ view: viewOf(there), names, wire: null });
+        return there;
+      }, options),
+    [setQuery],
   );
   const go = useCallback((to: readonly string[], ...names: string[]) => leave(names, (query) => (to.length > 0 ? query.set("in", to.join(".")) : query.delete("in"))), [leave]);
   const toggleFrames = () => leave([], (query) => (frames ? query.delete("frames") : query.set("frames", "1")), { replace: true });

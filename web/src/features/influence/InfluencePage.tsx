@@ -2,7 +2,7 @@ import { Alert, Group, MultiSelect, NativeSelect, SegmentedControl, Slider, Stac
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { Fragment, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { Link, useParams, useSearchParams } from "react-router";
+import { Link, useParams } from "react-router";
 import { metricsQuery } from "@/shared/api/catalogue";
 import { api, must } from "@/shared/api/client";
 import { systemQuery } from "@/shared/api/systems";
@@ -11,6 +11,7 @@ import { loopsOf } from "@/shared/systems/loops";
 import { firstSliders } from "@/shared/systems/movable";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatMetric, formatNumber, words } from "@/shared/units/format";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import classes from "./InfluencePage.module.css";
 import { barsOf, changeIn, columnIn, sizeOf } from "./table";
 
@@ -23,8 +24,8 @@ export function InfluencePage() {
   const system = useQuery(systemQuery(id)).data!;
   const described = useQuery(describedQuery(id, system.revision));
   const catalogue = useQuery(metricsQuery).data;
-  const [query, setQuery] = useSearchParams();
-  const put = (part: Record<string, string>) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), ...part }), { replace: true, preventScrollReset: true });
+  const [query, setQuery] = useQueryText();
+  const put = (part: Record<string, string>) => setQuery((before) => new URLSearchParams({ ...Object.fromEntries(before), ...part }));
   const opened = described.data;
   const loops = loopsOf(system.document);
   const list = (key: string, fallback: string[]) => (query.has(key) ? query.get(key)!.split(",").filter(Boolean) : fallback);

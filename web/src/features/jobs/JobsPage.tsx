@@ -1,7 +1,7 @@
 import { Button, Group, NativeSelect, Progress, Text } from "@mantine/core";
 import { useInfiniteQuery, useMutation, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
-import { Link, useSearchParams } from "react-router";
+import { Link } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobsQuery } from "@/shared/api/jobs";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
@@ -11,13 +11,14 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { When } from "@/shared/ui/When";
 import { withUnit, words } from "@/shared/units/format";
+import { useQueryText } from "@/shared/ui/useQueryText";
 
 const KINDS = ["optimization", "identification", "validation", "import", "preview", "processing", "average", "acquisition"];
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 
 export function JobsPage() {
   const { t } = useTranslation();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const kind = query.get("kind") ?? "";
   const status = query.get("status") ?? "";
   const jobs = useInfiniteQuery(jobsQuery({ ...(kind ? { kind } : {}), ...(status ? { status } : {}) }));
@@ -28,12 +29,11 @@ export function JobsPage() {
   });
   const rows = jobs.data?.pages.flatMap((page) => page.items) ?? [];
   const choose = (key: string, value: string) =>
-    setQuery((before) => {
-      const next = new URLSearchParams(before);
+    setQuery((next) => {
       if (value) next.set(key, value);
       else next.delete(key);
       return next;
-    });
+    }, {});
   return (
     <div className="page">
       <PageHead title={t("nav.jobs")} doc={t("jobs.doc")} />
@@ -44,7 +44,7 @@ export function JobsPage() {
         <NativeSelect size="xs" label={t("jobs.status")} value={status} onChange={(event) => choose("status", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((s) => ({ value: s, label: t(`status.${s}`) }))]} />
       </Group>
       {jobs.isSuccess && rows.length === 0 && (kind || status ? (
-          <Empty title={t("jobs.noneSuch")} action={<Button onClick={() => setQuery({})}>{t("jobs.showAll")}</Button>}>
+          <Empty title={t("jobs.noneSuch")} action={<Button onClick={() => setQuery(() => new URLSearchParams(), {})}>{t("jobs.showAll")}</Button>}>
             {t("jobs.noneSuchDoc")}
           </Empty>
         ) : (

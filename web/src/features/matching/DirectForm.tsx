@@ -2,13 +2,14 @@ import { Select, Stack } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { useNavigate, useSearchParams } from "react-router";
+import { useNavigate } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { contractQuery } from "@/shared/forms/contract";
 import { SchemaFields } from "@/shared/forms/SchemaFields";
 import { bodyOf, missing, type Values } from "@/shared/forms/schema";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { directFields, readValues, type Direct } from "./direct";
 import { StartButtons } from "./parts";
 import { channelsOf, choicesQuery, datasetQuery } from "./sources";
@@ -18,7 +19,7 @@ export function DirectForm({ method }: { method: Direct }) {
   const { t } = useTranslation();
   const navigate = useNavigate();
   const queries = useQueryClient();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const [empty, setEmpty] = useState<string[]>([]);
   const contract = useQuery(contractQuery);
   const choices = useQuery(choicesQuery);
@@ -34,14 +35,10 @@ export function DirectForm({ method }: { method: Direct }) {
     },
   });
   const change = (key: string, value: string) =>
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(before);
-        next.set(key, value);
-        return next;
-      },
-      { replace: true, preventScrollReset: true },
-    );
+    setQuery((next) => {
+      next.set(key, value);
+      return next;
+    });
   const fill = (next: Values) => {
     setEmpty([]);
     start.reset();

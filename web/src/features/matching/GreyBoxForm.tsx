@@ -3,7 +3,7 @@ import { Group, MultiSelect, NativeSelect, Stack, Table, Text, TextInput } from 
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { Controller, useForm } from "react-hook-form";
 import { useTranslation } from "react-i18next";
-import { useNavigate, useSearchParams } from "react-router";
+import { useNavigate } from "react-router";
 import { z } from "zod";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
@@ -17,6 +17,7 @@ import { firstSliders } from "@/shared/systems/movable";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit } from "@/shared/units/format";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { placesOf, readKnown, readMore, readSought, recordingsOf, writeMore, writeSought } from "./address";
 import { FurtherRecordings } from "./FurtherRecordings";
 import { MatchFields, type Matched } from "./MatchFields";
@@ -44,7 +45,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
   const { t } = useTranslation();
   const navigate = useNavigate();
   const queries = useQueryClient();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const more = readMore(query);
   const all = found.opened?.parameters.filter((one) => !one.bound) ?? [];
   const first = firstSliders(all, 3);
@@ -87,7 +88,7 @@ export function GreyBoxForm({ found }: { found: Matched }) {
         {ready && (
           <>
             {more.length > 0 && <TextInput maw={420} label={t("matching.known")} description={t("matching.knownDoc")} placeholder="load = 25 kg; current = 0.5" {...register("known")} error={own("known") ?? problem?.at("/experiments/0/parameters")} />}
-            <FurtherRecordings more={more} opened={found.opened!} onChange={(next) => setQuery((before) => writeMore(before, next), { replace: true, preventScrollReset: true })} wrong={(pointer) => problem?.at(pointer)} />
+            <FurtherRecordings more={more} opened={found.opened!} onChange={(next) => setQuery((before) => writeMore(before, next))} wrong={(pointer) => problem?.at(pointer)} />
             <MultiSelect label={t("matching.parameters")} description={t("matching.parametersDoc")} data={all.map((one) => one.path)} value={rows.map((row) => row.path)} onChange={choose} searchable error={own("parameters")} />
             {rows.length > 0 && (
               <Table maw={640} data-testid="sought">

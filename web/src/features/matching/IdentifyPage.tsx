@@ -1,7 +1,7 @@
 import { NativeSelect, Paper, Stack, Text } from "@mantine/core";
 import { useTranslation } from "react-i18next";
-import { useSearchParams } from "react-router";
 import { PageHead } from "@/shared/ui/PageHead";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { DirectForm } from "./DirectForm";
 import { METHODS, methodIn } from "./direct";
 import { GreyBoxForm } from "./GreyBoxForm";
@@ -10,17 +10,14 @@ import { useMatch } from "./MatchFields";
 /** What is sought in recordings, and how; a worker seeks it, and the page of its job shows how it goes and what it found. */
 export function IdentifyPage() {
   const { t } = useTranslation();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const method = methodIn(query);
   const choose = (next: string) =>
-    setQuery(
-      (before) => {
-        const kept = new URLSearchParams([...before].filter(([key]) => key !== "method" && key !== "f"));
-        if (next !== "grey_box") kept.set("method", next);
-        return kept;
-      },
-      { replace: true, preventScrollReset: true },
-    );
+    setQuery((before) => {
+      const kept = new URLSearchParams([...before].filter(([key]) => key !== "method" && key !== "f"));
+      if (next !== "grey_box") kept.set("method", next);
+      return kept;
+    });
   return (
     <div className="page">
       <PageHead title={t("matching.identify")} doc={t("matching.identifyDoc")} />

@@ -2,12 +2,13 @@ import { Button, Group, Select, Stack } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
-import { Link, useSearchParams } from "react-router";
+import { Link } from "react-router";
 import { systemQuery } from "@/shared/api/systems";
 import type { Opened } from "@/shared/live/protocol";
 import { describedQuery } from "@/shared/systems/described";
 import { Empty } from "@/shared/ui/Empty";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { readMatch, writeMatch, type Match } from "./address";
 import { RecordingFields } from "./RecordingFields";
 import { choicesQuery, datasetQuery, guessed, type Dataset } from "./sources";
@@ -22,9 +23,9 @@ export interface Matched {
 
 /** The system and the recording that the address names, and which channel is what; names that agree are taken for the same. */
 export function useMatch(): Matched {
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const match = readMatch(query);
-  const change = (part: Partial<Match>) => setQuery((before) => writeMatch(before, { ...readMatch(before), ...part }), { replace: true, preventScrollReset: true });
+  const change = (part: Partial<Match>) => setQuery((before) => writeMatch(before, { ...readMatch(before), ...part }));
   const system = useQuery({ ...systemQuery(match.system), enabled: match.system !== "" });
   const described = useQuery({ ...describedQuery(match.system, system.data?.revision ?? 0), enabled: system.data !== undefined });
   const dataset = useQuery({ ...datasetQuery(match.dataset), enabled: match.dataset !== "" });

@@ -4,11 +4,12 @@ import { useMutation } from "@tanstack/react-query";
 import { useState } from "react";
 import { get, useForm, type FieldPath } from "react-hook-form";
 import { useTranslation } from "react-i18next";
-import { Link, useNavigate, useSearchParams } from "react-router";
+import { Link, useNavigate } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { addressOf } from "./address";
 import { curlOf, pythonOf } from "./copy";
 import { Experiments } from "./Experiments";
@@ -27,8 +28,8 @@ type Props = Omit<Part, "form" | "change" | "faultAt"> & { id: string; given: Se
 export function SearchForm({ id, given, ...known }: Props) {
   const { t } = useTranslation();
   const navigate = useNavigate();
-  const [, setQuery] = useSearchParams();
-  const { watch, setValue, setError, clearErrors, handleSubmit, formState } = useForm<Search>({ resolver: zodResolver(search), defaultValues: given });
+  const [, setQuery] = useQueryText();
+  const { watch, getValues, setValue, setError, clearErrors, handleSubmit, formState } = useForm<Search>({ resolver: zodResolver(search), defaultValues: given });
   const [placed, setPlaced] = useState<string[]>([]);
   const form = watch();
   const domains = { get: (name: string) => known.metrics.get(name)?.domain };
@@ -37,7 +38,7 @@ export function SearchForm({ id, given, ...known }: Props) {
       clearErrors(key as keyof Search);
       setValue(key as keyof Search, value as never);
     }
-    setQuery({ f: addressOf(id, { ...form, ...part }) }, { replace: true, preventScrollReset: true });
+    setQuery(() => new URLSearchParams({ f: addressOf(id, getValues()) }));
   };
   const submit = useMutation({
     mutationFn: (asked: Search) => must(api.POST("/v1/optimizations", { body: bodyOf(asked, id, domains) as components["schemas"]["OptimizationRequest"] })),

@@ -1,6 +1,7 @@
 import { Badge, Group, Text, Tooltip, UnstyledButton } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
+import { Busy } from "@/shared/ui/Busy";
 import { formatMetric, formatNumber } from "@/shared/units/format";
 import { holds, type PanelGoal } from "./goals";
 import classes from "./MetricStrip.module.css";
@@ -61,6 +62,7 @@ export function MetricStrip({ names, current, reference, stale, selected, goals,
           </Tooltip>
         );
       })}
+      {stale && <Busy corner>{t("panel.measuring")}</Busy>}
     </Group>
   );
 }

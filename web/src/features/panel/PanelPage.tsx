@@ -2,9 +2,10 @@ import { Alert, Badge, Button, Group, Stack, Text } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { useParams, useSearchParams } from "react-router";
+import { useParams } from "react-router";
 import { saveSystem, systemQuery } from "@/shared/api/systems";
 import type { Frame } from "@/shared/live/protocol";
+import { Busy } from "@/shared/ui/Busy";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { withUnit, words } from "@/shared/units/format";
 import { CompareBar } from "./CompareBar";
@@ -22,6 +23,7 @@ import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
 import { firstSliders } from "@/shared/systems/movable";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { mainOutput, pathsOf, readState, usualMetrics, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "./useLive";
 
@@ -33,9 +35,9 @@ export function PanelPage() {
   const { id = "" } = useParams();
   const system = useQuery(systemQuery(id)).data!;
   const queries = useQueryClient();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const state = useMemo(() => readState(query), [query]);
-  const change = useCallback((part: Partial<PanelState>) => setQuery((before) => writeState({ ...readState(before), ...part }, before), { replace: true, preventScrollReset: true }), [setQuery]);
+  const change = useCallback((part: Partial<PanelState>) => setQuery((before) => writeState({ ...readState(before), ...part }, before)), [setQuery]);
   const loops = useMemo(() => loopsOf(system.document), [system.document]);
 
   const plots = useRef<PlotsHandle>(null);
@@ -67,7 +69,8 @@ export function PanelPage() {
       system: id,
       parameters: paths,
       ...(state.input || state.amplitude !== 1 ? (input ? { input: { port: input, signal: { kind: "step", amplitude: state.amplitude } } } : {}) : {}),
-      ...(output ? { output } : {}),
+      // What the service takes by itself is not asked for: once it is known, the panel would be opened anew.
+      ...(state.output !== null && state.output === output ? { output } : {}),
       ...(frequency ? { frequency } : {}),
       metrics: [...new Set([...(state.metrics ?? usualMetrics(loops)), ...state.goals.map((goal) => goal.metric)])],
       ...(state.measured.length > 0 ? { measured: state.measured } : {}),
@@ -241,6 +244,7 @@ export function PanelPage() {
           </Alert>
         )}
         <ProblemAlert error={live.problem} />
+        {!known && !live.problem && live.state !== "lost" && <Busy>{t("panel.opening")}</Busy>}
         {known && <PanelPlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} onGoal={onGoal} />}
       </Stack>
     </div>

@@ -1,6 +1,7 @@
 import { useEffect, useRef } from "react";
 import type { FieldValues, UseFormReturn } from "react-hook-form";
-import { useLocation, useNavigationType, useSearchParams } from "react-router";
+import { useLocation, useNavigationType } from "react-router";
+import { useQueryText } from "../ui/useQueryText";
 import { withParameters, type Parameters } from "./address";
 
 /** Milliseconds without another change after which the address follows: browsers refuse more than a few changes of it a second. */
@@ -13,12 +14,12 @@ interface Held<Fields> {
 
 /** Keeps what is filled into a form in the address of its page: a link, a reload and the way back show it as it stood. */
 export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Fields>, held: Held<Fields>): void {
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const location = useLocation();
   const way = useNavigationType();
-  const latest = useRef({ query, setQuery, held });
+  const latest = useRef({ query, held });
   useEffect(() => {
-    latest.current = { query, setQuery, held };
+    latest.current = { query, held };
   });
   const { subscribe, getValues, reset } = form;
   useEffect(() => {
@@ -27,14 +28,12 @@ export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Field
     const put = () => {
       clearTimeout(timer);
       timer = undefined;
-      const { query: before, setQuery: set, held: how } = latest.current;
-      const parameters = how.write(getValues());
+      const parameters = latest.current.held.write(getValues());
       // A form tells more than changes, also that it was submitted: the page may be on its way to what was asked for, which must not be undone.
       const told = JSON.stringify(parameters);
       if (told === last) return;
       last = told;
-      const next = withParameters(before, parameters);
-      if (next !== before) set(next, { replace: true, preventScrollReset: true });
+      setQuery((before) => withParameters(before, parameters));
     };
     const stop = subscribe({
       formState: { values: true },
@@ -55,7 +54,7 @@ export function useAddress<Fields extends FieldValues>(form: UseFormReturn<Field
       stop();
       for (const kind of leaving) document.removeEventListener(kind, leave, { capture: true });
     };
-  }, [subscribe, getValues]);
+  }, [subscribe, getValues, setQuery]);
   const shown = useRef(location.key);
   useEffect(() => {
     if (shown.current === location.key) return;

@@ -2,7 +2,7 @@ import { Button, Group, MultiSelect, NativeSelect, Paper, Stack, Text, TextInput
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { Link, useNavigate, useParams, useSearchParams } from "react-router";
+import { Link, useNavigate, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { contractQuery } from "@/shared/forms/contract";
@@ -12,6 +12,7 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { words } from "@/shared/units/format";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import { datasetQuery, type Dataset } from "../recording";
 import { channelsBefore, gaps, readPlan, requestOf, stepKinds, writePlan, type Plan, type Step } from "./steps";
 
@@ -39,10 +40,10 @@ function Form({ dataset, kinds }: { dataset: Dataset; kinds: Map<string, Field[]
   const { t } = useTranslation();
   const navigate = useNavigate();
   const queries = useQueryClient();
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const plan = readPlan(query);
   const [empty, setEmpty] = useState<string[]>([]);
-  const change = (part: Partial<Plan>) => setQuery(writePlan({ ...plan, ...part }), { replace: true, preventScrollReset: true });
+  const change = (part: Partial<Plan>) => setQuery((before) => writePlan({ ...readPlan(before), ...part }));
   const others = useQuery({ queryKey: ["datasets", "choices"], queryFn: async () => (await must(api.GET("/v1/datasets", { params: { query: { limit: 200 } } }))).items.filter((row) => row.status === "ready" && row.id !== dataset.id) });
   const channels = [...new Set(dataset.channels.map((channel) => String(channel.name)))];
   const make = useMutation({

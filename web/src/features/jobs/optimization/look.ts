@@ -1,4 +1,4 @@
-import { useSearchParams } from "react-router";
+import { useQueryText } from "@/shared/ui/useQueryText";
 import type { GridMap } from "./map";
 
 /** What of a result is looked at: one step of the search, one point of its front, or one cell of its map. */
@@ -7,17 +7,13 @@ export type Looked = (typeof LOOKED_AT)[number];
 
 /** What the address says of the view, and how it is told something else. */
 export function useLook() {
-  const [query, setQuery] = useSearchParams();
+  const [query, setQuery] = useQueryText();
   const put = (part: Record<string, string | null>) =>
-    setQuery(
-      (before) => {
-        const next = new URLSearchParams(before);
-        for (const [key, value] of Object.entries(part)) if (value === null) next.delete(key);
-        else next.set(key, value);
-        return next;
-      },
-      { replace: true, preventScrollReset: true },
-    );
+    setQuery((next) => {
+      for (const [key, value] of Object.entries(part)) if (value === null) next.delete(key);
+      else next.set(key, value);
+      return next;
+    });
   /** Of step, point and cell there is one at a time. */
   const look = (at: Looked, place: string | null) => put({ ...Object.fromEntries(LOOKED_AT.map((key) => [key, null])), [at]: place });
   return { query, put, look };

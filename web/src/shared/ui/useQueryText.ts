@@ -1,0 +1,36 @@
+import { useCallback, useLayoutEffect, useMemo, useRef } from "react";
+import { useLocation, useNavigate, type Location, type NavigateOptions } from "react-router";
+
+/** What a place is about to become: changes that meet before the page is drawn anew go on from one another. */
+const ahead = new WeakMap<Location, URLSearchParams>();
+
+const IN_PLACE: NavigateOptions = { replace: true, preventScrollReset: true };
+
+export type ChangeQuery = (to: (before: URLSearchParams) => URLSearchParams, options?: NavigateOptions) => void;
+
+/**
+ * What the address says after its question mark, and how it is told something else, by default without a step in the history.
+ * Each change begins with what all before it have left, whichever part of the page made them. (`setSearchParams` of the
+ * router begins with what was drawn last: of two changes within one moment the first is lost.)
+ */
+export function useQueryText(): [URLSearchParams, ChangeQuery] {
+  const location = useLocation();
+  const navigate = useNavigate();
+  const query = useMemo(() => new URLSearchParams(location.search), [location.search]);
+  const drawn = useRef(location);
+  useLayoutEffect(() => {
+    drawn.current = location;
+  }, [location]);
+  const change = useCallback<ChangeQuery>(
+    (to, options = IN_PLACE) => {
+      const here = drawn.current;
+      const before = (ahead.get(here) ?? new URLSearchParams(here.search)).toString();
+      const next = to(new URLSearchParams(before));
+      if (next.toString() === before) return;
+      ahead.set(here, next);
+      void navigate({ search: next.toString() }, options);
+    },
+    [navigate],
+  );
+  return [query, change];
+}
