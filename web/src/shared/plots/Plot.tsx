@@ -61,6 +61,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
   const update = (next: Curve[], decor?: Decor) => {
     shown.current = next;
     behind.current = decor;
+    holder.current?.removeAttribute("data-waiting");
     if (next.length === spec.series.length) plot.current?.update(next, decor);
   };
   useImperativeHandle(ref, () => ({ update }));
@@ -90,7 +91,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
         </Group>
       </Group>
       <div className={classes.plot}>
-        <div ref={holder} role="img" aria-label={summary} style={{ height }} className={classes.canvas} />
+        <div ref={holder} role="img" aria-label={summary} data-waiting={curves === undefined || undefined} style={{ height }} className={classes.canvas} />
         <div ref={layer} className={classes.grips} />
       </div>
       <ul className={classes.legend}>
