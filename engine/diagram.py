@@ -26,6 +26,7 @@ from engine.nonlinear.linearize import joined, small_signal
 from engine.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.nonlinear.system import NonlinearSystem
 from engine.parameters import Param, ParameterInfo, Scalar
+from engine.rates import assemble_by_rates
 from engine.realize import Interconnection, Wiring
 from engine.traced import Graph, Traced
 from engine.wires import LOOP, Wires
@@ -103,7 +104,7 @@ class Diagram:
         self._flat = flat
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)
-        self._systems: dict[str | None, LinearSystem] = {}
+        self._systems: dict[tuple[str | None, bool], LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = describe(flat.numbers)
         self.warnings = (*self._wires.warnings, *flat.warnings)
         self.constants: Mapping[str, float] = dict(constants or {})
@@ -113,6 +114,11 @@ class Diagram:
     def nonlinear(self) -> bool:
         """Whether a block of the diagram is nonlinear."""
         return bool(self._channels)
+
+    @property
+    def reads_rates(self) -> bool:
+        """Whether a block has outputs that its states' rates make."""
+        return any(realization.reading is not None for realization in self._blocks.base)
 
     @property
     def linearization(self) -> tuple[Remark, ...]:
@@ -171,7 +177,11 @@ class Diagram:
         return self._assemble(found, self._wires.wiring(law))
 
     def realize(
-        self, overrides: Mapping[str, float | complex] | None = None, open_at: str | None = None
+        self,
+        overrides: Mapping[str, float | complex] | None = None,
+        open_at: str | None = None,
+        *,
+        by_rates: bool = False,
     ) -> LinearSystem:
         """Return the state space of the diagram.
 
@@ -184,6 +194,8 @@ class Diagram:
             ``loop`` instead; the true output is the added last output ``loop``. The loop transfer function is
             L = -(loop -> loop), so that 1 + L = 0 is the characteristic equation. Declared outputs that read the endpoint
             keep reading the true output. At a port of a subsystem only the consumers outside are cut.
+        by_rates : bool
+            Whether the rates that outputs are read from are delay channels of length 0, for `static_gain` and frequencies.
 
         Raises
         ------
@@ -196,21 +208,21 @@ class Diagram:
         """
         wiring = self._wires.wiring(open_at)
         if not overrides:
-            system = self._systems.get(open_at)
+            system = self._systems.get((open_at, by_rates))
             if system is None:
                 if len(self._systems) >= _REMEMBERED:
                     self._systems.clear()
                 realizations = self._blocks.base
                 if self.nonlinear:
                     realizations = self._linearized(realizations, self.laws())
-                system = self._systems[open_at] = self._assemble(realizations, wiring)
+                system = self._systems[open_at, by_rates] = self._assemble(realizations, wiring, by_rates=by_rates)
                 for name in ARRAYS:
                     getattr(system, name).setflags(write=False)
             return system
         realizations, values = self._blocks.changed(overrides)
         if self.nonlinear:
             realizations = self._linearized(realizations, self._laws(realizations, values))
-        return self._assemble(realizations, wiring)
+        return self._assemble(realizations, wiring, by_rates=by_rates)
 
     def laws(
         self, overrides: Mapping[str, float | complex] | None = None, steps: Mapping[str, float] | None = None
@@ -253,7 +265,12 @@ class Diagram:
         return small_signal(system, operating_point(system, self.constants))
 
     def realize_stack(
-        self, overrides: Mapping[str, npt.NDArray[Any]], open_at: str | None = None, members: int | None = None
+        self,
+        overrides: Mapping[str, npt.NDArray[Any]],
+        open_at: str | None = None,
+        members: int | None = None,
+        *,
+        by_rates: bool = False,
     ) -> StackedSystem:
         """Return the state spaces for a batch of parameter sets, all with the same states.
 
@@ -261,7 +278,7 @@ class Diagram:
         ----------
         overrides : mapping of str to ndarray (B,)
             Values (SI) by parameter path, float or complex.
-        open_at : str, optional
+        open_at, by_rates : optional
             As in `realize`.
         members : int, optional
             B, needed where ``overrides`` is empty.
@@ -311,7 +328,12 @@ class Diagram:
         return found
 
     def realize_lanes(
-        self, steps: Mapping[str, float], overrides: Mapping[str, float] | None = None, open_at: str | None = None
+        self,
+        steps: Mapping[str, float],
+        overrides: Mapping[str, float] | None = None,
+        open_at: str | None = None,
+        *,
+        by_rates: bool = False,
     ) -> LaneSystem:
         """Return the state space with one lane for each parameter of ``steps``, which carries its infinitesimal.
 
@@ -321,15 +343,15 @@ class Diagram:
         ----------
         steps : mapping of str to float
             Size of the infinitesimal by parameter path: lane k has the value p_k + i step_k.
-        overrides, open_at
+        overrides, open_at, by_rates
             As in `realize`, which tells what is raised, too.
         """
         values = {**{path: self._blocks.value(path) for path in steps}, **(overrides or {})}
         lanes = self._blocks.lanes(steps, overrides or {})
-        stack = self.realize_stack(lanes, open_at)
+        stack = self.realize_stack(lanes, open_at, by_rates=by_rates)
         if not stack.valid.all():
             for path, step in steps.items():
-                self.realize({**values, path: values[path] + 1j * step}, open_at)
+                self.realize({**values, path: values[path] + 1j * step}, open_at, by_rates=by_rates)
             raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
 
@@ -356,8 +378,9 @@ class Diagram:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
         return self._wires.wiring(open_at)
 
-    def _assemble(self, realizations: list[Realization], wiring: Wiring) -> LinearSystem:
-        assembled = self._interconnection.assemble(realizations, wiring)
+    def _assemble(self, realizations: list[Realization], wiring: Wiring, *, by_rates: bool = False) -> LinearSystem:
+        assemble = assemble_by_rates if by_rates else Interconnection.assemble
+        assembled = assemble(self._interconnection, realizations, wiring)
         return LinearSystem(**assembled.matrices, inputs=wiring.inputs, outputs=wiring.outputs)
 
 

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
-from engine.errors import DiagramError, UnresolvedError
+from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.linear.chebyshev import NODES
 from engine.linear.frequency import FrequencyResponse
-from engine.linear.path import merged, path
+from engine.linear.path import connected, merged, path
 from engine.linear.poles import Poles, poles, static_gain
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
@@ -89,6 +89,7 @@ class Evaluation:
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
+        self._rates: dict[str | None, LaneSystem | None] = {}
         self._poles: dict[bytes, Poles] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
 
@@ -117,10 +118,34 @@ class Evaluation:
         return self.commands or self.gradient
 
     def _realize(self, open_at: str | None) -> LaneSystem:
+        return merged(self._realized(open_at).balanced())
+
+    def _realized(self, open_at: str | None, *, by_rates: bool = False) -> LaneSystem:
         if not self.gradient:
-            return merged(LaneSystem.of([self.diagram.realize(self.overrides, open_at)]).balanced())
+            return LaneSystem.of([self.diagram.realize(self.overrides, open_at, by_rates=by_rates)])
         steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
-        return merged(self.diagram.realize_lanes(steps, self.overrides, open_at).balanced())
+        return self.diagram.realize_lanes(steps, self.overrides, open_at, by_rates=by_rates)
+
+    def _by_rates(
+        self, part: LaneSystem, inputs: Sequence[int], outputs: Sequence[int], open_at: str | None = None
+    ) -> LaneSystem:
+        """Return ``part`` with the rates that are read as signals of their own, which no difference of large numbers makes.
+
+        It stays as it is where it has none, where hidden states were left out of it, and where its direct gains without the
+        rates make a loop that has no solution.
+        """
+        if not self.diagram.reads_rates:
+            return part
+        if open_at not in self._rates:
+            try:
+                self._rates[open_at] = self._realized(open_at, by_rates=True).balanced(self._realized(open_at))
+            except IllPosedError:
+                self._rates[open_at] = None
+        whole = self._rates[open_at]
+        if whole is None:
+            return part
+        found = connected(whole, inputs, outputs)
+        return found if found.n == part.n else part
 
     @cached_property
     def system(self) -> LaneSystem:
@@ -148,11 +173,13 @@ class Evaluation:
         """Return the open loop at ``open_at``, signed so that 1 + L = 0 is the characteristic equation."""
         if open_at not in self._loops:
             whole = self._realize(open_at)
-            opened = _negated(path(whole, [len(whole.inputs) - 1], [len(whole.outputs) - 1], self._poles_of))
+            ends = [len(whole.inputs) - 1], [len(whole.outputs) - 1]
+            cut = path(whole, *ends, self._poles_of)
+            opened, exact = _negated(cut), _negated(self._by_rates(cut, *ends, open_at))
             closed = self._poles_of(_closed(opened.value))
             own = self._poles_of(opened.value)
-            static = None if np.any(own.at_zero) else static_gain(opened)[:, 0, 0]
-            response = FrequencyResponse.near(opened, closed)
+            static = None if np.any(own.at_zero) else static_gain(exact)[:, 0, 0]
+            response = FrequencyResponse.near(opened, closed, solved=exact)
             self._loops[open_at] = LoopSubject(
                 response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
             )
@@ -162,10 +189,11 @@ class Evaluation:
         """Return the frequency response from an input to an output of the diagram."""
         key = (source, target)
         if key not in self._paths:
-            part = path(self.system, [self.input_index(source)], [self.output_index(target)], self._poles_of)
-            own = self._poles_of(part.value)
-            static = None if np.any(own.at_zero) else static_gain(part)[:, 0, 0]
-            response = FrequencyResponse.near(part, own)
+            ends = [self.input_index(source)], [self.output_index(target)]
+            part = path(self.system, *ends, self._poles_of)
+            exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
+            static = None if np.any(own.at_zero) else static_gain(exact)[:, 0, 0]
+            response = FrequencyResponse.near(part, own, solved=exact)
             self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
         return self._paths[key]
 
@@ -244,19 +272,24 @@ class Evaluation:
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
         joint = None
         if decaying:
-            part = path(self.system, inputs, [self.output_index(name) for name in decaying], self._poles_of)
+            columns = [self.output_index(name) for name in decaying]
+            part = path(self.system, inputs, columns, self._poles_of)
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
-                values = np.asarray((static_gain(part) @ settled[:, :, None])[:, :, 0])
+                values = np.asarray((static_gain(self._by_rates(part, inputs, columns)) @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
             joint = _whole(part, signals, lifetime, [finals[name] for name in decaying])
             joint = motions.moved(joint, part) if motions else joint
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
-        columns = {name: k for k, name in enumerate(decaying)}
         return TimeResponse(
-            joint=joint, columns=columns, verdicts=verdicts, finals=finals, initials=initials, hidden=hidden
+            joint=joint,
+            columns={name: k for k, name in enumerate(decaying)},
+            verdicts=verdicts,
+            finals=finals,
+            initials=initials,
+            hidden=hidden,
         )
 
     def time_subject(

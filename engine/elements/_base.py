@@ -36,11 +36,25 @@ def _no_delays() -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """The outputs of a block by the rates of its states: y = c x + d u + k x'.
+
+    The same as y = (c + k A) x + (d + k B) u, without what cancels there: a fast filter's state nearly is its input, and an
+    acceleration is a small rest of large forces. ``k`` has the shape of ``c``.
+    """
+
+    c: Array
+    d: Array
+    k: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Realization:
     """The state space of one block (n states, m delay channels), each array with a leading batch axis or without.
 
     Shapes: ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n), ``d`` (outputs, inputs), ``delays`` (m,),
-    ``d12`` (outputs, m), ``d21`` (m, inputs); ``initial`` (n,), None for rest.
+    ``d12`` (outputs, m), ``d21`` (m, inputs); ``initial`` (n,), None for rest. ``reading`` (of a block without delays) says
+    how rates make the outputs.
     """
 
     a: Array
@@ -51,6 +65,7 @@ class Realization:
     d12: Array | None = None
     d21: Array | None = None
     initial: Array | None = None
+    reading: Reading | None = None
 
     @classmethod
     def static(cls, d: Array) -> Realization:
@@ -89,6 +104,16 @@ class Element(ABC):
     @abstractmethod
     def realize(cls, values: Values) -> Realization:
         """Return the state space at ``values`` (SI)."""
+
+
+def by_rates(c: Array, d: Array, rates: Mapping[int, Sequence[Scalar]]) -> Reading:
+    """Return the reading whose outputs ``rates`` are these shares of the states' rates alone; the others are those of C and D."""
+    c, d = c.copy(), d.copy()
+    rows: list[Sequence[Scalar]] = [[0.0] * c.shape[-1] for _ in range(c.shape[-2])]
+    for output, shares in rates.items():
+        c[..., output, :], d[..., output, :] = 0.0, 0.0
+        rows[output] = shares
+    return Reading(c=c, d=d, k=matrix(rows))
 
 
 _FLOATS: Final = frozenset({float, int})

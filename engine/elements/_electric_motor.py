@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from engine.elements._base import Ports, Realization, matrix
+from engine.elements._base import Ports, Realization, by_rates, matrix
 from engine.parameters import Param, Scalar
 
 OUTPUTS: Final = ("angle", "speed", "acceleration", "current", "torque")
@@ -71,17 +71,21 @@ def realize(
         rows.append([0.0, *rate])
         inputs.append([drive, 0.0])
     flowing = [0.0, speed, *state]
+    still = [0.0 for _ in state]
+    c = matrix([
+        [1.0, 0.0, *still],
+        [0.0, 1.0, *still],
+        moving,
+        flowing,
+        [torque_constant * share for share in flowing],
+    ])  # fmt: skip
+    d = matrix([
+        [0.0, 0.0], [0.0, 0.0], [push * direct, -inverse], [direct, 0.0], [torque_constant * direct, 0.0],
+    ])  # fmt: skip
     return Realization(
         a=matrix(rows),
         b=matrix(inputs),
-        c=matrix([
-            [1.0, 0.0, *[0.0 for _ in state]],
-            [0.0, 1.0, *[0.0 for _ in state]],
-            moving,
-            flowing,
-            [torque_constant * share for share in flowing],
-        ]),
-        d=matrix([
-            [0.0, 0.0], [0.0, 0.0], [push * direct, -inverse], [direct, 0.0], [torque_constant * direct, 0.0],
-        ]),
-    )  # fmt: skip
+        c=c,
+        d=d,
+        reading=by_rates(c, d, {OUTPUTS.index("acceleration"): [0.0, 1.0, *still]}),
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from engine.elements._base import Ports, Realization, matrix
+from engine.elements._base import Ports, Realization, by_rates, matrix
 from engine.parameters import Param, Scalar
 
 PORTS: Final = Ports(
@@ -100,6 +100,8 @@ def realize_rooms(
     inertia = 1.0 / mass
     rest = [0.0 for _ in fill]
     moving = [0.0, -viscous_friction * inertia, *[share * inertia for share in push]]
+    c = matrix([[1.0, 0.0, *rest], [0.0, 1.0, *rest], moving, *[[0.0, 0.0, *row] for row in pressures]])
+    d = matrix([[0.0, 0.0], [0.0, 0.0], [0.0, -inertia], *[[0.0, 0.0] for _ in pressures]])
     return Realization(
         a=matrix([
             [0.0, 1.0, *rest],
@@ -107,6 +109,5 @@ def realize_rooms(
             *[[0.0, -area * rate, *row] for rate, row in zip(fill, loss, strict=True)],
         ]),
         b=matrix([[0.0, 0.0], [0.0, -inertia], *[[rate, 0.0] for rate in fill]]),
-        c=matrix([[1.0, 0.0, *rest], [0.0, 1.0, *rest], moving, *[[0.0, 0.0, *row] for row in pressures]]),
-        d=matrix([[0.0, 0.0], [0.0, 0.0], [0.0, -inertia], *[[0.0, 0.0] for _ in pressures]]),
+        c=c, d=d, reading=by_rates(c, d, {2: [0.0, 1.0, *rest]}),
     )  # fmt: skip

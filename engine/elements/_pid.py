@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from engine.elements._base import Ports, Realization, Values, absent, exclusive, matrix, vanishing
+from engine.elements._base import Ports, Reading, Realization, Values, absent, exclusive, matrix, vanishing
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
 
@@ -81,23 +81,30 @@ def realize(values: Values) -> Realization:
     inputs: list[list[Scalar]] = []
     rates: list[Scalar] = []
     outputs: list[Scalar] = []
-    direct = [kp * weight for weight in b]
+    proportional = direct = [kp * weight for weight in b]
+    integral: list[Scalar] = []
+    derived: list[Scalar] = []
     if not absent(ki):
         # x' = ki e: the state is the integral part of the output itself.
         rates.append(-vanishing(ki))
         inputs.append([ki * weight for weight in error])
         outputs.append(1.0)
+        integral.append(1.0)
+        derived.append(0.0)
     if not absent(kd):
         # x' = w (c r - y - x), and the derivative part is kd x'.
         w = values["filter_frequency"]
         rates.append(-w)
         inputs.append([w * weight for weight in c])
         outputs.append(-kd * w)
+        integral.append(0.0)
+        derived.append(kd)
         direct = [gain + kd * w * weight for gain, weight in zip(direct, c, strict=True)]
     if not rates:
         return Realization.static(matrix([direct]))
     a = matrix([[rate if i == j else 0.0 for j in range(len(rates))] for i, rate in enumerate(rates)])
-    return Realization(a=a, b=matrix(inputs), c=matrix([outputs]), d=matrix([direct]))
+    reading = Reading(c=matrix([integral]), d=matrix([proportional]), k=matrix([derived])) if not absent(kd) else None
+    return Realization(a=a, b=matrix(inputs), c=matrix([outputs]), d=matrix([direct]), reading=reading)
 
 
 def _weights(reference: Scalar | None, *, weighted: bool) -> list[Scalar]:

@@ -7,7 +7,7 @@ The deflection z of the mass obeys z'' + 2 d w z' + w² z = -acceleration; the s
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.elements._biquad import biquad
 from engine.parameters import Param
 
@@ -53,4 +53,5 @@ class Accelerometer(Element):
             b=matrix([[0.0], [w], [0.0]]),
             c=matrix([[gain, 0.0, -gain]]),
             d=matrix([[0.0]]),
+            reading=Reading(c=matrix([[0.0, 0.0, 0.0]]), d=matrix([[0.0]]), k=matrix([[0.0, 0.0, gain / corner]])),
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
 
@@ -108,14 +108,15 @@ class CompliantArm(Element):
                 ],
             ]
             direct += [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [_sum(shape, column) for column in zip(*forces, strict=True)]]
+        c = matrix([*rows, [*stroke, *none], [*none, *stroke]])
+        d = matrix([*direct, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         return Realization(
             a=matrix([
                 *[[*none, *_diagonal(i, none, 1.0)] for i in modes],
                 *[[*_diagonal(i, none, -stiffness[i]), *_diagonal(i, none, -damping[i])] for i in modes],
             ]),
             b=matrix([*[[0.0, 0.0, 0.0] for _ in modes], *forces]),
-            c=matrix([*rows, [*stroke, *none], [*none, *stroke]]),
-            d=matrix([*direct, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+            c=c, d=d, reading=by_rates(c, d, {2: [*none, *base], 5: [*none, *end]}),
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ y/u = gain s / (1 + s/w)
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.parameters import Param
 
 
@@ -32,7 +32,10 @@ class Derivative(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return the filtered input as state: y = gain w (u - x)."""
-        w = values["filter_frequency"]
-        slope = values["gain"] * w
-        return Realization(a=matrix([[-w]]), b=matrix([[w]]), c=matrix([[-slope]]), d=matrix([[slope]]))
+        """Return the filtered input as state: y = gain x' = gain w (u - x)."""
+        gain, w = values["gain"], values["filter_frequency"]
+        slope = gain * w
+        return Realization(
+            a=matrix([[-w]]), b=matrix([[w]]), c=matrix([[-slope]]), d=matrix([[slope]]),
+            reading=Reading(c=matrix([[0.0]]), d=matrix([[0.0]]), k=matrix([[gain]])),
+        )  # fmt: skip

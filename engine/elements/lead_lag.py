@@ -5,7 +5,7 @@ y/u = gain (1 + s/zero_frequency) / (1 + s/pole_frequency)
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.parameters import Param
 
 
@@ -41,9 +41,10 @@ class LeadLag(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return the input's lag as state, of the size of the input."""
-        gain, pole = values["gain"], values["pole_frequency"]
-        ratio = pole / values["zero_frequency"]
+        """Return the input's lag as state, of the size of the input: y = gain (x + x'/zero_frequency)."""
+        gain, zero, pole = values["gain"], values["zero_frequency"], values["pole_frequency"]
+        ratio = pole / zero
         return Realization(
-            a=matrix([[-pole]]), b=matrix([[pole]]), c=matrix([[gain * (1.0 - ratio)]]), d=matrix([[gain * ratio]])
-        )
+            a=matrix([[-pole]]), b=matrix([[pole]]), c=matrix([[gain * (1.0 - ratio)]]), d=matrix([[gain * ratio]]),
+            reading=Reading(c=matrix([[gain]]), d=matrix([[0.0]]), k=matrix([[gain / zero]])),
+        )  # fmt: skip

@@ -6,7 +6,7 @@ x/F = 1/(m s² + d s + k),   x/x_b = (d s + k)/(m s² + d s + k)
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
 from engine.parameters import Param, Scalar
 
 
@@ -57,26 +57,29 @@ class MassSpringDamper(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return position and velocity as states, the latter without what a jump of the base adds at once."""
+        """Return position and velocity as states.
+
+        Where the base jumps the second is the velocity that force and spring alone have made, p' = (F + k (x_b - x))/m, so
+        that the damper's share d (x_b - x)/m need not be taken away from it again.
+        """
         mass, stiffness, damping = values["mass"], values["stiffness"], values["damping"]
         pull, drag = stiffness / mass, damping / mass
         if values["base"] == "displacement":
+            c, d = matrix([[1.0, 0.0], [-drag, 1.0]]), matrix([[0.0, 0.0], [0.0, drag]])
             return Realization(
-                a=matrix([[0.0, 1.0], [-pull, -drag]]),
-                b=matrix([[0.0, drag], [1.0 / mass, pull - drag * drag]]),
-                c=matrix([[1.0, 0.0], [0.0, 1.0]]),
-                d=matrix([[0.0, 0.0], [0.0, drag]]),
-            )
+                a=matrix([[-drag, 1.0], [-pull, 0.0]]), b=matrix([[0.0, drag], [1.0 / mass, pull]]), c=c, d=d,
+                reading=by_rates(c, d, {1: [1.0, 0.0]}),
+            )  # fmt: skip
         moving = values["base"] == "motion"
 
         def row(force: Scalar, displacement: Scalar, velocity: Scalar) -> list[Scalar]:
             return [force, displacement, velocity] if moving else [force]
 
+        c = matrix([[1.0, 0.0], [0.0, 1.0], [-pull, -drag], [stiffness, damping]])
+        d = matrix([
+            row(0.0, 0.0, 0.0), row(0.0, 0.0, 0.0), row(1.0 / mass, pull, drag), row(0.0, -stiffness, -damping),
+        ])  # fmt: skip
         return Realization(
-            a=matrix([[0.0, 1.0], [-pull, -drag]]),
-            b=matrix([row(0.0, 0.0, 0.0), row(1.0 / mass, pull, drag)]),
-            c=matrix([[1.0, 0.0], [0.0, 1.0], [-pull, -drag], [stiffness, damping]]),
-            d=matrix([
-                row(0.0, 0.0, 0.0), row(0.0, 0.0, 0.0), row(1.0 / mass, pull, drag), row(0.0, -stiffness, -damping),
-            ]),
+            a=matrix([[0.0, 1.0], [-pull, -drag]]), b=matrix([row(0.0, 0.0, 0.0), row(1.0 / mass, pull, drag)]), c=c, d=d,
+            reading=by_rates(c, d, {2: [0.0, 1.0]}),
         )  # fmt: skip

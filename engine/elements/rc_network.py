@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.errors import DiagramError
 from engine.parameters import Param
 
@@ -80,20 +80,27 @@ class RcNetwork(Element):
         """Return the voltages of the capacitors as states."""
         r1, c1, r2, c2 = (values[name] for name in ("r1", "c1", "r2", "c2"))
         if c1 is None:
-            # The current is (u - v2)/(r1 + r2), and y = v2 + r2 current.
+            # The current is (u - v2)/(r1 + r2), and y = v2 + r2 current = v2 + r2 c2 v2'.
             total = r1 if r2 is None else r1 + r2
             share = 0.0 if r2 is None else r2 / total
             rate = 1.0 / (total * c2)
-            return Realization(a=matrix([[-rate]]), b=matrix([[rate]]), c=matrix([[1.0 - share]]), d=matrix([[share]]))
-        # The current through r2 is (u - v1 - v2)/r2, that through r1 is v1/r1, and y = u - v1.
+            charge = 0.0 if r2 is None else r2 * c2
+            return Realization(
+                a=matrix([[-rate]]), b=matrix([[rate]]), c=matrix([[1.0 - share]]), d=matrix([[share]]),
+                reading=Reading(c=matrix([[1.0]]), d=matrix([[0.0]]), k=matrix([[charge]])),
+            )  # fmt: skip
+        # The current through r2 is (u - v1 - v2)/r2, that through r1 is v1/r1, and y = u - v1 = v2 + r2 current.
         charging = 1.0 / (r2 * c1)
         leaking = 0.0 if r1 is None else 1.0 / (r1 * c1)
         if c2 is None:
+            resting = 0.0 if r1 is None else r2 / r1
             return Realization(
-                a=matrix([[-charging - leaking]]), b=matrix([[charging]]), c=matrix([[-1.0]]), d=matrix([[1.0]])
-            )
+                a=matrix([[-charging - leaking]]), b=matrix([[charging]]), c=matrix([[-1.0]]), d=matrix([[1.0]]),
+                reading=Reading(c=matrix([[resting]]), d=matrix([[0.0]]), k=matrix([[r2 * c1]])),
+            )  # fmt: skip
         passing = 1.0 / (r2 * c2)
         return Realization(
             a=matrix([[-charging - leaking, -charging], [-passing, -passing]]),
             b=matrix([[charging], [passing]]), c=matrix([[-1.0, 0.0]]), d=matrix([[1.0]]),
+            reading=Reading(c=matrix([[0.0, 1.0]]), d=matrix([[0.0]]), k=matrix([[0.0, r2 * c2]])),
         )  # fmt: skip

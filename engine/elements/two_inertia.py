@@ -6,7 +6,7 @@ J_m ω_m' = M - b_m ω_m - M_s/n,   J_l ω_l' = M_s - b_l ω_l - M_L
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
 from engine.parameters import Param, Scalar
 
 
@@ -80,17 +80,18 @@ class TwoInertia(Element):
         motor_rate[2] = motor_rate[2] - lost["motor"] * motor
         load_rate = [torque * load for torque in shaft]
         load_rate[3] = load_rate[3] - lost["load"] * load
+        c = matrix([
+            [ratio, ratio, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], motor_rate,
+            [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], load_rate,
+            shaft,
+        ])  # fmt: skip
+        d = matrix([
+            [0.0, 0.0], [0.0, 0.0], [motor, 0.0],
+            [0.0, 0.0], [0.0, 0.0], [0.0, -load],
+            [0.0, 0.0],
+        ])  # fmt: skip
         return Realization(
             a=matrix([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0 / ratio, -1.0], motor_rate, load_rate]),
             b=matrix([[0.0, 0.0], [0.0, 0.0], [motor, 0.0], [0.0, -load]]),
-            c=matrix([
-                [ratio, ratio, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], motor_rate,
-                [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], load_rate,
-                shaft,
-            ]),
-            d=matrix([
-                [0.0, 0.0], [0.0, 0.0], [motor, 0.0],
-                [0.0, 0.0], [0.0, 0.0], [0.0, -load],
-                [0.0, 0.0],
-            ]),
+            c=c, d=d, reading=by_rates(c, d, {2: [0.0, 0.0, 1.0, 0.0], 5: [0.0, 0.0, 0.0, 1.0]}),
         )  # fmt: skip

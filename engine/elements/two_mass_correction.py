@@ -79,18 +79,23 @@ class TwoMassCorrection(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return x3, v3, x2, v2 as states, v3 without h1/m3 x1: what a jump of the input adds to it at once."""
+        """Return x2, x3 - x2 and the momenta of both masses together and of m2 without their dampers' share as states.
+
+        m2 x2' = h2 e + p2,   m3 x3' = h1 (x1 - x3) - h2 e + p - p2,   e = x3 - x2
+        p' = k1 (x1 - x3) - k2 x3 - k4 x2,   p2' = k3 e - k4 x2
+
+        So no stiffness or damping is the difference of two, however stiff one of them is.
+        """
         m2, m3, h1, h2 = (values[name] for name in ("m2", "m3", "h1", "h2"))
         k1, k2, k3, k4 = (values[name] for name in ("k1", "k2", "k3", "k4"))
-        kick = h1 / m3
         return Realization(
             a=matrix([
-                [0.0, 1.0, 0.0, 0.0],
-                [-(k1 + k2 + k3) / m3, -(h1 + h2) / m3, k3 / m3, h2 / m3],
-                [0.0, 0.0, 0.0, 1.0],
-                [k3 / m2, h2 / m2, -(k3 + k4) / m2, -h2 / m2],
+                [0.0, h2 / m2, 0.0, 1.0 / m2],
+                [-h1 / m3, -(h1 + h2) / m3 - h2 / m2, 1.0 / m3, -1.0 / m3 - 1.0 / m2],
+                [-(k1 + k2 + k4), -(k1 + k2), 0.0, 0.0],
+                [-k4, k3, 0.0, 0.0],
             ]),
-            b=matrix([[kick], [k1 / m3 - kick * (h1 + h2) / m3], [0.0], [kick * h2 / m2]]),
-            c=np.array([[0.0, 0.0, 1.0, 0.0]]),
+            b=matrix([[0.0], [h1 / m3], [k1], [0.0]]),
+            c=np.array([[1.0, 0.0, 0.0, 0.0]]),
             d=np.zeros((1, 1)),
         )  # fmt: skip

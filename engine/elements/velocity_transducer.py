@@ -5,7 +5,7 @@ signal/velocity = sensitivity · s²/(s² + 2 d w s + w²) · 1/(1 + s/bandwidth
 
 from __future__ import annotations
 
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.elements._biquad import biquad
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
@@ -54,7 +54,7 @@ class VelocityTransducer(Element):
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
-        """Return states of the size of the velocity, only where they are needed."""
+        """Return states of the size of the velocity, only where they are needed; the band's limit comes first."""
         gain, bandwidth, w, d = (
             values[name] for name in ("sensitivity", "bandwidth", "natural_frequency", "damping_ratio")
         )
@@ -63,10 +63,11 @@ class VelocityTransducer(Element):
         if bandwidth is None:
             return biquad(0.0, 0.0, gain, frequency=w, damping_ratio=d)
         return Realization(
-            a=matrix([[0.0, w, 0.0], [-w, -2.0 * d * w, 0.0], [-bandwidth, -2.0 * d * bandwidth, -bandwidth]]),
-            b=matrix([[0.0], [w], [bandwidth]]),
-            c=matrix([[0.0, 0.0, gain]]),
+            a=matrix([[0.0, w, 0.0], [-w, -2.0 * d * w, w], [0.0, 0.0, -bandwidth]]),
+            b=matrix([[0.0], [0.0], [bandwidth]]),
+            c=matrix([[-gain, -2.0 * d * gain, gain]]),
             d=matrix([[0.0]]),
+            reading=Reading(c=matrix([[0.0, 0.0, 0.0]]), d=matrix([[0.0]]), k=matrix([[0.0, gain / w, 0.0]])),
         )
 
 

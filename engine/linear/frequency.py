@@ -19,7 +19,7 @@ from scipy.linalg import eigvals, schur
 
 from engine.linear.poles import Poles, poles
 from engine.linear.roots import SAME, roots
-from engine.linear.tangent import INFINITESIMAL, solve
+from engine.linear.tangent import INFINITESIMAL, evened, solve
 
 if TYPE_CHECKING:
     from engine.linear.system import Array, LaneSystem
@@ -80,6 +80,8 @@ class FrequencyResponse:
         Poles at which the scan looks closely only where it comes by, down to the slowest: a chain of echoes has no end.
     floor : float
         The scan ends where the magnitude has fallen below this part of its low-frequency or peak value.
+    solved : LaneSystem, optional
+        The same response in equations that keep more digits (see :mod:`engine.rates`).
     """
 
     def __init__(
@@ -89,21 +91,23 @@ class FrequencyResponse:
         corners: npt.NDArray[np.complex128] | None = None,
         needles: npt.NDArray[np.complex128] | None = None,
         floor: float = 1e-3,
+        solved: LaneSystem | None = None,
     ) -> None:
         self.system = system
+        self._solved = system if solved is None else solved
         self._corners = np.zeros(0, dtype=complex) if corners is None else corners
         self._needles = np.zeros(0, dtype=complex) if needles is None else needles
         self._floor = floor
 
     @classmethod
-    def near(cls, system: LaneSystem, found: Poles, *, floor: float = 1e-3) -> Self:
+    def near(cls, system: LaneSystem, found: Poles, *, floor: float = 1e-3, solved: LaneSystem | None = None) -> Self:
         """Return the response of ``system``, looked at closely where these poles are; at 0 there is nothing to look at."""
         corners, endless = found.values[~found.at_zero], found.endless[~found.at_zero]
-        return cls(system, corners=corners[~endless], needles=corners[endless], floor=floor)
+        return cls(system, corners=corners[~endless], needles=corners[endless], floor=floor, solved=solved)
 
     def __call__(self, frequencies: Real) -> Complex:
         """Return G(jω) for ``frequencies`` in rad/s, shape (k,); infinite at a pole on the axis."""
-        size = self.system.n + self.system.m
+        size = self._solved.n + self._solved.m
         if not size:
             return np.full(len(frequencies), complex(self.system.d11[0, 0, 0].real))
         # a whole factorisation for each frequency holds the relative accuracy far down a roll-off; many states cost too much
@@ -117,17 +121,20 @@ class FrequencyResponse:
 
     def _factorised(self, frequencies: Real) -> Complex:
         """Return G(jω) from F(jω) [x; w] = [B1; D21], factorised for each frequency."""
-        s = self.system
-        f, right, read = self._equations(frequencies)
+        s = self._solved
+        f, right, read, _ = self._equations(frequencies)
         try:
-            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
+            inner = np.linalg.solve(f, right)[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole
             return self._triangular(frequencies)
         return np.asarray(inner @ read + complex(s.d11[0, 0, 0].real))
 
-    def _equations(self, frequencies: Real) -> tuple[Complex, Complex, Real]:
-        """Return F(jω) at each frequency, its right side and what is read of its solution."""
-        s = self.system
+    def _equations(self, frequencies: Real) -> tuple[Complex, Complex, Real, Real]:
+        """Return F(jω) and its right side at each frequency, what is read of the solution, and what made the rows of one size.
+
+        A weak coupling must not drown in the pivot of a strong one.
+        """
+        s = self._solved
         n, m, k = s.n, s.m, len(frequencies)
         f = np.zeros((k, n + m, n + m), dtype=complex)
         f[:, :n, :n] = 1j * frequencies[:, None, None] * np.eye(n) - s.a[0].real
@@ -135,12 +142,13 @@ class FrequencyResponse:
         f[:, n:, :n] = -s.c2[0].real
         turns = np.exp(1j * frequencies[:, None] * s.delays[0].real)
         f[:, n:, n:] = turns[:, :, None] * np.eye(m) - s.d22[0].real
-        right = np.concatenate([s.b1[0].real, s.d21[0].real]).astype(complex)
-        return f, right, np.concatenate([s.c1[0].real, s.d12[0].real], axis=1)[0]
+        rows = evened(f)
+        right = rows * np.concatenate([s.b1[0].real, s.d21[0].real])
+        return rows * f, right, np.concatenate([s.c1[0].real, s.d12[0].real], axis=1)[0], rows
 
     def slope(self, shape: Shape, frequencies: Real) -> Real:
         """Return the derivative of ``shape`` of the real response with respect to ω, shape (k,)."""
-        size = self.system.n + self.system.m
+        size = self._solved.n + self._solved.m
         if not size:
             return np.zeros(len(frequencies))
         step = max(1, int(_MOST_NUMBERS / (2 * size * size)))
@@ -148,16 +156,17 @@ class FrequencyResponse:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _slope(self, shape: Shape, frequencies: Real) -> Real:
-        s = self.system
-        f, right, read = self._equations(frequencies)
+        s = self._solved
+        f, right, read, rows = self._equations(frequencies)
         try:
-            inner = np.linalg.solve(f, np.broadcast_to(right, (len(f), *right.shape)))[..., 0]
+            inner = np.linalg.solve(f, right)[..., 0]
         except np.linalg.LinAlgError:  # one of them is exactly a pole: beside it, where nothing is infinite
             return self._slope(shape, frequencies * (1 + SAME))
         outer = np.linalg.solve(f.swapaxes(1, 2), np.broadcast_to(read[:, None], (len(f), len(read), 1)))[..., 0]
         tau = s.delays[0].real
-        rate = np.concatenate(
-            [np.full((len(f), s.n), 1j), 1j * tau * np.exp(1j * frequencies[:, None] * tau)], axis=1
+        rate = (
+            np.concatenate([np.full((len(f), s.n), 1j), 1j * tau * np.exp(1j * frequencies[:, None] * tau)], axis=1)
+            * rows[..., 0]
         )  # dF/dω, a diagonal
         value = inner @ read + complex(s.d11[0, 0, 0].real)
         change = -(outer * rate * inner).sum(axis=1) * INFINITESIMAL
@@ -197,7 +206,7 @@ class FrequencyResponse:
         frequency : ndarray, shape (lanes,) or ()
             rad/s; may itself carry infinitesimals.
         """
-        s = self.system
+        s = self._solved
         n, m = s.n, s.m
         omega = np.broadcast_to(np.asarray(frequency), (s.lanes,))
         kind = np.result_type(s.dtype, omega)
@@ -210,7 +219,8 @@ class FrequencyResponse:
         im[:, :n, :n] = omega[:, None, None] * np.eye(n)
         matrix = np.concatenate([np.concatenate([re, -im], axis=2), np.concatenate([im, re], axis=2)], axis=1)
         right = np.concatenate([s.b1, s.d21, np.zeros((s.lanes, n + m, 1))], axis=1).astype(kind)
-        inner = solve(matrix, right)[:, :, 0] if n + m else right[:, :, 0]
+        rows = evened(matrix[0].real) if n + m else np.ones((0, 1))
+        inner = solve(matrix * rows, right * rows)[:, :, 0] if n + m else right[:, :, 0]
         read = np.concatenate([s.c1[:, 0], s.d12[:, 0]], axis=1)
         real = np.einsum("pi,pi->p", read, inner[:, : n + m]) + s.d11[:, 0, 0]
         imaginary = np.einsum("pi,pi->p", read, inner[:, n + m :])

@@ -127,12 +127,13 @@ class LaneSystem:
         """float64, or complex128 when a lane carries infinitesimals."""
         return np.complex128 if any(np.iscomplexobj(getattr(self, name)) for name in ARRAYS) else np.float64
 
-    def balanced(self) -> LaneSystem:
+    def balanced(self, like: LaneSystem | None = None) -> LaneSystem:
         """Return the system with states scaled by powers of two, so that rounding does not depend on the units.
 
-        In SI a pressure is 1e5 where a position is 1e-3; unscaled, exponentials would lose those eight digits.
+        In SI a pressure is 1e5 where a position is 1e-3; unscaled, exponentials would lose those eight digits. Where how
+        the states act on each other is spread over channels, ``like`` is the system that has it in one matrix.
         """
-        _, transform = matrix_balance(self.a[0].real, permute=False)
+        _, transform = matrix_balance((self if like is None else like).a[0].real, permute=False)
         return self.scaled(np.diag(transform))
 
     def scaled(self, scale: Array) -> LaneSystem:

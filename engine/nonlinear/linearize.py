@@ -43,6 +43,8 @@ def joined(members: Sequence[Realization | None], *, like: Realization) -> Reali
         return like
     arrays: dict[str, Any] = {}
     for entry in fields(Realization):
+        if entry.name == "reading":  # a law is linearised into its matrices alone
+            continue
         own = [None if member is None else getattr(member, entry.name) for member in members]
         pattern = getattr(first, entry.name)
         if pattern is None:

@@ -17,6 +17,8 @@ from engine.study import MetricRequest, measure, simulate
 from engine.verdicts import Verdict
 from tests.reference.measuring import expect, step
 from tests.reference.systems import block, system, transfer_function
+from tests.reference.test_control_elements import CASES as CONTROL
+from tests.reference.test_drive_elements import CASES as DRIVES
 from tests.reference.test_drive_elements import CYLINDER, differential_cylinder, exact, mp
 
 
@@ -164,3 +166,59 @@ def test_a_cylinder_in_thick_grease_still_integrates_its_flow() -> None:
     assert (path.static, path.verdict) == (None, Verdict.INTEGRATING)
     expected = complex(differential_cylinder(mp.mpc(0, 1e-6), exact(law))[0][0])
     assert path.response(np.array([1e-6]))[0] == pytest.approx(expected, rel=1e-9)
+
+
+FAR_APART: list[tuple[str, dict[str, Any]]] = [
+    ("pd2", {"kp": 2.0, "kd1": 0.1, "kd2": 0.001, "filter_frequency": 1e12, "filter_damping": 0.6}),
+    ("feed_forward", {"kf": 0.5, "kv": 1.1, "ka": 0.02, "filter_frequency": 1e12, "filter_damping": 0.6}),
+    ("lead_lag", {"gain": 2.0, "zero_frequency": 1e-12, "pole_frequency": 300.0}),
+    ("derivative", {"gain": 3.0, "filter_frequency": 1e12}),
+    ("pid", {"kp": 3.0, "ki": 2.0, "kd": 0.5, "filter_frequency": 1e12}),
+    ("rc_network", {"network": "lead", "r1": 1e5, "c1": 1e-7, "r2": 1e-12}),
+    ("accelerometer",
+     {"sensitivity": 0.01, "natural_frequency": 5e3, "damping_ratio": 0.7, "high_pass_frequency": 3e12}),
+    ("velocity_transducer",
+     {"sensitivity": 28.0, "natural_frequency": 2.8e13, "damping_ratio": 0.56, "bandwidth": 800.0}),
+    ("two_mass_correction",
+     {"m2": 50.0, "m3": 20.0, "h1": 4e14, "h2": 300.0, "k1": 6e4, "k2": 2e4, "k3": 4e4, "k4": 1e4}),
+    ("two_mass_correction",
+     {"m2": 50.0, "m3": 2e-11, "h1": 400.0, "h2": 300.0, "k1": 6e4, "k2": 2e4, "k3": 4e16, "k4": 1e4}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "given"), FAR_APART, ids=[f"{kind}-{n}" for n, (kind, _) in enumerate(FAR_APART)])
+def test_what_a_fast_corner_leaves_keeps_its_digits(kind: str, given: dict[str, Any]) -> None:
+    law = next(formula for name, _, formula in CONTROL + DRIVES if name == kind)
+    numbers = exact(given)
+    path = Evaluation(system({"u": block("input"), "it": block(kind, **given)}, ["u -> it"], {"y": "it"})).path(
+        "u", "y"
+    )
+    frequencies = np.array([1e-3, 1.0, 30.0, 1e3])
+
+    def expected(s: Any) -> Any:
+        value = law(s, numbers)
+        return value if kind != "two_mass_correction" else value[0][0]
+
+    with mp.workdps(60):
+        responses = [complex(expected(mp.mpc(0, w))) for w in frequencies]
+        rest = float(mp.re(expected(mp.mpf("1e-40")))) if kind != "pid" else None
+    assert path.response(frequencies) == pytest.approx(responses, rel=1e-9)
+    assert (path.static is None) == (rest is None)
+    if path.static is not None and rest is not None:
+        assert path.static[0] == pytest.approx(rest, rel=1e-12, abs=1e-30)
+
+
+def test_an_acceleration_at_rest_is_nothing_whatever_the_forces() -> None:
+    motor = block("dc_motor", **{**MOTOR, "inertia": 2e-15}, torque_constant=0.2, inductance=1.5e-3)
+    diagram = system({"u": block("input"), "m": motor}, ["u -> m.voltage"], {"a": "m.acceleration"})
+    path = Evaluation(diagram).path("u", "a")
+    assert path.static is not None
+    assert path.static[0] == 0
+    # a/u = s K/((R + L s)(J s + b) + K K_e): at 1 rad/s nothing but the slope
+    s = mp.mpc(0, 1)
+    ratio = (
+        s
+        * mp.mpf(0.2)
+        / ((mp.mpf(0.33) + mp.mpf(1.5e-3) * s) * (mp.mpf(2e-15) * s + mp.mpf(3e-3)) + mp.mpf(0.2) * mp.mpf(0.21))
+    )
+    assert path.response(np.array([1.0]))[0] == pytest.approx(complex(ratio), rel=1e-12)
