@@ -305,7 +305,8 @@ class Diagram:
         with np.errstate(all="ignore"):
             if self.nonlinear:
                 realizations = self._linearized_members(realizations, values, admitted)
-            assembled = self._interconnection.assemble(realizations, wiring, admitted=admitted)
+            assemble = assemble_by_rates if by_rates else Interconnection.assemble
+            assembled = assemble(self._interconnection, realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
 
     def _linearized_members(
