@@ -23,30 +23,31 @@ from tests.integration.api.rigs import AGENT, MEASUREMENT, RIG, deliver, samples
 PATIENCE = 240
 _UNDER_WAY = {"queued", "claimed", "running", "uploading", "parsing"}
 _TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"
-_PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&cmp=motor.resistance:0.33,0.5,0.8"
+STUDIES = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
+PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&cmp=motor.resistance:0.33,0.5,0.8"
 _STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
-_QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
-_CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}
+QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
+CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}
 _GAIN = {"parameter": "law.kp", "lower": 0.001, "upper": 0.1}
 _RATE = {"parameter": "law.kd1", "lower": 1e-6, "upper": 1e-4}
-_SEARCH = {
+SEARCH = {
     "variables": [_GAIN, _RATE],
     "experiments": [_STEP],
-    "goals": [_QUICK, {**_CALM, "upper": 0.05}],
+    "goals": [QUICK, {**CALM, "upper": 0.05}],
     "method": {"kind": "gradient", "starts": 1, "seed": 1},
 }
 #: What a search can find out besides an optimum: other structures, other methods, how sure it is.
 _WHOLE = {
-    **_SEARCH,
+    **SEARCH,
     "variables": [_GAIN],
     "uncertain": [{"parameter": "motor.leakage", "lower": 1e-10, "upper": 1.2e-10}],
     "yield_samples": 20,
     "cross_check": ["grid"],
 }
-_MAP = {**_SEARCH, "goals": [_QUICK, _CALM | {"upper": 0.05}], "method": {"kind": "grid", "points": 5}}
+_MAP = {**SEARCH, "goals": [QUICK, CALM | {"upper": 0.05}], "method": {"kind": "grid", "points": 5}}
 _FRONT = {
-    **_SEARCH,
-    "goals": [_QUICK, {**_CALM, "sense": "minimize"}],
+    **SEARCH,
+    "goals": [QUICK, {**CALM, "sense": "minimize"}],
     "method": {"kind": "pareto", "points": 6, "population": 16, "generations": 2},
 }
 #: A form that says all that a search can be told: every way to choose, every kind of goal, ranges that are not known better.
@@ -126,9 +127,8 @@ class Places:
 
 def of_models(client: httpx.Client) -> Places:
     """Make systems and what is computed from them alone."""
-    documents = {t["id"]: t.get("document") for t in json.loads(_TEMPLATES.read_text(encoding="utf-8"))}
-    studies = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
-    motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in studies)
+    documents = templates()
+    motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in STUDIES)
     structures = [{"name": name, "system": hydraulic} for name in ("as it is", "the same again")]
     whole = {**_WHOLE, "alternatives": structures}
     bodies = ({"system": hydraulic, **body} for body in (_MAP, _FRONT, whole))
@@ -137,7 +137,7 @@ def of_models(client: httpx.Client) -> Places:
     client.put(f"/v1/systems/{motor}", json=changed, headers={"If-Match": '"1"'}).raise_for_status()
     of = Places(client=client)
     of.add("systems", "/systems", "article")
-    of.add("panel", f"/systems/{motor}/panel?{_PANEL}", "[data-testid=plots][data-frame]")
+    of.add("panel", f"/systems/{motor}/panel?{PANEL}", "[data-testid=plots][data-frame]")
     of.add("diagram", f"/systems/{position}/diagram", ".react-flow__viewport:has(.react-flow__edge) .react-flow__node")
     of.add("influence", f"/systems/{hydraulic}/influence?row=overshoot", "[data-testid=tornado]")
     search = f"/systems/{hydraulic}/optimise?f={quote(json.dumps(_FORM))}"
@@ -227,11 +227,11 @@ def measured(client: httpx.Client) -> tuple[str, str]:
     return rig, acquisition
 
 
-def struck() -> dict[str, tuple[str, Any]]:
+def struck(count: int = 20_000) -> dict[str, tuple[str, Any]]:
     """Return force and deflection of one mode of 60 rad/s, damped by 5 %, under a random force."""
     noise = np.random.default_rng(7)
     step, natural, damping = 1 / 200.0, 60.0, 0.05
-    force = noise.standard_normal(20_000)
+    force = noise.standard_normal(count)
     x = np.zeros_like(force)
     # x'' + 2 zeta w x' + w^2 x = F by central differences.
     a, b = 1 / step**2 + damping * natural / step, 1 / step**2 - damping * natural / step
@@ -240,9 +240,9 @@ def struck() -> dict[str, tuple[str, Any]]:
     return {"force": ("N", force), "x": ("m", x)}
 
 
-def imported(context: BrowserContext, folder: Path) -> str:
+def imported(context: BrowserContext, folder: Path, name: str = "run of the walk.csv") -> str:
     """Send a text file by its page; return the address of the page that maps its columns."""
-    file = folder / "run of the walk.csv"
+    file = folder / name
     file.write_text(text_recording(4000))
     page = context.new_page()
     page.goto("/datasets")
@@ -253,6 +253,11 @@ def imported(context: BrowserContext, folder: Path) -> str:
     address = page.url
     page.close()
     return address
+
+
+def templates() -> dict[str, Any]:
+    """Return the documents of the studies that a visitor may begin with."""
+    return {t["id"]: t.get("document") for t in json.loads(_TEMPLATES.read_text(encoding="utf-8"))}
 
 
 def made(client: httpx.Client, path: str, body: Any) -> str:

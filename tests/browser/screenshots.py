@@ -12,11 +12,9 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import httpx
-import numpy as np
 from PIL import Image
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
@@ -24,7 +22,21 @@ from agent.process import Agent
 from agent.settings import read
 from rig_simulator.grpc_server import Server
 from tests.browser.driving import KEY, ROOT, Running, launched, running, signed_in
-from tests.browser.test_datasets import recording as text_recording
+from tests.browser.places import (
+    CALM,
+    PANEL,
+    PATIENCE,
+    QUICK,
+    SEARCH,
+    STUDIES,
+    ended,
+    imported,
+    items,
+    made,
+    struck,
+    templates,
+    until,
+)
 from tests.browser.test_matching import LAG, RATE, of_a_lag, send
 from tests.integration.agent.lab import MEASUREMENT, RIG, make_bench
 
@@ -33,27 +45,10 @@ SIZE = (1280, 860)
 TABLET = (820, 1180)
 #: Pages longer than this are cut, px.
 _LONGEST = 2000
-#: Seconds until a job or an agent must have come.
-_PATIENCE = 180
-_UNDER_WAY = {"queued", "claimed", "running", "uploading"}
-_TEMPLATES = ROOT / "web" / "src" / "features" / "systems" / "templates.json"
-_STUDIES = ("dc-motor", "hydraulic-velocity", "servo-hydraulic-position")
-_PANEL = "s=motor.resistance,motor.inertia,motor.torque_constant&in=voltage&amp=24&path=voltage,speed&cmp=motor.resistance:0.33,0.5,0.8"
-_STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
-_QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
-_CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}
-_GAINS = [
-    {"parameter": "law.kp", "lower": 0.001, "upper": 0.1},
-    {"parameter": "law.kd1", "lower": 1e-6, "upper": 1e-4},
-]
-_SEARCH = {
-    "variables": _GAINS,
-    "experiments": [_STEP],
-    "goals": [_QUICK, {**_CALM, "upper": 0.05}],
-    "method": {"kind": "gradient", "starts": 2, "seed": 1},
-}
-_MAP = {**_SEARCH, "method": {"kind": "grid", "points": 15}}
-_FRONT = {**_SEARCH, "goals": [_QUICK, {**_CALM, "sense": "minimize"}], "method": {"kind": "pareto", "population": 24, "generations": 12, "seed": 1}}  # fmt: skip
+#: The searches of the walks, so fine that there is something to look at.
+_SEARCH = {**SEARCH, "method": {"kind": "gradient", "starts": 2, "seed": 1}}
+_MAP = {**SEARCH, "method": {"kind": "grid", "points": 15}}
+_FRONT = {**SEARCH, "goals": [QUICK, {**CALM, "sense": "minimize"}], "method": {"kind": "pareto", "population": 24, "generations": 12, "seed": 1}}  # fmt: skip
 _COMPARED = "s=controller.kp,controller.integral_time,controller.kd&in=reference&amp=0.01&loop=controller&sn=soft~1~controller.kp=120&sn=stiff~1~controller.kp=260&ref=1&r.controller.kp=160&g=overshoot<0.2&v=step:position,bode,phase,nyquist"
 
 
@@ -86,8 +81,8 @@ def main(wanted: Sequence[str] = ()) -> None:
 
 def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: str) -> dict[str, tuple[str, str]]:
     """Return picture -> address of its page and what is there when the page has come."""
-    documents = {t["id"]: t.get("document") for t in json.loads(_TEMPLATES.read_text(encoding="utf-8"))}
-    motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in _STUDIES)
+    documents = templates()
+    motor, hydraulic, position = (made(client, "/v1/systems", documents[name]) for name in STUDIES)
     revised(client, position)
     loops = made(
         client, "/v1/systems", json.loads((ROOT / "examples/systems/many_loops.json").read_text(encoding="utf-8"))
@@ -95,7 +90,7 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     lag = made(client, "/v1/systems", LAG)
     u, y = of_a_lag()
     bench = send(client, "lag on the bench", {"u": ("", u), "y": ("", y)}, RATE)
-    hammer = send(client, "hammer test", struck(), 200.0)
+    hammer = send(client, "hammer test", struck(40_000), 200.0)
     matched = {"system": lag, "dataset": bench, "inputs": {"u": "u"}, "outputs": {"y": "y"}}
     optimum, front, grid = (
         made(client, "/v1/optimizations", {"system": hydraulic, **what}) for what in (_SEARCH, _FRONT, _MAP)
@@ -113,7 +108,7 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
     ended(client, f"/v1/acquisitions/{acquisition}")
     return {
         "systems": ("/systems", "h2#templates"),
-        "panel": (f"/systems/{motor}/panel?{_PANEL}", "[data-testid=metrics][data-stale=false]"),
+        "panel": (f"/systems/{motor}/panel?{PANEL}", "[data-testid=metrics][data-stale=false]"),
         "compare": (f"/systems/{position}/panel?{_COMPARED}", "[data-testid=metrics][data-stale=false]"),
         "diagram": (f"/systems/{position}/diagram?at=controller", "[data-laid=true] .react-flow__node"),
         "frames": (f"/systems/{loops}/diagram?frames=1", ".react-flow__node"),
@@ -126,7 +121,7 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
         "jobs": ("/jobs", "[data-testid=jobs]"),
         "recordings": ("/datasets", "tbody tr"),
         "recording": (f"/datasets/{bench}", "[role=img] canvas"),
-        "import": (imported(context, folder), "[role=textbox], input"),
+        "import": (imported(context, folder, "bench run.csv"), "[role=textbox], input"),
         "process": (f"/datasets/{bench}/process?name=filtered&steps={_STEPS}", "[data-testid=step]"),
         "frf": (f"/datasets/{hammer}/frf?input=force&outputs=x&segment=16&modes=1", "[data-testid=modes] tr"),
         "lineage": (f"/lineage/{response}", "[data-testid=graph] .react-flow__node"),
@@ -181,66 +176,11 @@ def laboratory(service: Running, folder: Path) -> Iterator[str]:
             thread.join()
 
 
-def struck() -> dict[str, tuple[str, Any]]:
-    """One mode of 60 rad/s under a random force."""
-    noise = np.random.default_rng(7)
-    step, natural, damping = 1 / 200.0, 60.0, 0.05
-    force = noise.standard_normal(40_000)
-    x = np.zeros_like(force)
-    # x'' + 2 zeta w x' + w^2 x = F by central differences.
-    a, b = 1 / step**2 + damping * natural / step, 1 / step**2 - damping * natural / step
-    for i in range(1, force.size - 1):
-        x[i + 1] = (force[i] + (2 / step**2 - natural**2) * x[i] - b * x[i - 1]) / a
-    return {"force": ("N", force), "x": ("m", x)}
-
-
-def imported(context: BrowserContext, folder: Path) -> str:
-    """Send a text file by its page; return the address of the page that maps its columns."""
-    file = folder / "bench run.csv"
-    file.write_text(text_recording(4000))
-    page = context.new_page()
-    page.goto("/datasets")
-    page.locator("input[type=file]").set_input_files(file)
-    page.get_by_role("button", name="Send").click()
-    page.wait_for_url("**/datasets/ds_*/import**")
-    page.get_by_role("textbox", name="Unit of column 2").wait_for(timeout=1000 * _PATIENCE)
-    address = page.url
-    page.close()
-    return address
-
-
-def made(client: httpx.Client, path: str, body: Any) -> str:
-    """Make something; return its id."""
-    reply = client.post(path, json=body, headers={"Prefer": "respond-async"})
-    assert reply.status_code < 300, (path, reply.text)
-    return str(reply.json()["id"])
-
-
-def items(client: httpx.Client, path: str) -> list[dict[str, Any]]:
-    """Return the first page of a list."""
-    found: list[dict[str, Any]] = client.get(path).json()["items"]
-    return found
-
-
-def ended(client: httpx.Client, path: str) -> None:
-    """Wait until a job or a measurement has come to its end."""
-    until(lambda: client.get(path).json()["status"] not in _UNDER_WAY)
-
-
-def until(asked: Any) -> Any:
-    """Return what is asked for as soon as there is anything."""
-    for _ in range(10 * _PATIENCE):
-        if found := asked():
-            return found
-        threading.Event().wait(0.1)
-    raise AssertionError(f"what is waited for must come within {_PATIENCE} s")
-
-
 def taken(context: BrowserContext, address: str, there: str, name: str) -> None:
     """Write the picture of a page."""
     page = context.new_page()
     page.goto(address)
-    page.locator(there).first.wait_for(timeout=1000 * _PATIENCE)
+    page.locator(there).first.wait_for(timeout=1000 * PATIENCE)
     settled(page)
     # Long pages as a whole, within reason; what fills its window is as large as that.
     size = context.pages[-1].viewport_size or {"width": SIZE[0], "height": SIZE[1]}
