@@ -12,8 +12,11 @@ import math
 import pytest
 
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.influence import influence
 from engine.signals import make
 from engine.study import MetricRequest, measure
+from engine.verdicts import Verdict
+from tests.property.strategies import Servo
 
 ZETA = 0.7
 
@@ -96,3 +99,37 @@ def test_integrated_error_of_a_pid_loop_is_one_over_the_integral_gain() -> None:
     value, found = elasticities(diagram, "ie", "load", ("kp", "ki", "kd"))
     assert abs(value) == pytest.approx(1 / 0.6, rel=1e-9)
     assert found == pytest.approx({"kp": 0.0, "ki": -1.0, "kd": 0.0}, abs=1e-6)
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.3, 2.9])
+def test_an_integral_leaves_no_error_and_nothing_moves_it(gain: float) -> None:
+    # 1 - T(0) = 0 for any loop with an integrator; what rounding leaves of it would have elasticities of any size
+    request = MetricRequest(metric="steady_state_error", signals={"r": make("step", {})}, output="y")
+    diagram = Servo(gain=gain, frequency=11.3, damping=0.3, lag=0.013).diagram()
+    table = influence(diagram, {"error": request}, ["gain", "frequency", "damping", "lag"])
+    assert table.base["error"].value == 0.0
+    assert {cell.verdict for cell in table.elasticities["error"].values()} == {Verdict.ZERO_BASE}
+    assert {cell.verdict for cell in table.coefficients["error"].values()} == {Verdict.ZERO_BASE}
+
+
+def test_a_small_error_that_is_there_is_told() -> None:
+    # 1 - T(0) = 1/(1 + k) = 1e-10, its elasticity in k is -k/(1 + k)
+    diagram = compile_system(
+        System(
+            parameters={"k": Parameter(value=1e10 - 1)},
+            blocks={
+                "r": Block(kind="input"),
+                "error": Block(kind="sum", values={"signs": "+-"}),
+                "plant": Block(kind="transfer_function", values={"numerator": ["=k"], "denominator": [1.0, 1.0]}),
+            },
+            connections=(
+                Connection(source="r", target="error.in1"),
+                Connection(source="plant", target="error.in2"),
+                Connection(source="error", target="plant"),
+            ),
+            outputs={"y": "plant"},
+        )
+    )
+    value, found = elasticities(diagram, "steady_state_error", "r", ("k",))
+    assert value == pytest.approx(1e-10, abs=1e-15)
+    assert found["k"] == pytest.approx(-1.0, abs=1e-5)
