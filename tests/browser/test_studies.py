@@ -18,7 +18,7 @@ _FILES = {"many-loops": "many_loops", "intelligent-damper": "intelligent_damper"
 _STUDIES = json.loads((ROOT / "web" / "src" / "features" / "systems" / "templates.json").read_text(encoding="utf-8"))
 #: Milliseconds until the metrics must have come: beside other tests a nonlinear study waits for its processor.
 _PATIENCE = 120_000
-#: Its metrics are not waited for: they take minutes.
+#: Its metrics are not waited for: with their slopes they are a simulation of many seconds.
 _UNMEASURED = "intelligent-damper"
 #: Titles of plots that neither show a curve nor say why there is none. A curve has a hue; axes, grid and labels are grey.
 _BLANK = """() => [...document.querySelectorAll('[data-testid=plots] section')].filter(section => {
