@@ -178,7 +178,7 @@ class Evaluation:
             opened, exact = _negated(cut), _negated(self._by_rates(cut, *ends, open_at))
             closed = self._poles_of(_closed(opened.value))
             own = self._poles_of(opened.value)
-            static = None if np.any(own.at_zero) else static_gain(exact)[:, 0, 0]
+            static = None if np.any(own.at_zero) else _at_rest(exact)[:, 0, 0]
             response = FrequencyResponse.near(opened, closed, solved=exact)
             self._loops[open_at] = LoopSubject(
                 response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
@@ -192,7 +192,7 @@ class Evaluation:
             ends = [self.input_index(source)], [self.output_index(target)]
             part = path(self.system, *ends, self._poles_of)
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
-            static = None if np.any(own.at_zero) else static_gain(exact)[:, 0, 0]
+            static = None if np.any(own.at_zero) else _at_rest(exact)[:, 0, 0]
             response = FrequencyResponse.near(part, own, solved=exact)
             self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
         return self._paths[key]
@@ -277,7 +277,7 @@ class Evaluation:
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
-                values = np.asarray((static_gain(self._by_rates(part, inputs, columns)) @ settled[:, :, None])[:, :, 0])
+                values = np.asarray((_at_rest(self._by_rates(part, inputs, columns)) @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
             joint = _whole(part, signals, lifetime, [finals[name] for name in decaying])
             joint = motions.moved(joint, part) if motions else joint
@@ -338,6 +338,17 @@ class Evaluation:
             return None
         found, motions = respond(part, list(signals.values()), duration), self._motions(signals)
         return motions.moved(found, part) if motions else found
+
+
+def _at_rest(system: LaneSystem) -> Array:
+    """Return the gain at s = 0 of a system without a pole there."""
+    try:
+        return static_gain(system)
+    except np.linalg.LinAlgError:
+        raise UnresolvedError(
+            "what lasts must have digits left, but rounding makes the equations at rest singular: "
+            "the system's coefficients lie too far apart"
+        ) from None
 
 
 def _whole(

@@ -11,7 +11,7 @@ import pytest
 from scipy.special import gammainc
 
 from engine.diagram import Diagram
-from engine.errors import DiagramError
+from engine.errors import DiagramError, UnresolvedError
 from engine.evaluation import Evaluation
 from engine.study import MetricRequest, measure, simulate
 from engine.verdicts import Verdict
@@ -222,3 +222,12 @@ def test_an_acceleration_at_rest_is_nothing_whatever_the_forces() -> None:
         / ((mp.mpf(0.33) + mp.mpf(1.5e-3) * s) * (mp.mpf(2e-15) * s + mp.mpf(3e-3)) + mp.mpf(0.2) * mp.mpf(0.21))
     )
     assert path.response(np.array([1.0]))[0] == pytest.approx(complex(ratio), rel=1e-12)
+
+
+def test_equations_at_rest_that_rounding_makes_singular_are_told() -> None:
+    # without friction a torque accelerates both shafts for ever; a load that counts 1e-24 beside its motor is rounding
+    joint = {"motor_inertia": 2e-3, "load_inertia": 0.9, "stiffness": 4e3, "damping": 1.5, "gear_ratio": 1e12}
+    blocks = {"u": block("input"), "joint": block("two_inertia", **joint)}
+    diagram = system(blocks, ["u -> joint.motor_torque"], {"speed": "joint.motor_speed"})
+    with pytest.raises(UnresolvedError, match="coefficients lie too far apart"):
+        Evaluation(diagram).path("u", "speed")
