@@ -66,11 +66,8 @@ class Blocks:
         self, batch: Mapping[str, npt.NDArray[Any]], count: int
     ) -> tuple[list[Realization], list[Scalar], npt.NDArray[np.bool_]]:
         """Return realisations and values of ``count`` members, and which of them exist; a member that does not is no error."""
-        slots: dict[int, Scalar] = {self._slot(path): value * 1.0 for path, value in batch.items()}
-        change = self._bindings.change(frozenset(slots))
         with np.errstate(all="ignore"):
-            values = self._bindings.override_many(slots, change)
-            admitted = self._bindings.admitted(values, change, count)
+            values, change, admitted = self._values_of_members(batch, count)
             realizations = list(self.base)
             for number in change.blocks:
                 try:
@@ -80,6 +77,19 @@ class Blocks:
                 ):  # the block exists for no member at all; its realisation at the document's values stays
                     admitted[:] = False
         return realizations, values, admitted
+
+    def admitted(self, batch: Mapping[str, npt.NDArray[Any]], count: int) -> npt.NDArray[np.bool_]:
+        """Return which of ``count`` members have all their values, each within its bounds."""
+        with np.errstate(all="ignore"):
+            return self._values_of_members(batch, count)[2]
+
+    def _values_of_members(
+        self, batch: Mapping[str, npt.NDArray[Any]], count: int
+    ) -> tuple[list[Scalar], Change, npt.NDArray[np.bool_]]:
+        slots: dict[int, Scalar] = {self._slot(path): value * 1.0 for path, value in batch.items()}
+        change = self._bindings.change(frozenset(slots))
+        values = self._bindings.override_many(slots, change)
+        return values, change, self._bindings.admitted(values, change, count)
 
     def changed_lanes(
         self, steps: Mapping[str, float], overrides: Mapping[str, float]

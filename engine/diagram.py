@@ -309,6 +309,15 @@ class Diagram:
             assembled = assemble(self._interconnection, realizations, wiring, admitted=admitted)
         return StackedSystem(**assembled.matrices, valid=assembled.valid, inputs=wiring.inputs, outputs=wiring.outputs)
 
+    def admits(self, overrides: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.bool_]:
+        """Return for a batch as in `realize_stack` which members have all their values, each within its bounds.
+
+        One that has them may still lack a place in the stack, whose members share their states: where the coefficient of a
+        highest power vanishes, say.
+        """
+        batch = {path: np.asarray(value) for path, value in overrides.items()}
+        return self._blocks.admitted(batch, len(next(iter(batch.values()))))
+
     def _linearized_members(
         self, realizations: list[Realization], values: list[Scalar], admitted: npt.NDArray[np.bool_]
     ) -> list[Realization]:

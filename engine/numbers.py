@@ -238,7 +238,7 @@ def _text(value: Any, place: _Place) -> str:
 def _whole(value: Any, place: _Place) -> Whole:
     # 2.0 is the same JSON number as 2.
     whole = not isinstance(value, bool) and isinstance(value, int | float) and value == value // 1
-    if not whole or not place.param.admits(float(value)):
+    if not whole or not place.param.admits(value):
         raise DiagramError(
             f"{place.label} must be a whole number {place.param.rule()}, got {str(value)[:_QUOTED]}", at=place.at
         )

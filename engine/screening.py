@@ -70,6 +70,22 @@ class Screening:
 
         Complex overrides carry derivatives, by collocation. Without a second opinion, what the kernels doubt stays so.
         """
+        return self._with_odd_members(overrides, self._screened(overrides, second_opinion=second_opinion))
+
+    def _with_odd_members(self, overrides: Mapping[str, Array], found: Screened) -> Screened:
+        """Leave to the exact path what has no place in a batch and yet no value out of bounds.
+
+        All candidates of a batch share their states; one that has fewer, as the coefficient of its highest power is 0,
+        is a system all the same.
+        """
+        missing = np.flatnonzero(~found.valid)
+        if missing.size:
+            here = missing[self._diagram.admits({name: np.asarray(v)[missing] for name, v in overrides.items()})]
+            found.valid[here], found.doubtful[here], found.values[here] = True, True, np.nan
+            found.growth[here] = np.nan
+        return found
+
+    def _screened(self, overrides: Mapping[str, Array], *, second_opinion: bool) -> Screened:
         if self._diagram.nonlinear:
             return self._marched(overrides)
         batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from engine.errors import EngineError
 from engine.screening import Screened, Screening, Slopes
 from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
@@ -146,10 +147,13 @@ class Evaluator:
         for scenario in np.flatnonzero(unsure.any(axis=1)):
             asked = np.flatnonzero(unsure[scenario])
             names = [axis.parameter for axis in axes]
-            found = measured_goals(self.problem,
-                dict(zip(names, point.tolist(), strict=True)), self.problem.scenarios[scenario], goals=asked.tolist(),
-                gradient=True,
-            )  # fmt: skip
+            here = dict(zip(names, point.tolist(), strict=True))
+            try:
+                found = measured_goals(
+                    self.problem, here, self.problem.scenarios[scenario], goals=asked.tolist(), gradient=True
+                )
+            except EngineError:  # no such system, or one without derivatives: of a power that vanishes here, say
+                return None
             for goal, (measured, gradient) in zip(asked, found, strict=True):
                 values[scenario, goal] = self._number(int(goal), measured)
                 slopes[scenario, goal] = 0.0 if gradient is None else gradient.values * reach
@@ -256,7 +260,11 @@ class Evaluator:
         for b, s in zip(*np.nonzero(unknown.any(axis=2)), strict=True):
             asked = np.flatnonzero(unknown[b, s])
             overrides = dict(zip((axis.parameter for axis in self.problem.axes), points[b].tolist(), strict=True))
-            found = measured_goals(self.problem, overrides, self.problem.scenarios[s], goals=asked.tolist())
+            try:
+                found = measured_goals(self.problem, overrides, self.problem.scenarios[s], goals=asked.tolist())
+            except EngineError:  # no such system: improper at these values, say
+                growth[b, s], doubtful[b, s] = np.inf, False
+                continue
             for goal, (measured, _) in zip(asked, found, strict=True):
                 values[b, s, goal] = self._number(int(goal), measured)
             doubtful[b, s, asked] = False

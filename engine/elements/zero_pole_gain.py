@@ -16,6 +16,7 @@ from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._canonical import Root, cascade
 from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
+from engine.traced import Op, Traced
 
 _SAME = 1e-12  # two numbers written as conjugates may differ in their last digits
 
@@ -55,7 +56,7 @@ def _paired(roots: Sequence[Scalar | Sequence[Scalar]], name: str) -> list[Root]
     waiting: list[tuple[Scalar, Scalar]] = []
     for root in roots:
         re, im = _parts(root)
-        if not np.any(im.real):
+        if not (isinstance(im, Traced) or np.any(im.real)):
             found.append(Root(re=re, im=None))
             continue
         place = next((i for i, other in enumerate(waiting) if np.any(_conjugate((re, im), other))), None)
@@ -63,8 +64,7 @@ def _paired(roots: Sequence[Scalar | Sequence[Scalar]], name: str) -> list[Root]
             waiting.append((re, im))
             continue
         partner = waiting.pop(place)
-        # A member of a batch whose pair falls apart has no realisation; it must not spoil the others.
-        whole = np.where(_conjugate((re, im), partner), 0.0, np.nan) if _batched(re, im, *partner) else 0.0
+        whole = _whole((re, im), partner)
         found.append(Root(re=(re + partner[0]) / 2.0 + whole, im=(im - partner[1]) / 2.0))
     if waiting:
         # Of a batch, the first member speaks for all: its structure is that of the document.
@@ -80,8 +80,14 @@ def _parts(root: Scalar | Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     return root, 0.0
 
 
-def _batched(*values: Scalar) -> bool:
-    return any(isinstance(value, np.ndarray) for value in values)
+def _whole(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> Scalar:
+    """Return 0, and no number where a pair falls apart: that member of a batch has no realisation, the others have."""
+    if any(isinstance(part, np.ndarray) for part in (*first, *second)):
+        return np.where(_conjugate(first, second), 0.0, np.nan)
+    re, im = first[0] - second[0], first[1] + second[1]
+    apart = re * re + im * im
+    # A formula of a pair that differs in its last digits is left to the exact path.
+    return 1.0 / apart.apply(Op.IS_ZERO) - 1.0 if isinstance(apart, Traced) else 0.0
 
 
 def _conjugate(first: tuple[Scalar, Scalar], second: tuple[Scalar, Scalar]) -> npt.NDArray[np.bool_]:

@@ -152,7 +152,8 @@ class Batch:
         registers = Registers(traced.graph, wanted, len(varied))
         self._tape, self._count = registers.tape, registers.count
         self._bounds = np.array([(registers.of(v), p.lower_open) for p, v in traced.bounds], np.int32).reshape(-1, 2)
-        self._limits = np.array([(p.lower, p.upper) for p, _ in traced.bounds], dtype=float).reshape(-1, 2)
+        limits = [(max(p.lower, -p.largest), min(p.upper, p.largest)) for p, _ in traced.bounds]
+        self._limits = np.array(limits, dtype=float).reshape(-1, 2)
         self._pivots = np.array([registers.of(pivot) for pivot in assembly.pivots], dtype=np.int32)
         self._smallest = np.array([_NEAR_SINGULAR * abs(pivot.real) for pivot in assembly.pivots], dtype=float)
         self._time = part.program(registers, [(o, e, wants[t]) for (o, e), t in traces.items()])

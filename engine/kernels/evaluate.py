@@ -20,7 +20,7 @@ from engine.kernels.spectrum_program import READINGS as SPECTRAL_READINGS
 from engine.kernels.tape import Tape, run
 from engine.kernels.time_program import TimeProgram
 from engine.kernels.turning import RUN
-from engine.kernels.vector import clear, copy, load, load2, room, spread, store, store2, zeros
+from engine.kernels.vector import clear, copy, load, load2, magnitude, room, select, spread, store, store2, zeros
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int32]
@@ -44,6 +44,19 @@ def scatter(program: TimeProgram, registers: Real, a: Real, b: Real, c: Real, d:
     for k in range(program.d.shape[0]):
         i, j, r = program.d[k, 0], program.d[k, 1], program.d[k, 2]
         store2(d, load(registers, r), i, j)
+
+
+@compiled
+def computable(program: TimeProgram, registers: Real, alive: Real) -> None:
+    """Mark the candidates all of whose coefficients of B, C and D are numbers; those of A are looked at later."""
+    finite = spread(0.0) == 0.0
+    for k in range(program.b.shape[0]):
+        finite = finite & (magnitude(load(registers, program.b[k, 2])) < math.inf)
+    for k in range(program.c.shape[0]):
+        finite = finite & (magnitude(load(registers, program.c[k, 2])) < math.inf)
+    for k in range(program.d.shape[0]):
+        finite = finite & (magnitude(load(registers, program.d[k, 2])) < math.inf)
+    store(alive, select(finite, load(alive, 0), 0.0), 0)
 
 
 @compiled
@@ -148,11 +161,12 @@ def evaluate(
         admit(bounds, limits, registers, alive)
         clear(a, nn * nn)
         scatter(program, registers, a, b, c, d)
+        computable(program, registers, alive)
         for lane in range(LANES):
             candidate = first + lane
             if candidate < total:
                 valid[candidate] = alive[lane]
-        # from here on `alive` also asks for finite coefficients
+        # from here on `alive` also asks for finite coefficients of A
         levels = raise_powers(a, b, n, nn, experiments, alive, step, powers, norms, rest, rate, work, moved, extra)
         for lane in range(LANES):
             for k in range(pivots.shape[0]):

@@ -82,6 +82,12 @@ def test_an_empty_numerator_is_refused_and_0_is_a_number() -> None:
     compile_system(document({"g": block("transfer_function", numerator=[0.0], denominator=[1.0, 1.0])}))
 
 
+@pytest.mark.parametrize("order", [0, 9, 2.5, 10**400, -(10**400), math.nan, math.inf, True, "2"])
+def test_an_order_beyond_its_bounds_is_refused(order: object) -> None:
+    with pytest.raises(DiagramError, match=r"it\.order must be a whole number >= 1 and <= 8, got "):
+        compile_system(document({"it": block("low_pass", frequency=1.0, order=order)}))
+
+
 def loop(delay: float) -> Diagram:
     """Return 0.5 e^{-s delay}/(s + 1), closed."""
     blocks = {
