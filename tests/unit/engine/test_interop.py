@@ -270,3 +270,20 @@ def test_a_document_holds_json_numbers():
     assert document["outputs"] == ["y", "position", "loop"]
     assert np.array(document["A"]).shape == (5, 5)
     assert all(isinstance(value, float) for row in document["D"] for value in row)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_systems_come_back_digit_for_digit(seed):
+    rng = np.random.default_rng(seed)
+    n, m, p = (int(k) for k in rng.integers((0, 1, 1), (9, 4, 4)))
+    given = control.ss(
+        rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(p, n)), rng.normal(size=(p, m)),
+        name="9 Ω", remove_useless_states=False,
+    )  # fmt: skip
+    matrices = realized(compile_system(from_control(given)))
+    there, file, text = to_state_space(matrices), from_mat(matrices), json.loads(json.dumps(matrices.document()))
+    for name in "ABCD":
+        expected = getattr(given, name)
+        assert np.array_equal(getattr(there, name), expected)
+        assert np.array_equal(file[name], expected)
+        assert np.array_equal(np.reshape(text[name], expected.shape), expected)
