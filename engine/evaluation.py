@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,9 @@ import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
 from engine.errors import DiagramError, IllPosedError, UnresolvedError
-from engine.linear.chebyshev import NODES
+from engine.following import followed
+from engine.linear.curve import Curve
+from engine.linear.fading import fading
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import connected, merged, path
 from engine.linear.poles import Poles, poles, static_gain
@@ -32,12 +34,8 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.signals import Signal
 
-_AT_REST = 1e-13
-_ROUNDING = 1e-9
-"""Relative distances from the final value: nothing to follow any more, and what rounding may leave at most."""
-
-_PATIENCE = 4
-"""So often may a response be followed for twice as long without coming nearer to rest."""
+_CANCELLED = 1e-13
+"""What is left of the difference of two equal numbers, relative to the output: an integral leaves no error."""
 
 LARGEST = 1e100
 """Beyond this a growing response is not followed."""
@@ -89,6 +87,7 @@ class Evaluation:
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
+        self._fadings: dict[tuple[object, ...], Curve | None] = {}
         self._rates: dict[str | None, LaneSystem | None] = {}
         self._poles: dict[bytes, Poles] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
@@ -279,7 +278,7 @@ class Evaluation:
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
                 values = np.asarray((_at_rest(self._by_rates(part, inputs, columns)) @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
-            joint = _whole(part, signals, lifetime, [finals[name] for name in decaying])
+            joint = followed(part, signals, lifetime, [finals[name] for name in decaying])
             joint = motions.moved(joint, part) if motions else joint
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
@@ -311,8 +310,9 @@ class Evaluation:
         roles = self.diagram.input_roles
         reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
         trajectory, column = response.joint, response.columns.get(output, 0)
-        if verdict is not Verdict.OK:
-            trajectory = None if duration is None else self._limited(signals, output, duration)
+        too_short = duration is not None and trajectory is not None and trajectory.edges[-1, 0].real < duration
+        if verdict is not Verdict.OK or (final is None and too_short):
+            trajectory, column = None if duration is None else self._limited(signals, output, duration), 0
         if trajectory is not None:
             y = trajectory.output(column)
             error = y * -1.0 if reference is None else trajectory.input(reference).minus(y)
@@ -321,14 +321,35 @@ class Evaluation:
             if motions and reference is not None and target is not None:
                 target = motions.finals()[:, reference]
             if final is not None and target is not None:
-                error_final = target - final
+                error_final = _without_rounding(target - final, y)
             elif _has_settled(error.values[:, :, 0].real):
                 error_final = error.values[-1, -1]
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict,
             moving_start=motions.start() if motions else None, moving_end=motions.end() if motions else None,
+            fading=partial(self._fading, signals, output, response),
         )  # fmt: skip
+
+    def _fading(self, signals: Mapping[str, Signal], output: str, response: TimeResponse) -> Curve | None:
+        """Return how far an output is from where it goes, from the moment on in which the commands stand still.
+
+        None where it does not settle, where delays remember what was before, and where lanes move the commands.
+        """
+        _, end = _span(signals)
+        if response.joint is None or response.finals[output] is None or end is None or self.commands:
+            return None
+        key = (tuple((name, id(signal)) for name, signal in signals.items()), output)
+        if key not in self._fadings:
+            inputs = [self.input_index(name) for name in signals]
+            part = path(self.system, inputs, [self.output_index(output)], self._poles_of)
+            settled = np.array([[float(signal.final() or 0.0) for signal in signals.values()]])
+            found = None
+            if not part.m and response.joint.edges[-1, 0].real > end:
+                found = fading(part, list(signals.values()), settled, end, response.joint.edges[-1, 0].real).output(0)
+                found = Curve(edges=found.edges + end, values=found.values)
+            self._fadings[key] = found
+        return self._fadings[key]
 
     def _limited(self, signals: Mapping[str, Signal], output: str, duration: float) -> Trajectory | None:
         """Return the response of an output that does not settle, up to ``duration``; None beyond what can be followed."""
@@ -340,6 +361,13 @@ class Evaluation:
         return motions.moved(found, part) if motions else found
 
 
+def _without_rounding(error: Array, y: Curve | None) -> Array:
+    """Return the error that remains; what rounding leaves of the difference of two equal numbers is none."""
+    assert y is not None
+    largest = float(np.abs(y.values[:, :, 0].real).max())
+    return error - error.real if abs(float(error[0].real)) <= _CANCELLED * largest else error
+
+
 def _at_rest(system: LaneSystem) -> Array:
     """Return the gain at s = 0 of a system without a pole there."""
     try:
@@ -349,39 +377,6 @@ def _at_rest(system: LaneSystem) -> Array:
             "what lasts must have digits left, but rounding makes the equations at rest singular: "
             "the system's coefficients lie too far apart"
         ) from None
-
-
-def _whole(
-    part: LaneSystem, signals: Mapping[str, Signal], lifetime: float, finals: Sequence[Array | None]
-) -> Trajectory:
-    """Return the response until nothing moves any more: a lifetime, and longer where that is not enough."""
-    horizon, rest, stalled = _horizon(part, signals, lifetime), np.inf, 0
-    while True:
-        found = respond(part, list(signals.values()), horizon)
-        if any(final is None for final in finals):
-            return found
-        last = _remainder(found, np.array([final[0].real for final in finals if final is not None]))
-        stays = last > 0.5 * rest
-        # what does not shrink any more is rounding
-        if last <= _AT_REST or (last < _ROUNDING and stays):
-            return found
-        stalled += stays
-        if stalled == _PATIENCE:
-            raise UnresolvedError(
-                f"a response must settle within {_ROUNDING:g} of its largest value, but rounding leaves {last:.2g}: "
-                "its time constants or its gains lie too far apart"
-            )
-        horizon, rest = 2 * horizon, last
-
-
-def _remainder(found: Trajectory, finals: npt.NDArray[np.float64]) -> float:
-    """Return how far the outputs are from their final values in the last twentieth, relative to their largest values."""
-    edges = found.edges[:, 0].real
-    late = edges[:-1, None] + NODES * np.diff(edges)[:, None] >= 0.95 * edges[-1]
-    y = found.y[:, :, 0].real
-    largest = np.abs(y).max(axis=(0, 1))
-    away = np.abs(y[late] - finals).max(axis=0)
-    return float(np.max(away / np.maximum(largest, 1e-300), initial=0.0))
 
 
 def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:
@@ -400,15 +395,6 @@ def _has_settled(values: npt.NDArray[np.float64]) -> bool:
     """Return whether the last tenth of the pieces is constant: a ramp's error does not move any more."""
     last = values[-max(1, len(values) // 10) :]
     return bool(np.ptp(last) <= 1e-9 * np.abs(values).max())
-
-
-def _horizon(system: LaneSystem, signals: Mapping[str, Signal], lifetime: float) -> float:
-    """Return when nothing moves any more, s."""
-    last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
-    delays = float(system.delays[0].real.sum()) if system.m else 0.0
-    periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
-    horizon = last + delays + lifetime + 3 * periods
-    return horizon if horizon > last else last + 1.0
 
 
 def _negated(system: LaneSystem) -> LaneSystem:

@@ -227,6 +227,14 @@ class Curve:
             edges=np.concatenate([self.edges[: k + 1], last]), values=np.concatenate([self.values[:k], part[None]])
         )
 
+    def held(self, time: float, value: Array) -> Curve:
+        """Return the curve up to the fixed instant ``time``, at ``value`` (lanes,) beyond its own end."""
+        if time <= self.end:
+            return self.until(time)
+        last = np.full((1, self.edges.shape[1]), time, dtype=self.edges.dtype)
+        still = np.broadcast_to(value, (1, *self.values.shape[1:]))
+        return Curve(edges=np.concatenate([self.edges, last]), values=np.concatenate([self.values, still]))
+
     def since(self, time: float) -> Curve:
         """Return the part after the fixed instant ``time``."""
         if time <= self.times[0]:

@@ -290,16 +290,27 @@ def static_gain(system: LaneSystem) -> Array:
     numpy.linalg.LinAlgError
         When the system has a pole at s = 0.
     """
+    read = np.concatenate([system.c1, system.d12], axis=-1)
+    return np.asarray(read @ states_at_rest(system) + system.d11)
+
+
+def states_at_rest(system: LaneSystem) -> Array:
+    """Return states and delayed signals at rest for each input of 1, shape (lanes, n + m, inputs).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        When the system has a pole at s = 0.
+    """
     n, m = system.n, system.m
+    if not n + m:
+        return np.zeros((system.lanes, 0, system.n_in))
     top = np.concatenate([system.a, system.b2], axis=-1)
     bottom = np.concatenate([system.c2, system.d22 - np.eye(m)], axis=-1)
     matrix = np.concatenate([top, bottom], axis=-2)
     right = -np.concatenate([system.b1, system.d21], axis=-2)
-    inner = np.zeros((system.lanes, 0, system.n_in))
-    if n + m:
-        # rows of one size, and once more what was left: a weak coupling must not drown in the pivot of a strong one
-        rows = evened(matrix[0].real)
-        matrix, right = matrix * rows, right * rows
-        inner = solve(matrix, right)
-        inner = inner + solve(matrix, right - matrix @ inner)
-    return np.asarray(np.concatenate([system.c1, system.d12], axis=-1) @ inner + system.d11)
+    # rows of one size, and once more what was left: a weak coupling must not drown in the pivot of a strong one
+    rows = evened(matrix[0].real)
+    matrix, right = matrix * rows, right * rows
+    inner = solve(matrix, right)
+    return np.asarray(inner + solve(matrix, right - matrix @ inner))

@@ -7,6 +7,7 @@ out of the same lines; it returns why there is no value where there is none.
 from __future__ import annotations
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -59,6 +60,10 @@ class Absent:
 Finding = Found | Absent
 
 
+def _unknown() -> None:
+    """Return that a distance from rest is not known."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeSubject:
     """The whole response of one output.
@@ -87,6 +92,8 @@ class TimeSubject:
         What the curve is held against.
     moving_start, moving_end : ndarray or None
         Start and end of the command with what the lanes carry; None where no lane moves them.
+    fading : callable
+        Returns y - final from the end of the command on, with the digits of what is left of it; None where it is not known.
     """
 
     y: Curve | None
@@ -102,12 +109,18 @@ class TimeSubject:
     mask: Mask | None = None
     moving_start: Array | None = None
     moving_end: Array | None = None
+    fading: Callable[[], Curve | None] = _unknown
 
     @property
     def curve(self) -> Curve:
         """The output; only asked for where it exists."""
         assert self.y is not None
         return self.y
+
+    def during(self, curve: Curve, final: Array | None) -> Curve:
+        """Return the part of a curve before the duration; beyond its end it stands still where it goes to."""
+        assert self.duration is not None
+        return curve.until(self.duration) if final is None else curve.held(self.duration, final)
 
     def since_start(self, instant: Array) -> Array:
         """Return how long after the start of the command an instant is, s."""

@@ -41,13 +41,27 @@ def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
     if subject.error is None:
         return Absent(verdict=Verdict.DIVERGES, advice="the error grows beyond what can be followed")
     if subject.duration is not None:
-        return subject.error.until(subject.duration).since(subject.start)
+        return subject.during(_error(subject, subject.error), subject.error_final).since(subject.start)
     size = float(np.abs(subject.error.values[:, :, 0].real).max())
     if subject.error_final is None or abs(float(subject.error_final[0].real)) > NEGLIGIBLE * size:
         return Absent(
             verdict=Verdict.DIVERGES, advice="the error does not go to zero: add integral action or give a duration"
         )
-    return subject.error.since(subject.start)
+    return _error(subject, subject.error).since(subject.start)
+
+
+def _error(subject: TimeSubject, error: Curve) -> Curve:
+    """Return the error, after the command as what it goes to and how far it is from that: a tail keeps its digits."""
+    left = subject.fading()
+    if left is None or subject.error_final is None:
+        return error
+    tail = left * -1.0 + subject.error_final
+    if tail.times[0] <= error.times[0]:
+        return tail
+    before = error.until(float(tail.times[0]))
+    return Curve(
+        edges=np.concatenate([before.edges, tail.edges[1:]]), values=np.concatenate([before.values, tail.values])
+    )
 
 
 def _since_start(subject: TimeSubject, curve: Curve) -> Array:

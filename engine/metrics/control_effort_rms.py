@@ -37,5 +37,5 @@ class ControlEffortRms(TimeMetric):
             return Absent(verdict=Verdict.NOT_APPLICABLE, advice=advice)
         if subject.y is None:
             return Absent(verdict=Verdict.DIVERGES, advice="the output grows beyond what can be followed")
-        energy = subject.curve.until(subject.duration).squared().integral()
+        energy = subject.during(subject.curve, subject.final).squared().integral()
         return Found(value=np.sqrt(energy / subject.duration))

@@ -7,16 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-import numpy as np
-
 from engine.metrics._base import Absent, Found, TimeMetric, unsettled
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject
-
-_ROUNDING = 1e-13
-"""What is left of the difference of two equal numbers, relative to the output: an integral leaves no error."""
 
 
 @final
@@ -43,7 +38,4 @@ class SteadyStateError(TimeMetric):
             return Absent(
                 verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that settles at a constant, such as a step"
             )
-        largest = float(np.abs(subject.curve.values[:, :, 0].real).max())
-        if abs(float(subject.error_final[0].real)) <= _ROUNDING * largest:
-            return Found(value=subject.error_final - subject.error_final.real)
         return Found(value=subject.error_final)
