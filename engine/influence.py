@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from engine.diagram import Diagram
 
 
+_ROUNDING = 1e-9
+"""An elasticity no larger than this is what rounding leaves of none."""
+
+
 class Method(StrEnum):
     """How a derivative was had: carried through the whole computation, or from differences that converge."""
 
@@ -281,19 +285,22 @@ def _coefficients(study: _Study, base: Mapping[str, Measured], parameter: str, c
 def _strongest(
     elasticities: Mapping[str, Mapping[str, Elasticity]], parameters: Sequence[str]
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the metric that each parameter moves most, and the strongest parameter for each metric."""
+    """Return the metric that each parameter moves most, and the strongest parameter for each metric.
+
+    A parameter that moves nothing, and a metric that nothing moves, have none.
+    """
 
     def size(metric: str, parameter: str) -> float:
         value = elasticities[metric][parameter].value
-        return -1.0 if value is None else abs(value)
+        return 0.0 if value is None else abs(value)
 
     by_parameter, by_metric = {}, {}
     for p in parameters:
         best = max(elasticities, key=lambda metric: size(metric, p), default=None)
-        if best is not None and size(best, p) >= 0:
+        if best is not None and size(best, p) > _ROUNDING:
             by_parameter[p] = best
     for metric in elasticities:
         strongest = max(parameters, key=lambda p: size(metric, p), default=None)
-        if strongest is not None and size(metric, strongest) >= 0:
+        if strongest is not None and size(metric, strongest) > _ROUNDING:
             by_metric[metric] = strongest
     return by_parameter, by_metric

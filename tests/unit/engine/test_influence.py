@@ -43,6 +43,17 @@ def test_parameters_of_blocks_of_the_system_and_of_expressions_move_by_their_pow
     assert {cell.verdict for cell in found.coefficients["overshoot"].values()} == {Verdict.ZERO_BASE}
 
 
+def test_what_does_not_move_a_metric_is_not_its_strongest_lever() -> None:
+    # the gain scales the response, the time constant stretches it: each leaves the metrics of the other alone
+    blocks = {"u": block("input"), "p": block("transfer_function", numerator=["=k"], denominator=["=t", 1.0])}
+    diagram = compile_system(document(blocks, ["u -> p"], {"y": "p"}, k=3.0, t=0.7))
+    found = of_step(diagram, ["k", "t"], "rise_time", "peak")
+    assert found.by_metric == {"rise_time": "t", "peak": "k"}
+    assert found.by_parameter == {"t": "rise_time", "k": "peak"}
+    found = of_step(diagram, ["k"], "rise_time")
+    assert (found.by_metric, found.by_parameter) == ({}, {})
+
+
 def test_what_an_unstable_system_does_not_have_has_no_elasticity_either() -> None:
     blocks = {"u": block("input"), "p": block("transfer_function", numerator=["=k"], denominator=[1.0, -1.0])}
     found = of_step(compile_system(document(blocks, ["u -> p"], {"y": "p"}, k=1.0)), ["k"], "rise_time")
