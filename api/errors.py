@@ -60,7 +60,8 @@ def _storage_problem(error: Exception) -> Problem | None:
     for kind, (status, name) in _STORAGE.items():
         if isinstance(error, kind):
             extra = {"missing": list(error.missing)} if isinstance(error, MissingSegmentsError) else {}
-            return Problem(status, name, str(error), extra=extra)
+            headers = {"Retry-After": "1"} if isinstance(error, IdempotencyRunningError) else {}
+            return Problem(status, name, str(error), headers=headers, extra=extra)
     return None
 
 

@@ -44,6 +44,16 @@ def test_every_foreseen_exception_has_a_problem(error, status) -> None:
     assert document["detail"]
 
 
+@pytest.mark.parametrize(
+    "error",
+    [storage.IdempotencyRunningError("x"), OperationalError("SELECT 1", {}, Exception("gone"))],
+)
+def test_what_passes_by_itself_says_when_to_come_again(error) -> None:
+    problem = problem_of(error)
+    assert problem is not None
+    assert int(problem.headers["Retry-After"]) > 0
+
+
 def test_an_unforeseen_exception_has_none() -> None:
     assert problem_of(ZeroDivisionError()) is None
 
