@@ -311,15 +311,22 @@ def _clenshaw(coefficients: npt.NDArray[np.floating[Any]], theta: Real) -> Real:
 
 
 def _polished(coefficients: npt.NDArray[np.floating[Any]], a: Real, b: Real) -> Real:
-    """Return the roots of Chebyshev series inside their brackets [a, b] of [0, 1], by Newton kept in the bracket."""
+    """Return the roots of Chebyshev series inside their brackets [a, b] of [0, 1], by Newton kept in the bracket.
+
+    A root at an end may have no change of sign, by rounding: then it is the end at which the series is nearer to 0.
+    """
     derivatives = 2 * np.polynomial.chebyshev.chebder(coefficients, axis=1)
     fa, fb = _clenshaw(coefficients, a), _clenshaw(coefficients, b)
     with np.errstate(divide="ignore", invalid="ignore"):
         theta = np.where(fa != fb, a + (b - a) * fa / (fa - fb), 0.5 * (a + b))
     below = fa < 0
+    bracketed = below != (fb < 0)
+    theta = np.where(bracketed, theta, np.where(np.abs(fa) <= np.abs(fb), a, b))
     a, b = a.copy(), b.copy()
-    active = np.arange(len(theta))
+    active = np.flatnonzero(bracketed)
     for _ in range(60):
+        if not len(active):
+            break
         at = theta[active]
         f = _clenshaw(coefficients[active], at)
         left = (f < 0) == below[active]
@@ -332,8 +339,6 @@ def _polished(coefficients: npt.NDArray[np.floating[Any]], a: Real, b: Real) -> 
         new = np.where((new >= a[active]) & (new <= b[active]), new, middle)
         theta[active] = np.where(f == 0, at, new)
         active = active[(f != 0) & (np.abs(new - at) > _SAME)]
-        if not len(active):
-            break
     return theta
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from engine.diagram import Diagram
@@ -51,6 +51,8 @@ def test_loops(servo: Servo, spread: float, seed: int) -> None:
     assert_exact(servo.diagram(), wanted, around(asdict(servo), spread, seed))
 
 
+# the control is highest at its jump, with a slope of 0: rounding put the instant before it
+@example(Servo(gain=0.2594633811966956, frequency=5.0, damping=0.15, lag=0.004), 0.05, 1409506162)
 @given(servos(), st.floats(0.05, 1.5), st.integers(0, 2**32))
 def test_peak_times_of_loops(servo: Servo, spread: float, seed: int) -> None:
     wanted = [r for r in requests("r", ["y", "control"]) if r.metric == "peak_time"]
