@@ -45,7 +45,7 @@ LARGEST = 1e100
 class TimeResponse:
     """The response of some outputs to the same command.
 
-    ``joint`` follows every output whose path decays, to its very end; ``settled`` tells which column each of them is.
+    ``joint`` follows every output whose path decays, to its very end; ``columns`` tells which column each of them is.
     """
 
     joint: Trajectory | None
