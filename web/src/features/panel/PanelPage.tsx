@@ -42,6 +42,7 @@ export function PanelPage() {
 
   const plots = useRef<PlotsHandle>(null);
   const moving = useRef<Record<string, number>>(state.values);
+  const gesture = useRef(false);
   const pending = useRef<Frame | null>(null);
   const onFrame = useCallback((frame: Frame) => {
     // One picture for each frame of the screen: of several that came, the newest.
@@ -102,12 +103,12 @@ export function PanelPage() {
   latest.current = send;
   useEffect(() => {
     if (!live.opened) return;
-    moving.current = state.values;
-    latest.current(state.values);
+    // The address is drawn a moment after it changed: what is under a hand by then goes before it.
+    if (!gesture.current) moving.current = state.values;
+    latest.current(moving.current);
   }, [live.opened, state]);
   useEffect(() => plots.current?.forget(), [state.input, state.amplitude, state.loop, state.path?.join(), state.duration, system.revision]);
 
-  const gesture = useRef(false);
   const onMove = useCallback((path: string, value: number) => {
     if (!gesture.current) {
       gesture.current = true;
@@ -117,12 +118,15 @@ export function PanelPage() {
     latest.current(moving.current);
   }, []);
   const onCommit = useCallback(
-    (_path: string, _value: number) => {
+    (path: string, value: number) => {
       if (!gesture.current) return;
       gesture.current = false;
-      change({ values: moving.current });
+      setQuery((before) => {
+        const held = readState(before);
+        return writeState({ ...held, values: { ...held.values, [path]: value } }, before);
+      });
     },
-    [change],
+    [setQuery],
   );
   const onRemove = useCallback((path: string) => change({ sliders: state.sliders.filter((p) => p !== path) }), [change, state.sliders]);
 

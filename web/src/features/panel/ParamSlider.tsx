@@ -34,6 +34,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
   const [rests, setRests] = useState(value);
   const [moved, setMoved] = useState(value !== parameter.value);
   const moving = useRef(value);
+  const held = useRef(false);
   const slider = useRef<HTMLInputElement>(null);
   const entry = useRef<HTMLInputElement>(null);
   const travel = travelOf(parameter, scale);
@@ -49,6 +50,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
     input.setAttribute("aria-valuetext", withUnit(next, unit));
   };
   const move = (next: number) => {
+    held.current = true;
     write(next);
     entry.current!.value = String(rounded(next));
     if (knob) setRests(next);
@@ -56,6 +58,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
     onMove(path, next);
   };
   const settle = () => {
+    held.current = false;
     setRests(moving.current);
     onCommit(path, moving.current);
   };
@@ -70,7 +73,8 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
     setRests(value);
     setMoved(value !== parameter.value);
   }, [value, parameter]);
-  useLayoutEffect(() => write(rests), [rests, knob, scale, parameter]);
+  // What is drawn meanwhile does not take the slider out of a hand.
+  useLayoutEffect(() => write(held.current ? moving.current : rests), [rests, knob, scale, parameter]);
   return (
     <div className={classes.slider}>
       <Head parameter={parameter} influence={influence} metric={metric} knob={knob} log={travel.log} canLog={travel.low > 0} moved={moved} onReset={reset} onRemove={onRemove} onKnob={onKnob} onScale={onScale} />
