@@ -252,7 +252,7 @@ def _look(
             distance2, distance1 = distance1, distance
         x2, y2, m2, x1, y1, m1 = x1, y1, m1, x, y, m
     store2(readings, root(tallest), c, HIGHEST)
-    for end, beside, next_ in ((0, 1, 2), (last, last - 1, last - 2)):
+    for end, beside, next_, third in ((0, 1, 2, 3), (last, last - 1, last - 2, last - 3)):
         ratio = program.frequencies[next_] / program.frequencies[beside]
         ratio = ratio * ratio if end == 0 else 1.0 / (ratio * ratio)
         distance = program.frequencies[end] / program.frequencies[beside]
@@ -267,7 +267,8 @@ def _look(
             if not wants & (SENSITIVITY << p if p < 2 else PEAK | PHASE | DELAY):
                 continue
             rest, near = _squared(store_re, store_im, c, end, p), _squared(store_re, store_im, c, beside, p)
-            excess = _excess(rest, near, _squared(store_re, store_im, c, next_, p), ratio)
+            beyond = _squared(store_re, store_im, c, next_, p), _squared(store_re, store_im, c, third, p)
+            excess = _excess(rest, near, beyond, ratio)
             if p < 2:
                 peak_doubt = select(excess > 0.0, float(SENSITIVITY + COMPLEMENTARY), peak_doubt)
             else:
@@ -348,14 +349,17 @@ def _arrived(x: Any, y: Any, near: Any, next_: Any, ratio: float, distance: floa
 
 
 @compiled
-def _excess(rest: Any, near: Any, next_: Any, ratio: float) -> Any:
+def _excess(rest: Any, near: Any, beyond: tuple[Any, Any], ratio: float) -> Any:
     """Return by which part a curve may rise above an end of the axis before the first sample beside it; 0 where it does not.
 
-    With w = ω² in units of the sample's (at the other end 1/ω²) the square is rest (1 + a w + b w²), through two samples.
+    With w = ω² in units of the sample's (at the other end 1/ω²) the square is rest (1 + a w + b w² + c w³), through the
+    samples at 1, ratio and ratio². Without c a peak far before the first of them, where a is small beside b, would be lost.
     """
-    first, second = near / rest - 1.0, next_ / rest - 1.0
-    b = (second / ratio - first) / (ratio - 1.0)
-    a = first - b
+    first, second, third = near / rest - 1.0, (beyond[0] / rest - 1.0) / ratio, (beyond[1] / rest - 1.0) / (ratio * ratio)
+    near_slope, far_slope = (second - first) / (ratio - 1.0), (third - second) / (ratio * (ratio - 1.0))
+    c = (far_slope - near_slope) / (ratio * ratio - 1.0)
+    b = near_slope - c * (1.0 + ratio)
+    a = first - b - c
     return select((a > 0.0) & (b < 0.0) & (a < -_AHEAD * b), a * a / (-4.0 * b), 0.0) - _SLIGHT
 
 
