@@ -123,11 +123,20 @@ class Curves:
         return np.asarray(~self.settled & (np.ptp(rates, axis=0) <= _STEADY * np.abs(rates).max(axis=0)))
 
     @cached_property
+    def _rising(self) -> Flags:
+        """Who is further beyond rest in the end than ever before, in no time that was asked for: a peak is to come, (B,)."""
+        last, rest = self.values[-1], self.rest
+        if rest is None or self.duration is not None:
+            return np.zeros(len(last), dtype=bool)
+        above = (last > rest) & (last >= self.values.max(axis=0))
+        return np.asarray(above | (last < rest) & (last <= self.values.min(axis=0)))
+
+    @cached_property
     def settled(self) -> Flags:
         """Who has come to rest, or near to the only rest there is, (B,)."""
         if not self._constant or self.single is None:
             return self.still
-        return np.asarray(self.still | (self.single & (self._away <= (1 - _BETWEEN) * NEAR)))
+        return np.asarray(self.still | (self.single & (self._away <= (1 - _BETWEEN) * NEAR) & ~self._rising))
 
     @cached_property
     def restless(self) -> Flags:

@@ -118,3 +118,35 @@ def test_a_mass_on_smooth_friction_reaches_its_terminal_velocity():
     found = NonlinearBatch(case, ["m", "c", "b"], asked)(np.array([[2.0, 3.0, 4.0], [1.0, 5.0, 2.0]]))
     assert not found.doubtful.any()
     np.testing.assert_allclose(found.values[:, 0], [7 / 4, 5 / 2], rtol=1e-5)
+
+
+def test_a_peak_that_comes_after_passing_near_the_edge_of_rest_is_waited_for():
+    """A dead zone before an integrating plant: the output passes the first place where it could rest, and still rises."""
+    k, half = 7.544660140101639, 0.01
+    blocks = {
+        "r": Block(kind="input", values={}), "error": Block(kind="sum", values={"signs": "+-"}),
+        "lead": Block(kind="transfer_function", values={"numerator": ["=0.1*k", "=k"], "denominator": [0.01, 1.0]}),
+        "zone": Block(kind="dead_zone", values={"lower": -half, "upper": half}),
+        "plant": Block(kind="transfer_function", values={"numerator": [2.5], "denominator": [1.0, 9.0, 20.0, 0.0]}),
+    }  # fmt: skip
+    wires = [("r", "error.in1"), ("plant", "error.in2"), ("error", "lead"), ("lead", "zone"), ("zone", "plant")]
+    step = {"r": make("step", {"amplitude": 1.0})}
+    asked = [MetricRequest(metric=m, signals=step, output="y") for m in ("peak", "peak_time")]
+    found = NonlinearBatch(diagram(blocks, wires, "plant", k=5.0), ["k"], asked)(np.array([[k]]))
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        filtered, y, speed, acceleration = state
+        error = 1.0 - y
+        command = k * (10.0 * error - 9.0 * filtered)
+        passed = command - min(max(command, -half), half)
+        return [(error - filtered) / 0.01, speed, acceleration, 2.5 * passed - 9.0 * acceleration - 20.0 * speed]
+
+    def turns(_: float, state: np.ndarray) -> float:
+        return float(state[2])
+
+    turns.direction = -1.0  # type: ignore[attr-defined]
+    exact = solve_ivp(
+        rates, (0.0, 8.0), np.zeros(4), method="DOP853", events=turns, rtol=1e-12, atol=1e-14, max_step=0.01
+    )
+    assert not found.doubtful.any()
+    assert found.values[0] == pytest.approx([exact.y_events[0][0][1], exact.t_events[0][0]], rel=1e-4)
