@@ -62,6 +62,22 @@ def test_a_system_comes_in_goes_out_is_copied_found_and_deleted(page: Page, tmp_
     expect(copy).to_have_count(0)
 
 
+def test_letters_that_follow_at_once_are_all_searched_for(page: Page, client) -> None:
+    client.post("/v1/systems", json={"name": "typed", "blocks": {"u": {"kind": "input"}}, "outputs": {"y": "u"}})
+    page.goto("/systems")
+    search = page.get_by_label("Search")
+    search.focus()
+    # No task of the page comes between two letters, as where it has no time to draw between them.
+    page.evaluate("""async () => {
+      for (const letter of 'typed') {
+        document.execCommand('insertText', false, letter);
+        await null;
+      }
+    }""")
+    expect(search).to_have_value("typed")
+    expect(page).to_have_url(re.compile(r"q=typed$"))
+
+
 def test_a_file_that_is_no_system_is_refused_in_words(page: Page, tmp_path) -> None:
     file = tmp_path / "wrong.json"
     file.write_text('{"blocks": {"u": {"kind": "inpt"}}, "outputs": {"y": "u"}}')

@@ -41,5 +41,7 @@ function Door() {
     );
   }
   if (visitor.isError) return <ProblemAlert error={visitor.error} m="xl" onRetry={() => void visitor.refetch()} />;
-  return visitor.data ? <RouterProvider router={router} /> : <SignIn />;
+  // The page is drawn for its address at once: a transition would draw it when there is time, and whoever types or presses
+  // a key meanwhile would go on from what no longer stands in the address.
+  return visitor.data ? <RouterProvider router={router} useTransitions={false} /> : <SignIn />;
 }
