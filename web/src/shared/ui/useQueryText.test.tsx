@@ -7,6 +7,8 @@ import { useQueryText, type ChangeQuery } from "./useQueryText";
 (globalThis as { IS_REACT_ACT_ENVIRONMENT?: boolean }).IS_REACT_ACT_ENVIRONMENT = true;
 
 let root: Root;
+/** Lets the page arrive that has to be loaded first. */
+let arrive: () => void;
 const told: Record<string, ChangeQuery> = {};
 const put = (key: string, value: string) => (query: URLSearchParams) => {
   query.set(key, value);
@@ -26,7 +28,8 @@ async function page(at: string) {
       <Part name="other" />
     </>
   );
-  const router = createMemoryRouter([{ path: "/page", element }, { path: "/elsewhere", element }], { initialEntries: [at] });
+  const later = () => new Promise<{ element: typeof element }>((done) => (arrive = () => done({ element })));
+  const router = createMemoryRouter([{ path: "/page", element }, { path: "/elsewhere", element }, { path: "/later", lazy: later }], { initialEntries: [at] });
   await act(async () => root.render(<RouterProvider router={router} />));
   return router;
 }
@@ -72,6 +75,15 @@ test("another page knows nothing of it", async () => {
   await act(async () => router.navigate("/elsewhere"));
   await act(async () => told.one!(put("b", "2")));
   expect(router.state.location.pathname + router.state.location.search).toBe("/elsewhere?b=2");
+});
+
+test("whoever is on the way to another page is not called back by the one that is left", async () => {
+  const router = await page("/page");
+  await act(async () => void router.navigate("/later"));
+  await act(async () => told.one!(put("a", "1")));
+  await act(async () => arrive());
+  expect(router.state.location.pathname + router.state.location.search).toBe("/later");
+  expect(document.getElementById("one")).not.toBeNull();
 });
 
 test("a change that changes nothing goes nowhere", async () => {
