@@ -1,9 +1,10 @@
 import { ActionIcon, Button, Group, Kbd, NativeSelect, Select, Stack, Text, Textarea, TextInput, Title } from "@mantine/core";
-import { useEffect, useState } from "react";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Problem } from "@/shared/api/problem";
 import type { Block, ParameterDocument, Scalar, SystemDocument } from "@/shared/api/types";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { useDraft } from "@/shared/ui/useDraft";
 import { connect, connectionsOf, disconnect, endOf, freeName, NAME, portsOf, removeBlocks, textOf, withOutput, type Catalogue } from "./model";
 import classes from "./Inspector.module.css";
 import { readParameter } from "./quick";
@@ -239,22 +240,20 @@ function ParameterRow({ name, parameter, fault, onCommit }: { name: string; para
 }
 
 function TextEntry({ label, value, onCommit, lines = false }: { label: string; value: string; onCommit(value: string): void; lines?: boolean }) {
-  const [text, setText] = useState(value);
-  useEffect(() => setText(value), [value]);
-  const commit = () => text !== value && onCommit(text);
-  if (lines) return <Textarea label={label} value={text} maxLength={2000} autosize minRows={1} maxRows={6} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} />;
-  return <TextInput label={label} value={text} maxLength={200} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} />;
+  const { text, type, take } = useDraft(value);
+  const commit = () => take() && text !== value && onCommit(text);
+  if (lines) return <Textarea label={label} value={text} maxLength={2000} autosize minRows={1} maxRows={6} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} />;
+  return <TextInput label={label} value={text} maxLength={200} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} />;
 }
 
 function NameEntry({ label, value, taken, onCommit, ...rest }: { label: string; "data-name"?: boolean; value: string; taken: string[]; onCommit(value: string): void }) {
   const { t } = useTranslation();
-  const [text, setText] = useState(value);
-  useEffect(() => setText(value), [value]);
+  const { text, type, take } = useDraft(value);
   const wrong = text !== value && (!NAME.test(text) ? t("diagram.badName") : taken.includes(text) ? t("diagram.takenName") : undefined);
   const commit = () => {
-    if (text !== value && !wrong) onCommit(text);
+    if (take() && text !== value && !wrong) onCommit(text);
   };
-  return <TextInput wrapperProps={rest} label={label} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong} spellCheck={false} classNames={{ input: "numbers" }} />;
+  return <TextInput wrapperProps={rest} label={label} value={text} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong} spellCheck={false} classNames={{ input: "numbers" }} />;
 }
 
 /** `kp`, or with everything at once: `area = 20 cm**2 [10, 50]`. */

@@ -1,8 +1,9 @@
 import { NativeSelect, TextInput } from "@mantine/core";
-import { useEffect, useState } from "react";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { ParameterEntry, Scalar } from "@/shared/api/types";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { useDraft } from "@/shared/ui/useDraft";
 
 interface Props {
   "data-parameter"?: boolean;
@@ -26,21 +27,21 @@ export function ValueEntry({ parameter, value, error, onCommit, ...rest }: Props
   return <ListEntry wrapperProps={rest} label={label} doc={doc} value={value} text={shape === "text"} error={error} onCommit={onCommit} />;
 }
 
-function ListEntry({ wrapperProps, label, doc, value, text, error, onCommit }: { wrapperProps: Record<`data-${string}`, boolean | undefined>; label: string; doc: string; value: unknown; text: boolean; error: string | undefined; onCommit(value: unknown): void }) {
+function ListEntry({ wrapperProps, label, doc, value, text: plain, error, onCommit }: { wrapperProps: Record<`data-${string}`, boolean | undefined>; label: string; doc: string; value: unknown; text: boolean; error: string | undefined; onCommit(value: unknown): void }) {
   const { t } = useTranslation();
-  const given = value === undefined ? "" : text ? String(value) : JSON.stringify(value);
-  const [shown, setShown] = useState(given);
+  const given = value === undefined ? "" : plain ? String(value) : JSON.stringify(value);
+  const { text, type, take } = useDraft(given);
   const [wrong, setWrong] = useState(false);
-  useEffect(() => setShown(given), [given]);
   const commit = () => {
-    if (shown === given) return setWrong(false);
-    if (shown.trim() === "") return onCommit(undefined);
-    if (text) return onCommit(shown.trim());
-    const read = readList(shown);
+    if (!take()) return;
+    if (text === given) return setWrong(false);
+    if (text.trim() === "") return onCommit(undefined);
+    if (plain) return onCommit(text.trim());
+    const read = readList(text);
     setWrong(read === undefined);
     if (read !== undefined) onCommit(read);
   };
-  return <TextInput wrapperProps={wrapperProps} label={label} title={doc} value={shown} onChange={(event) => setShown(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong ? t("diagram.noList") : error} spellCheck={false} classNames={{ input: "numbers" }} />;
+  return <TextInput wrapperProps={wrapperProps} label={label} title={doc} value={text} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => event.key === "Enter" && commit()} error={wrong ? t("diagram.noList") : error} spellCheck={false} classNames={{ input: "numbers" }} />;
 }
 
 /** `[1, 2]` as JSON, or just `1, 2`. */

@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
 import type { Metric } from "@/shared/api/types";
 import { formatNumber, words } from "@/shared/units/format";
+import { useDraft } from "@/shared/ui/useDraft";
 import { readEntry } from "@/shared/units/number";
 import { holds, WANTED, type PanelGoal } from "./goals";
 import classes from "./GoalBar.module.css";
@@ -68,14 +69,12 @@ function GoalChip({ goal, met, onChange, onDrop }: { goal: PanelGoal; met: boole
   const { t } = useTranslation();
   const { unit, show, read } = SPOKEN[goal.metric] ?? PLAIN;
   const given = formatNumber(show(goal.value)).replace("−", "-");
-  const [text, setText] = useState(given);
+  const { text, type, take, giveUp } = useDraft(given);
   const [wrong, setWrong] = useState(false);
-  useEffect(() => {
-    setText(given);
-    setWrong(false);
-  }, [given]);
+  useEffect(() => setWrong(false), [given]);
   const name = t(`metrics.${goal.metric}`, words(goal.metric));
   const commit = () => {
+    if (!take()) return;
     if (text === given) return setWrong(false);
     const entry = readEntry(text, unit);
     const value = entry.kind === "number" ? entry.value : entry.kind === "quantity" && entry.unit === unit ? entry.value : NaN;
@@ -90,7 +89,7 @@ function GoalChip({ goal, met, onChange, onDrop }: { goal: PanelGoal; met: boole
       <Text span fz="xs">
         {name} {goal.bound === "upper" ? "≤" : "≥"}
       </Text>
-      <TextInput aria-label={t("panel.boundOf", { metric: name })} title={t(met === null ? "panel.goalOpen" : met ? "panel.goalMet" : "panel.goalMissed")} value={text} error={wrong} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => (event.key === "Enter" ? commit() : event.key === "Escape" && setText(given))} size="xs" w={72} classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />
+      <TextInput aria-label={t("panel.boundOf", { metric: name })} title={t(met === null ? "panel.goalOpen" : met ? "panel.goalMet" : "panel.goalMissed")} value={text} error={wrong} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => (event.key === "Enter" ? commit() : event.key === "Escape" && giveUp())} size="xs" w={72} classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />
       <Text span fz="xs">
         {unit}
       </Text>

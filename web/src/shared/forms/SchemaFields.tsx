@@ -1,8 +1,9 @@
 import { Checkbox, Group, MultiSelect, NativeSelect, TextInput, type TextInputProps } from "@mantine/core";
-import { useEffect, useState } from "react";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Scalar } from "@/shared/api/types";
 import { NumberEntry, shownScalar } from "@/shared/ui/NumberEntry";
+import { useDraft } from "@/shared/ui/useDraft";
 import { prettyUnit, words } from "@/shared/units/format";
 import { readEntry } from "@/shared/units/number";
 import type { Field, Values } from "./schema";
@@ -82,14 +83,14 @@ function Span({ label, description, error, value, unit, onChange }: { label: str
 export function ListEntry({ value, unit, onChange, error, errorProps, ...rest }: { label: string; "aria-label"?: string; errorProps?: TextInputProps["errorProps"]; description?: string | undefined; error?: string | undefined; placeholder?: string | undefined; value: unknown; unit: string; onChange(list: Scalar[]): void; w?: number; withAsterisk?: boolean; required?: boolean }) {
   const { t } = useTranslation();
   const given = (Array.isArray(value) ? value : value === undefined ? [] : [value]).map(shownScalar).join("; ");
-  const [text, setText] = useState(given);
+  const { text, type, take } = useDraft(given);
   const [wrong, setWrong] = useState(false);
-  useEffect(() => setText(given), [given]);
   const commit = () => {
+    if (!take()) return;
     const entries = text.split(";").filter((part) => part.trim() !== "").map((part) => readEntry(part, unit));
     const bad = entries.some(({ kind }) => kind !== "number" && kind !== "quantity");
     setWrong(bad);
     if (!bad && text !== given) onChange(entries.map((entry) => (entry.kind === "quantity" ? { value: entry.value, unit: entry.unit } : (entry as { value: number }).value)));
   };
-  return <TextInput {...rest} value={text} onChange={(event) => setText(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => { if (event.key === "Enter") { event.preventDefault(); commit(); } }} error={wrong ? t("forms.list") : error} {...(wrong || !errorProps ? {} : { errorProps })} rightSection={unit ? <span style={{ fontSize: "0.75rem", whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined} rightSectionWidth={unit ? 44 : undefined} rightSectionPointerEvents="none" classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />;
+  return <TextInput {...rest} value={text} onChange={(event) => type(event.currentTarget.value)} onBlur={commit} onKeyDown={(event) => { if (event.key === "Enter") { event.preventDefault(); commit(); } }} error={wrong ? t("forms.list") : error} {...(wrong || !errorProps ? {} : { errorProps })} rightSection={unit ? <span style={{ fontSize: "0.75rem", whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined} rightSectionWidth={unit ? 44 : undefined} rightSectionPointerEvents="none" classNames={{ input: "numbers" }} spellCheck={false} autoComplete="off" />;
 }

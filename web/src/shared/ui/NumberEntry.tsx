@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import type { Scalar } from "@/shared/api/types";
 import { prettyUnit, withUnit } from "@/shared/units/format";
 import { readEntry } from "@/shared/units/number";
+import { useDraft } from "./useDraft";
 
 const quantityText = ({ value, unit }: { value?: unknown; unit: unknown }) => `${String(value)} ${String(unit)}`;
 
@@ -26,15 +27,13 @@ interface Props extends Omit<TextInputProps, "value" | "onChange"> {
 /** A number with its unit, read when the entry is left or Enter is pressed: `2.4k`, `330 m`, `65 cm**2`, `=kp/20`. */
 export function NumberEntry({ value, unit = "", onCommit, expressions = false, optional = false, refuse, error, ...rest }: Props) {
   const { t } = useTranslation();
-  const [text, setText] = useState(shownScalar(value));
-  const [wrong, setWrong] = useState<string | null>(null);
   const given = shownScalar(value);
-  useEffect(() => {
-    setText(given);
-    setWrong(null);
-  }, [given]);
+  const { text, type, take, giveUp } = useDraft(given);
+  const [wrong, setWrong] = useState<string | null>(null);
+  useEffect(() => setWrong(null), [given]);
   const read = readEntry(text, unit);
   const commit = () => {
+    if (!take()) return;
     if (text === given) return setWrong(null);
     if (optional && text.trim() === "") return onCommit(undefined);
     if (read.kind === "wrong" || (read.kind === "expression" && !expressions)) return setWrong(t("number.wrong"));
@@ -52,7 +51,7 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
       error={wrong ?? error}
       {...(wrong === null ? {} : { errorProps: {} })}
       description={rest.description ?? understood}
-      onChange={(event) => setText(event.currentTarget.value)}
+      onChange={(event) => type(event.currentTarget.value)}
       onBlur={commit}
       onKeyDown={(event) => {
         if (event.key === "Enter") {
@@ -60,7 +59,10 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
           event.preventDefault();
           commit();
         }
-        if (event.key === "Escape") setText(given);
+        if (event.key === "Escape") {
+          giveUp();
+          setWrong(null);
+        }
       }}
       rightSection={unit && unit !== "1" ? <span style={{ fontSize: "0.75rem", paddingRight: 8, whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined}
       rightSectionWidth={unit && unit !== "1" ? Math.max(28, prettyUnit(unit).length * 7 + 12) : undefined}
