@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.browser.frames import measured
 
@@ -255,6 +255,28 @@ def test_the_second_of_two_tabs_is_told_and_merges(two, system, client) -> None:
     assert document["parameters"]["k"] == {"value": 5, "upper": 9}
     assert document["blocks"]["gain"]["gain"] == 7
     assert document["blocks"]["plant"]["numerator"] == [3]
+
+
+def test_what_is_edited_while_it_is_being_saved_stays(page: Page, system, client) -> None:
+    opened(page, system)
+    enter(page, "k", "3")
+    held: list[Route] = []
+    page.route(
+        "**/v1/systems/*", lambda route: held.append(route) if route.request.method == "PUT" else route.fallback()
+    )
+    with page.expect_request(lambda request: request.method == "PUT"):
+        page.keyboard.press("Control+s")
+    enter(page, "k", "4")
+    with page.expect_response(lambda response: response.request.method == "PUT"):
+        held.pop().continue_()
+    page.unroute_all()
+    expect(page.get_by_role("button", name="Save", exact=True)).not_to_have_attribute("data-loading", "true")
+    expect(page.get_by_test_id("check")).to_have_text("not saved yet")
+    expect(page.get_by_label("k", exact=True)).to_have_value("4")
+    page.keyboard.press("Control+s")
+    expect(page.get_by_test_id("check")).to_have_text("saved")
+    saved = client.get(f"/v1/systems/{system}").json()
+    assert (saved["revision"], saved["document"]["parameters"]["k"]["value"]) == (3, 4)
 
 
 def test_edits_outlive_a_restart_of_the_service_and_of_the_page(page: Page, system, service, client) -> None:

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 import servotune
 from tests.browser.driving import KEY, PAGES, faults
@@ -146,6 +146,19 @@ def test_new_comparisons_are_added_and_dropped(page: Page, motor) -> None:
     expect(page).to_have_url(re.compile(r"cmp=motor\.resistance%3A0\.33%2C0\.5"))
     page.get_by_role("button", name="Drop 0.33").click()
     expect(page.get_by_test_id("chip")).to_have_count(1)
+
+
+def test_what_is_touched_at_once_counts_each_time(page: Page, motor) -> None:
+    opened(page, motor, COMPARED)
+    # No task of the page comes between the two, as where it has no time to draw between them.
+    page.evaluate("""async () => {
+      for (const name of ['Drop 0.33', 'Drop 0.8']) {
+        document.querySelector(`[aria-label="${name}"]`).click();
+        await null;
+      }
+    }""")
+    expect(page.get_by_test_id("chip")).to_have_text("500 mΩ")
+    expect(page).to_have_url(re.compile(r"cmp=motor\.resistance%3A0\.5(&|$)"))
 
 
 def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:
@@ -299,6 +312,31 @@ def test_settings_are_saved_as_a_revision(page: Page, client) -> None:
     saved = client.get(f"/v1/systems/{own}").json()
     assert saved["revision"] == 2
     assert saved["document"]["blocks"]["motor"]["resistance"] in (0.8, {"value": 0.8, "unit": "ohm"})
+
+
+def test_what_is_moved_while_the_rest_is_being_saved_stays(page: Page, client) -> None:
+    own = study(client, "dc-motor")
+    opened(page, own, "s=motor.resistance,motor.inertia&in=voltage&amp=24&path=voltage,speed&p.motor.resistance=0.8")
+    held: list[Route] = []
+    page.route(
+        "**/v1/systems/*", lambda route: held.append(route) if route.request.method == "PUT" else route.fallback()
+    )
+    with page.expect_request(lambda request: request.method == "PUT"):
+        page.get_by_role("button", name="Save as revision").click()
+    inertia = page.get_by_role("textbox", name="Value of motor.inertia")
+    inertia.fill("0.004")
+    inertia.press("Enter")
+    resistance = page.get_by_role("textbox", name="Value of motor.resistance")
+    resistance.fill("0.9")
+    resistance.press("Enter")
+    expect(page).to_have_url(re.compile(r"p\.motor\.resistance=0\.9"))
+    with page.expect_response(lambda response: response.request.method == "PUT"):
+        held.pop().continue_()
+    expect(page.get_by_role("button", name="Save as revision")).not_to_have_attribute("data-loading", "true")
+    assert client.get(f"/v1/systems/{own}").json()["revision"] == 2
+    expect(page).to_have_url(re.compile(r"p\.motor\.resistance=0\.9&p\.motor\.inertia=0\.004"))
+    expect(inertia).to_have_value("0.004")
+    expect(resistance).to_have_value("0.9")
 
 
 def test_dragging_paints_in_time(page: Page, motor, record_property) -> None:

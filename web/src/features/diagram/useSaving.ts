@@ -40,11 +40,13 @@ export function useSaving(id: string) {
   );
   const save = useCallback(
     async (next: SystemDocument, tag: string) => {
+      const begun = useEditor.getState().document;
       setSaving(true);
       setFailure(null);
       try {
         const { data, etag: now } = await saveSystem(id, next, tag);
-        if (next !== useEditor.getState().document) edit({ document: next });
+        // A merge takes the place of what was there; what is edited while it is being saved stays, and is not saved yet.
+        if (next !== begun) edit({ document: next });
         saved(next, now);
         setWaiting(false);
         setConflict(null);

@@ -146,9 +146,13 @@ export function PanelPage() {
   );
 
   const save = useMutation({
-    mutationFn: () => saveSystem(id, withValues(system.document, Object.fromEntries(Object.entries(state.values).map(([path, value]) => [path, { value, unit: parameters.get(path)?.unit ?? "" }]))), system.etag),
-    onSuccess: async () => {
-      change({ values: {} });
+    mutationFn: (values: Record<string, number>) => saveSystem(id, withValues(system.document, Object.fromEntries(Object.entries(values).map(([path, value]) => [path, { value, unit: parameters.get(path)?.unit ?? "" }]))), system.etag),
+    onSuccess: async (_, saved) => {
+      // What was moved while it was being saved is not saved yet.
+      setQuery((before) => {
+        const held = readState(before);
+        return writeState({ ...held, values: Object.fromEntries(Object.entries(held.values).filter(([path, value]) => value !== saved[path])) }, before);
+      });
       await queries.invalidateQueries({ queryKey: ["system", id] });
     },
   });
@@ -216,7 +220,7 @@ export function PanelPage() {
             />
           );
         })}
-        <Button mt="sm" fullWidth variant="light" disabled={!moved} loading={save.isPending} onClick={() => save.mutate()}>
+        <Button mt="sm" fullWidth variant="light" disabled={!moved} loading={save.isPending} onClick={() => save.mutate(state.values)}>
           {t("panel.save")}
         </Button>
         <ProblemAlert error={save.error} />
