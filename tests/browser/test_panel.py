@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, Route, WebSocketRoute, expect
 
 import servotune
 from tests.browser.driving import KEY, PAGES, faults
@@ -146,6 +146,30 @@ def test_new_comparisons_are_added_and_dropped(page: Page, motor) -> None:
     expect(page).to_have_url(re.compile(r"cmp=motor\.resistance%3A0\.33%2C0\.5"))
     page.get_by_role("button", name="Drop 0.33").click()
     expect(page.get_by_test_id("chip")).to_have_count(1)
+
+
+def test_a_refusal_is_forgotten_with_the_next_curves(page: Page, motor) -> None:
+    spoiling = False
+
+    def between(socket: WebSocketRoute) -> None:
+        service = socket.connect_to_server()
+
+        def told(text: str | bytes) -> None:
+            message = json.loads(text)
+            service.send(json.dumps(message | {"vectors": [[]]}) if spoiling and message["type"] == "set" else text)
+
+        socket.on_message(told)
+
+    page.route_web_socket("**/v1/live?*", between)
+    opened(page, motor, COMPARED)
+    refused = page.get_by_text("a vector must be 2 numbers, got 0")
+    spoiling = True
+    page.get_by_role("slider", name="motor.resistance").press("End")
+    expect(refused).to_be_visible()
+    spoiling = False
+    page.get_by_role("slider", name="motor.resistance").press("Home")
+    expect(refused).to_have_count(0)
+    expect(page.get_by_test_id("metrics")).to_have_attribute("data-stale", "false")
 
 
 def test_what_is_touched_at_once_counts_each_time(page: Page, motor) -> None:

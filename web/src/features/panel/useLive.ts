@@ -31,7 +31,11 @@ export function useLive(request: object, onFrame: (frame: Frame) => void, revisi
         setOpened(message);
         setProblem(null);
       },
-      onFrame: (frame) => handle.current(frame),
+      onFrame: (frame) => {
+        // What was refused before, because the service had no time for it, is not what is shown now.
+        setProblem(null);
+        handle.current(frame);
+      },
       onMetrics: (message) => {
         setStale(false);
         setMeasured((before) => new Map(message.variant === 0 ? [[0, message]] : [...before, [message.variant, message]]));

@@ -103,7 +103,8 @@ export class LiveSocket {
       if (this.vectors) this.dirty = true;
       this.flush();
     } else if (message.type === "metrics") {
-      if (message.seq === this.seq) this.handlers.onMetrics(message);
+      // What is being opened anew is still to be measured: the numbers of what was open are not its own.
+      if (this.opened && message.seq === this.seq) this.handlers.onMetrics(message);
     } else {
       this.waiting = false;
       this.handlers.onProblem(new Problem(message.problem));
