@@ -69,11 +69,12 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
   const latest = useRef(commit);
   latest.current = commit;
   const reset = useCallback(() => latest.current(parameter.value), [parameter]);
+  // What is given or drawn meanwhile does not take the slider out of a hand.
   useEffect(() => {
+    if (held.current) return;
     setRests(value);
     setMoved(value !== parameter.value);
   }, [value, parameter]);
-  // What is drawn meanwhile does not take the slider out of a hand.
   useLayoutEffect(() => write(held.current ? moving.current : rests), [rests, knob, scale, parameter]);
   return (
     <div className={classes.slider}>
