@@ -117,20 +117,21 @@ class Bindings:
         for index, value in values.items():
             result[index] = value
         for index in change.recompute:
-            slot = self.slots[index]
-            assert slot.expression is not None  # only expressions are recomputed
-            operands = [result[operand] for operand in slot.operands]
-            result[index] = slot.expression.evaluate(operands)
+            result[index] = self.value_of(index, result)
         return result
+
+    def value_of(self, index: int, values: Sequence[Scalar]) -> Scalar:
+        """Return the value of a slot with an expression from those of its operands."""
+        slot = self.slots[index]
+        assert slot.expression is not None  # only expressions are recomputed
+        return slot.expression.evaluate([values[operand] for operand in slot.operands])
 
     def _compute(self, values: list[Scalar], indices: Sequence[int]) -> None:
         for index in indices:
-            slot = self.slots[index]
-            assert slot.expression is not None  # only expressions are recomputed
             try:
-                values[index] = slot.expression.evaluate([values[operand] for operand in slot.operands])
+                values[index] = self.value_of(index, values)
             except ExpressionError as error:
-                error.at = slot.at
+                error.at = self.slots[index].at
                 raise
 
     def _check(self, index: int, value: Scalar) -> None:

@@ -117,6 +117,31 @@ class Blocks:
         checked = tuple((param, value) for param, value in bounds if param is not None and isinstance(value, Traced))
         return realizations, values, checked
 
+    def formulas(
+        self, overrides: Mapping[str, float], moved: Sequence[str], graph: Graph
+    ) -> tuple[list[Realization], list[float], dict[int, int]]:
+        """Return all realisations as formulas of every number of the document, the numbers, and the lanes of those ``moved``.
+
+        A number that is 0 and does not move is none: it decides, as elsewhere, what a block does not need.
+        """
+        given = {self._slot(path): value for path, value in overrides.items()}
+        lane_of = {self._slot(path): lane for lane, path in enumerate(moved)}
+        values = list(self._bindings.base)
+        numbers: list[float] = []
+        lanes: dict[int, int] = {}
+        for index, slot in enumerate(self._bindings.slots):
+            if slot.expression is None:
+                number = float(given.get(index, values[index]).real)
+                values[index] = number
+                if number or index in lane_of:
+                    if index in lane_of:
+                        lanes[len(numbers)] = lane_of[index]
+                    values[index] = graph.parameter(number)
+                    numbers.append(number)
+        for index in self._bindings.order:
+            values[index] = self._bindings.value_of(index, values)
+        return [self._realize(number, values) for number in range(len(self._flat.blocks))], numbers, lanes
+
     def lanes(self, steps: Mapping[str, float], overrides: Mapping[str, float]) -> dict[str, npt.NDArray[Any]]:
         """Return values by path, (lanes,), lane k carrying the infinitesimal of parameter k."""
         values = {**{path: self.value(path) for path in steps}, **overrides}

@@ -19,8 +19,10 @@ from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
 from engine.elements._base import Values
 from engine.errors import DiagramError, EngineError
+from engine.exact_rest import ExactRest
 from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
+from engine.many_digits import Formulas
 from engine.nonlinear.channels import Channels
 from engine.nonlinear.linearize import joined, small_signal
 from engine.nonlinear.operating_point import OperatingPoint, operating_point
@@ -383,6 +385,19 @@ class Diagram:
             laws=tuple(self._blocks.of(number, values) for number in self._channels.numbers),
             opened=self._channels.wiring(self._wires.wiring(None), self._interconnection.outputs),
         )
+
+    def exact_rest(
+        self, overrides: Mapping[str, float], moved: Sequence[str] | None = (), open_at: str | None = None
+    ) -> ExactRest:
+        """Return the gains at rest in many digits, of a linear diagram.
+
+        They have a lane for each parameter ``moved``; where that is None, one for each number, by its logarithm.
+        """
+        graph = Graph()
+        realizations, numbers, lanes = self._blocks.formulas(overrides, moved or (), graph)
+        formulas = Formulas(graph, numbers, None if moved is None else lanes)
+        count = len(numbers) if moved is None else len(moved)
+        return ExactRest(realizations, formulas, self._interconnection, self._wires.wiring(open_at), count)
 
     def wiring(self, open_at: str | None = None) -> Wiring:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""

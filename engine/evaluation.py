@@ -15,18 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
-from engine.errors import DiagramError, IllPosedError, UnresolvedError
+from engine.errors import DiagramError, IllPosedError
 from engine.following import followed
 from engine.linear.curve import Curve
 from engine.linear.fading import fading
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import connected, merged, path
-from engine.linear.poles import Poles, poles, static_gain
+from engine.linear.poles import Poles, poles
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
 from engine.metrics._base import LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.nonlinear import response as nonlinear
+from engine.resting import Resting
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -84,6 +85,8 @@ class Evaluation:
         self._scales = np.array(
             [command.scale for command in self.commands] or [self._scale(name) for name in self.gradient]
         )
+        self._steps = {name: INFINITESIMAL * self._scale(name) for name in self.gradient}
+        self._resting = Resting(diagram, self.overrides, self._steps)
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
@@ -122,8 +125,7 @@ class Evaluation:
     def _realized(self, open_at: str | None, *, by_rates: bool = False) -> LaneSystem:
         if not self.gradient:
             return LaneSystem.of([self.diagram.realize(self.overrides, open_at, by_rates=by_rates)])
-        steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
-        return self.diagram.realize_lanes(steps, self.overrides, open_at, by_rates=by_rates)
+        return self.diagram.realize_lanes(self._steps, self.overrides, open_at, by_rates=by_rates)
 
     def _by_rates(
         self, part: LaneSystem, inputs: Sequence[int], outputs: Sequence[int], open_at: str | None = None
@@ -174,11 +176,13 @@ class Evaluation:
             whole = self._realize(open_at)
             ends = [len(whole.inputs) - 1], [len(whole.outputs) - 1]
             cut = path(whole, *ends, self._poles_of)
-            opened, exact = _negated(cut), _negated(self._by_rates(cut, *ends, open_at))
+            opened, exact = _negated(cut), self._by_rates(cut, *ends, open_at)
             closed = self._poles_of(_closed(opened.value))
             own = self._poles_of(opened.value)
-            static = None if np.any(own.at_zero) else _at_rest(exact)[:, 0, 0]
-            response = FrequencyResponse.near(opened, closed, solved=exact)
+            resting = Resting(self.diagram, self.overrides, self._steps, open_at)
+            gain = resting.gain(exact, own, ends[0][0], ends[1][0])
+            static = None if gain is None else -gain
+            response = FrequencyResponse.near(opened, closed, solved=_negated(exact))
             self._loops[open_at] = LoopSubject(
                 response=response, static=static, opened=own, closed=closed, verdict=closed.verdict
             )
@@ -191,9 +195,11 @@ class Evaluation:
             ends = [self.input_index(source)], [self.output_index(target)]
             part = path(self.system, *ends, self._poles_of)
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
-            static = None if np.any(own.at_zero) else _at_rest(exact)[:, 0, 0]
+            static = self._resting.gain(exact, own, ends[0][0], ends[1][0])
+            told = (static is None) == bool(np.any(own.at_zero))
             response = FrequencyResponse.near(part, own, solved=exact)
-            self._paths[key] = PathSubject(response=response, static=static, verdict=own.verdict)
+            verdict = own.verdict if told else Verdict.DOUBTFUL
+            self._paths[key] = PathSubject(response=response, static=static, verdict=verdict)
         return self._paths[key]
 
     def input_index(self, name: str) -> int:
@@ -216,9 +222,8 @@ class Evaluation:
         if key not in self._simulated:
             for name in signals:
                 self.input_index(name)
-            steps = {name: INFINITESIMAL * scale for name, scale in zip(self.gradient, self._scales, strict=True)}
             pace = self.poles.lifetime or 1.0
-            laws = self.diagram.laws(self.overrides, steps)
+            laws = self.diagram.laws(self.overrides, self._steps)
             self._simulated[key] = nonlinear.respond(laws, signals, duration, pace)
         return self._simulated[key]
 
@@ -276,7 +281,8 @@ class Evaluation:
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
-                values = np.asarray((_at_rest(self._by_rates(part, inputs, columns)) @ settled[:, :, None])[:, :, 0])
+                gains = self._resting.gains(self._by_rates(part, inputs, columns), inputs, columns)
+                values = np.asarray((gains @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
             joint = followed(part, signals, lifetime, [finals[name] for name in decaying])
             joint = motions.moved(joint, part) if motions else joint
@@ -366,17 +372,6 @@ def _without_rounding(error: Array, y: Curve | None) -> Array:
     assert y is not None
     largest = float(np.abs(y.values[:, :, 0].real).max())
     return error - error.real if abs(float(error[0].real)) <= _CANCELLED * largest else error
-
-
-def _at_rest(system: LaneSystem) -> Array:
-    """Return the gain at s = 0 of a system without a pole there."""
-    try:
-        return static_gain(system)
-    except np.linalg.LinAlgError:
-        raise UnresolvedError(
-            "what lasts must have digits left, but rounding makes the equations at rest singular: "
-            "the system's coefficients lie too far apart"
-        ) from None
 
 
 def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.linear.poles import states_at_rest
+from engine.linear.rest import states_at_rest
 from engine.linear.trajectory import respond
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
 
 from engine.linear.poles import Poles, poles
-from engine.linear.system import ARRAYS, Array, LaneSystem
+from engine.linear.system import ARRAYS, Array, LaneSystem, balancing
 from engine.linear.tangent import slopes
 from engine.verdicts import Verdict
 
@@ -173,8 +172,7 @@ def _evenly_scaled(system: LaneSystem) -> LaneSystem:
     driven = np.concatenate([parts["b1"], parts["b2"], parts["x0"][:, None]], axis=1).max(axis=1)
     watched = np.concatenate([parts["c1"], parts["c2"]]).max(axis=0)
     circle = np.block([[parts["a"], driven[:, None]], [watched, np.zeros(1)]])
-    _, transform = matrix_balance(circle, permute=False)
-    return system.scaled(np.diag(transform)[:-1])
+    return system.scaled(balancing(circle)[:-1])
 
 
 def _reachable(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -14,16 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import eig, matrix_balance
+from scipy.linalg import eig
 
 from engine.circles import circles
 from engine.linear.neutral import neutral
 from engine.linear.pole_guesses import guesses
-from engine.linear.tangent import evened, slopes, solve
+from engine.linear.system import balancing
+from engine.linear.tangent import slopes
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array, LaneSystem
+    from engine.linear.system import LaneSystem
 
 Complex = npt.NDArray[np.complex128]
 
@@ -146,10 +147,9 @@ def _poles_of_part(system: LaneSystem) -> Poles:
 
 def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDArray[np.float64]]:
     a = system.a[0].real
-    balanced, transform = matrix_balance(a, permute=False)
-    scale = np.diag(transform)
-    # the stubs know two results; left and right together make three
-    values, left, right = eig(balanced, left=True, right=True)  # type: ignore[misc]  # its stubs miss the third value that left=True brings
+    scale = balancing(a)
+    balanced = a * (scale[None, :] / scale[:, None])
+    values, left, right = eig(balanced, left=True, right=True)
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     whole = float(np.linalg.norm(balanced))
     # the QR algorithm leaves rounding of the fastest pole in all; the quotient of both vectors is wrong to second order
@@ -221,7 +221,7 @@ def _balance(system: LaneSystem) -> npt.NDArray[np.float64]:
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:] = system.a[0].real, system.b2[0].real
     whole[n:, :n], whole[n:, n:] = system.c2[0].real, system.d22[0].real
-    return np.array(np.diag(matrix_balance(whole, permute=False)[1]), dtype=np.float64)
+    return balancing(whole)
 
 
 def _polished(system: LaneSystem, begun: Complex) -> Complex:
@@ -280,37 +280,3 @@ def _motion(system: LaneSystem, s: complex, left: Complex, right: Complex) -> Co
         moved = moved + (s * slopes(system.delays) * grown * w - slopes(system.d22) @ w) @ bottom
         denominator = denominator + bottom @ (tau * grown * w)
     return np.asarray(-moved / denominator)
-
-
-def static_gain(system: LaneSystem) -> Array:
-    """Return the gain at s = 0, shape (lanes, outputs, inputs).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        When the system has a pole at s = 0.
-    """
-    read = np.concatenate([system.c1, system.d12], axis=-1)
-    return np.asarray(read @ states_at_rest(system) + system.d11)
-
-
-def states_at_rest(system: LaneSystem) -> Array:
-    """Return states and delayed signals at rest for each input of 1, shape (lanes, n + m, inputs).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        When the system has a pole at s = 0.
-    """
-    n, m = system.n, system.m
-    if not n + m:
-        return np.zeros((system.lanes, 0, system.n_in))
-    top = np.concatenate([system.a, system.b2], axis=-1)
-    bottom = np.concatenate([system.c2, system.d22 - np.eye(m)], axis=-1)
-    matrix = np.concatenate([top, bottom], axis=-2)
-    right = -np.concatenate([system.b1, system.d21], axis=-2)
-    # rows of one size, and once more what was left: a weak coupling must not drown in the pivot of a strong one
-    rows = evened(matrix[0].real)
-    matrix, right = matrix * rows, right * rows
-    inner = solve(matrix, right)
-    return np.asarray(inner + solve(matrix, right - matrix @ inner))

@@ -20,8 +20,9 @@ import numpy.typing as npt
 
 from engine.linear.chebyshev import integration_matrix, weights
 from engine.linear.path import connected, path
-from engine.linear.poles import poles, static_gain
+from engine.linear.poles import poles
 from engine.linear.propagate import exponentials
+from engine.linear.rest import static_gain
 from engine.linear.short_delay import lifted
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import slopes

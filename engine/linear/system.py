@@ -11,10 +11,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance
+from scipy.linalg import lapack
 
 Array = npt.NDArray[Any]
 """float64, or complex128 where a parameter carries an infinitesimal in its imaginary part."""
+
+
+def balancing(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the powers of two t that balance diag(1/t) M diag(t)."""
+    if not len(matrix):
+        return np.ones(0)
+    return np.asarray(lapack.dgebal(matrix, scale=1, permute=0)[3])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,8 +140,7 @@ class LaneSystem:
         In SI a pressure is 1e5 where a position is 1e-3; unscaled, exponentials would lose those eight digits. Where how
         the states act on each other is spread over channels, ``like`` is the system that has it in one matrix.
         """
-        _, transform = matrix_balance((self if like is None else like).a[0].real, permute=False)
-        return self.scaled(np.diag(transform))
+        return self.scaled(balancing((self if like is None else like).a[0].real))
 
     def scaled(self, scale: Array) -> LaneSystem:
         """Return the system in the states x/scale, ``scale`` of shape (n,)."""

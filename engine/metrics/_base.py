@@ -230,7 +230,7 @@ _ADVICE = {
     Verdict.ILL_POSED: "an algebraic loop has no solution at these values",
     Verdict.TOO_SHORT: "the simulation ends before the output has rested for a tenth of it: give it a longer duration, or none to follow it until it settles",
     Verdict.NOT_SETTLED: "the output goes on moving, as in a limit cycle: look at it over a given duration",
-    Verdict.DOUBTFUL: "the simulation could not be followed to its end: see the warnings",
+    Verdict.DOUBTFUL: "the simulation could not be followed to its end, or rounding leaves what lasts no digits: see the warnings",
 }
 
 

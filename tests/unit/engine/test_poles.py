@@ -7,7 +7,8 @@ import pytest
 from scipy.special import lambertw
 
 from engine.linear.path import path
-from engine.linear.poles import poles, static_gain
+from engine.linear.poles import poles
+from engine.linear.rest import static_gain
 from engine.linear.system import LaneSystem, LinearSystem
 from engine.linear.tangent import INFINITESIMAL
 from engine.verdicts import Verdict
