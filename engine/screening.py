@@ -8,7 +8,7 @@ vouch for either is flagged doubtful and belongs to the exact path.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -78,8 +78,8 @@ class Screening:
         All candidates of a batch share their states; one that has fewer, as the coefficient of its highest power is 0,
         is a system all the same.
         """
-        missing = np.flatnonzero(~found.valid)
-        if missing.size:
+        if not found.valid.all():
+            missing = np.flatnonzero(~found.valid)
             here = missing[self._diagram.admits({name: np.asarray(v)[missing] for name, v in overrides.items()})]
             found.valid[here], found.doubtful[here], found.values[here] = True, True, np.nan
             found.growth[here] = np.nan
@@ -88,13 +88,13 @@ class Screening:
     def _screened(self, overrides: Mapping[str, Array], *, second_opinion: bool) -> Screened:
         if self._diagram.nonlinear:
             return self._marched(overrides)
-        batch = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._batch(tuple(overrides))
+        points = _side_by_side(overrides.values())
+        batch = None if np.iscomplexobj(points) else self._batch(tuple(overrides))
         if batch is None:
             return self._all(overrides)
-        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
         asked = partial(self._second_opinion, batch, overrides) if second_opinion else None
         found = batch(points, threads=self._threads, then=asked)
-        others = tuple(np.flatnonzero(~np.array(batch.measured) & np.array(self.measurable)).tolist())
+        others = tuple(k for k, own in enumerate(batch.measured) if self.measurable[k] and not own)
         if others:
             rest = self._only(others)(overrides)
             columns = list(others)
@@ -138,16 +138,13 @@ class Screening:
         batch = None if self._diagram.nonlinear else self._batch(tuple(overrides))
         if batch is None or not all(batch.measured):
             return None
-        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
-        return batch.slopes(points, np.stack([directions[name] for name in overrides], axis=1))
+        return batch.slopes(_side_by_side(overrides.values()), _side_by_side(directions[name] for name in overrides))
 
     def _marched(self, overrides: Mapping[str, Array]) -> Screened:
         """Return the metrics of a nonlinear diagram."""
-        march = None if any(np.iscomplexobj(v) for v in overrides.values()) else self._march(tuple(overrides))
-        if march is None:
-            return self._all(overrides)
-        points = np.stack([np.asarray(values, dtype=float) for values in overrides.values()], axis=1)
-        return march(points, threads=self._threads)
+        points = _side_by_side(overrides.values())
+        march = None if np.iscomplexobj(points) else self._march(tuple(overrides))
+        return self._all(overrides) if march is None else march(points, threads=self._threads)
 
     def _march(self, varied: tuple[str, ...]) -> NonlinearBatch | None:
         """Return what marches a nonlinear diagram; None where its laws are no formulas."""
@@ -171,3 +168,8 @@ class Screening:
         if columns not in self._rest:
             self._rest[columns] = Collocation(self._diagram, [self._requests[column] for column in columns])
         return self._rest[columns]
+
+
+def _side_by_side(arrays: Iterable[Array]) -> Array:
+    """Return arrays of one shape (B, ...) as one (B, arrays, ...): `numpy.stack`, which takes longer to look at them than to copy."""
+    return np.concatenate([np.asarray(array)[:, None] for array in arrays], axis=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from engine.realize import Loop, Wiring
 
 Row = dict[int, Any]
+
+_PLAIN: Final = (int, float)
 
 
 def add(row: Row, column: int, value: Any) -> None:
@@ -32,7 +34,7 @@ def add(row: Row, column: int, value: Any) -> None:
 
 def is_zero(value: Any) -> bool:
     """Whether a number is 0 whatever the parameters are."""
-    return isinstance(value, int | float) and value == 0
+    return isinstance(value, _PLAIN) and value == 0
 
 
 def add_scaled(row: Row, other: Mapping[int, Any], factor: Any) -> None:
@@ -64,20 +66,24 @@ def solve(rows: Sequence[Row], right: Sequence[Row], cost: Cost, seen: Callable[
     left = set(range(len(rows)))
     solution: list[Row] = [{} for _ in rows]
     order: list[tuple[int, int]] = []
-    columns = set(range(len(rows)))
     while left:
-        best: tuple[float, int, int] | None = None
+        # no row that is left has a column that was eliminated
+        costs = {i: {j: cost(value) for j, value in rows[i].items()} for i in left}
+        users: dict[int, list[int]] = {}
         for i in left:
-            for j, value in rows[i].items():
-                if j in columns:
-                    users = [k for k in left if k != i and j in rows[k]]
-                    price = cost(value) + len(users) * (len(rows[i]) - 1)
-                    # a product of two numbers of the same kind now is one product less for every candidate
-                    price += 0.01 * sum(cost(entry) for entry in (*rows[i].values(), *right[i].values()))
-                    price += 0.01 * sum(cost(rows[k][j]) for k in users)
-                    rank = (price, i, j)
-                    if best is None or rank < best:
-                        best = rank
+            for j in rows[i]:
+                users.setdefault(j, []).append(i)
+        best: tuple[float, int, int] | None = None
+        for i, own in costs.items():
+            along = sum(own.values()) + sum(cost(entry) for entry in right[i].values())
+            for j, here in own.items():
+                price = here + (len(users[j]) - 1) * (len(own) - 1)
+                # a product of two numbers of the same kind now is one product less for every candidate
+                price += 0.01 * along
+                price += 0.01 * sum(costs[k][j] for k in users[j] if k != i)
+                rank = (price, i, j)
+                if best is None or rank < best:
+                    best = rank
         if best is None:
             raise ZeroDivisionError
         _, i, j = best
@@ -93,7 +99,6 @@ def solve(rows: Sequence[Row], right: Sequence[Row], cost: Cost, seen: Callable[
                 add_scaled(rows[k], rows[i], factor)
                 add_scaled(right[k], right[i], factor)
         left.remove(i)
-        columns.remove(j)
         order.append((i, j))
     for i, j in order:
         solution[j] = right[i]

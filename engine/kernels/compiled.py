@@ -149,6 +149,8 @@ multiply_add: Final = _product(4, 4, accumulate=True)
 """C += A B."""
 multiply_pairs: Final = _product(2, 4, accumulate=False)
 """C = A B for an even number of rows."""
+multiply_pairs_add: Final = _product(2, 4, accumulate=True)
+"""C += A B for an even number of rows."""
 apply: Final = _product(4, 1, accumulate=False)
 """C = A B for any number of columns."""
 apply_two: Final = _product(4, 2, accumulate=False)

@@ -15,7 +15,15 @@ import numpy.typing as npt
 from engine.kernels import events as r
 from engine.kernels import powers as constants
 from engine.kernels import scan_state as s
-from engine.kernels.compiled import apply, apply_add, compiled, multiply, multiply_add
+from engine.kernels.compiled import (
+    apply,
+    apply_add,
+    compiled,
+    multiply,
+    multiply_add,
+    multiply_pairs,
+    multiply_pairs_add,
+)
 from engine.kernels.vector import copy, load, load2, spread, store, store2
 
 Real = npt.NDArray[np.float64]
@@ -100,14 +108,37 @@ def _double(power: Real, total: Real, n: int, experiments: int, moved: Real) -> 
 
 
 @compiled
+def expand_slopes(
+    c: Real, dc: Real, x: Real, dx: Real, outputs: int, n: int, taylors: Real, d_taylors: Real
+) -> None:  # fmt: skip
+    """Write the rows C (A h)^k / k!, k = 0 ... (outputs, TERMS, n, LANES), and their derivatives.
+
+    ``outputs`` is even and every second row of C an output; ``x`` is A h with its derivative.
+    """
+    stride = TERMS * n
+    for o in range(outputs):
+        copy(taylors[o], 0, c[2 * o], 0, n)
+        copy(d_taylors[o], 0, dc[2 * o], 0, n)
+    for k in range(1, TERMS):
+        multiply_pairs(taylors[0, k], taylors[0, k - 1], x, outputs, n, n, stride, n, stride)
+        multiply_pairs(d_taylors[0, k], d_taylors[0, k - 1], x, outputs, n, n, stride, n, stride)
+        multiply_pairs_add(d_taylors[0, k], taylors[0, k - 1], dx, outputs, n, n, stride, n, stride)
+        share = 1.0 / k
+        for o in range(outputs):
+            for i in range(k * n, (k + 1) * n):
+                store(taylors[o], load(taylors[o], i) * share, i)
+                store(d_taylors[o], load(d_taylors[o], i) * share, i)
+
+
+@compiled
 def _at(
-    time: float, h: float, powers: Real, d_powers: Real, x: Real, dx: Real, n: int, start: Real, d_start: Real, row: Real,
-    d_row: Real, room: Real, series: Real, slopes: Real,
+    time: float, h: float, powers: Real, d_powers: Real, n: int, start: Real, d_start: Real, taylor: Real, d_taylor: Real,
+    room: Real, series: Real, slopes: Real,
 ) -> float:  # fmt: skip
     """Write the Taylor series of an output and its derivatives, (TERMS, LANES), about an instant's last whole step.
 
-    Return the part of a step that is left from there. ``room`` is (6, n, LANES): states, their derivatives, and what they
-    become; ``x`` is A h with its derivative.
+    Return the part of a step that is left from there. ``room`` is (4, n, LANES): states, their derivatives, and what they
+    become; ``taylor`` are the output's rows (TERMS, n, LANES).
     """
     units = math.floor(time / h)
     e, de, moved, d_moved = room[0], room[1], room[2], room[3]
@@ -124,20 +155,14 @@ def _at(
         left = half
         level += 1
     for term in range(TERMS):
-        value, slope = spread(0.0), spread(0.0)
+        value, slope, moves = spread(0.0), spread(0.0), spread(0.0)
         for i in range(n):
-            value = value + load(row, i) * load(e, i)
-            slope = slope + load(row, i) * load(de, i) + load(d_row, i) * load(e, i)
+            state, row = load(e, i), load2(taylor, term, i)
+            value = value + row * state
+            slope = slope + load2(d_taylor, term, i) * state
+            moves = moves + row * load(de, i)
         store(series, value, term)
-        store(slopes, slope, term)
-        apply(moved, x, e, n, 1, n, n, 1, 1)
-        apply(d_moved, x, de, n, 1, n, n, 1, 1)
-        apply_add(d_moved, dx, e, n, 1, n, n, 1, 1)
-        share = 1.0 / (term + 1.0)
-        for i in range(n):
-            store(moved, load(moved, i) * share, i)
-            store(d_moved, load(d_moved, i) * share, i)
-        e, de, moved, d_moved = moved, d_moved, e, de
+        store(slopes, slope + moves, term)
     return time / h - units
 
 
@@ -174,8 +199,8 @@ def _crossing(series: Real, slopes: Real, part: float, h: float, goal: float, d_
 
 @compiled
 def response_slopes(
-    wants: int, reading: Real, found: Real, h: float, final: float, d_final: Any, powers: Real, d_powers: Real, x: Real,
-    dx: Real, n: int, start: Real, d_start: Real, row: Real, d_row: Real, room: Real, series: Real, slopes: Real,
+    wants: int, reading: Real, found: Real, h: float, final: float, d_final: Any, powers: Real, d_powers: Real, n: int,
+    start: Real, d_start: Real, taylor: Real, d_taylor: Real, room: Real, series: Real, slopes: Real,
 ) -> None:  # fmt: skip
     """Write the derivatives (READINGS, LANES) of what is read off one response."""
     store(found, d_final, r.FINAL)
@@ -187,7 +212,7 @@ def response_slopes(
         time = reading[to]
         if not (0.0 < time < math.inf):
             continue  # at once, whatever the parameters are
-        part = _at(time, h, powers, d_powers, x, dx, n, start, d_start, row, d_row, room, series, slopes)
+        part = _at(time, h, powers, d_powers, n, start, d_start, taylor, d_taylor, room, series, slopes)
         if to in (r.T_10, r.T_90):
             level = -0.9 if to == r.T_10 else -0.1
         else:
@@ -202,7 +227,7 @@ def response_slopes(
         time = reading[to + 1]
         if not (abs(reading[to]) < 1e299 and 0.0 <= time < math.inf):
             continue
-        part = _at(time, h, powers, d_powers, x, dx, n, start, d_start, row, d_row, room, series, slopes)
+        part = _at(time, h, powers, d_powers, n, start, d_start, taylor, d_taylor, room, series, slopes)
         if time > 0.0:
             for _ in range(2):
                 move = _value(series, part, 1) / _value(series, part, 2)

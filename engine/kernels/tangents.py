@@ -18,7 +18,7 @@ from engine.kernels.compiled import LANES, allocating, compiled
 from engine.kernels.evaluate import scatter
 from engine.kernels.powers import LEVELS, raise_powers
 from engine.kernels.readings import enter_slopes
-from engine.kernels.response_slopes import TERMS, power_slopes, response_slopes
+from engine.kernels.response_slopes import TERMS, expand_slopes, power_slopes, response_slopes
 from engine.kernels.spectrum_program import SpectrumProgram
 from engine.kernels.spectrum_slopes import curve_slopes
 from engine.kernels.tape import Tape
@@ -119,6 +119,7 @@ def differentiate(
     alive, step, rate = room((LANES,)), room((LANES,)), room((LANES,))
     start, d_start = room((nn, LANES)), room((nn, LANES))
     states, series, slopes = room((4, nn, LANES)), room((TERMS, LANES)), room((TERMS, LANES))
+    taylors, d_taylors = room((rows // 2, TERMS, nn, LANES)), room((rows // 2, TERMS, nn, LANES))
     traces = program.traces.shape[0]
     found = room((traces, r.READINGS, LANES))
     framed = room((curves.wants.shape[0], f.READINGS, LANES))
@@ -149,6 +150,7 @@ def differentiate(
         for k in range(nn * nn):
             store(x, load(a, k) * h, k)
             store(dx, load(da, k) * h, k)
+        expand_slopes(c, dc, x, dx, rows // 2, nn, taylors, d_taylors)
         for e in range(experiments):
             for i in range(nn):
                 store(start, -load2(rest, i, e), i)
@@ -157,12 +159,11 @@ def differentiate(
                 if program.traces[t, 1] != e:
                     continue
                 o = program.traces[t, 0]
-                row, d_row = c[2 * o], dc[2 * o]
                 d_final = load2(dd, o, e)
                 for i in range(nn):
-                    d_final = d_final - load(row, i) * load(d_start, i) - load(d_row, i) * load(start, i)
+                    d_final = d_final - load2(c, 2 * o, i) * load(d_start, i) - load2(dc, 2 * o, i) * load(start, i)
                 response_slopes(
                     program.traces[t, 2], readings[candidate, t], found[t], h, readings[candidate, t, r.FINAL], d_final,
-                    powers, d_powers, x, dx, nn, start, d_start, row, d_row, states, series, slopes,
+                    powers, d_powers, nn, start, d_start, taylors[o], d_taylors[o], states, series, slopes,
                 )  # fmt: skip
         enter_slopes(of_time, readings[candidate], found, results[candidate])

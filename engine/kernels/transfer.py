@@ -51,7 +51,7 @@ class Curves:
 
     def node(self, code: Code, *operands: Any) -> Curve:
         """Return a function; operands are curves, or real numbers where the operation says so."""
-        key = (code, *(("curve", o.number) if isinstance(o, Curve) else _key(o) for o in operands))
+        key = (code, *map(_key, operands))
         number = self._known.get(key)
         if number is None:
             number = self._known[key] = len(self.nodes)
@@ -72,8 +72,11 @@ class Curves:
         return self.varies[operand.number] if isinstance(operand, Curve) else isinstance(operand, Traced)
 
 
-def _key(number: Any) -> tuple[str, Any]:
-    return ("traced", number.node) if isinstance(number, Traced) else ("number", float(number).hex())
+def _key(operand: Any) -> int | str:
+    """Return what equal operands share: functions are counted up from 0, formulas down from -1, numbers go by their digits."""
+    if isinstance(operand, Curve):
+        return operand.number
+    return -1 - operand.node if isinstance(operand, Traced) else float(operand).hex()
 
 
 class Curve:
@@ -89,8 +92,8 @@ class Curve:
 
     def _split(self) -> tuple[bool, Curve]:
         """Return (whether it is negated, what is negated): signs are moved outwards, so that equal products meet."""
-        code, *operands = self.curves.nodes[self.number]
-        return (True, operands[0]) if code is Code.NEG else (False, self)
+        node = self.curves.nodes[self.number]
+        return (True, node[1]) if node[0] is Code.NEG else (False, self)
 
     def signed(self, negative: bool) -> Curve:
         """Return the function, negated or not."""
@@ -105,8 +108,7 @@ class Curve:
         minus2, base2 = other._split()
         if minus != minus2:
             return self.curves.node(Code.SUB, *((base2, base) if minus else (base, base2)))
-        first, second = sorted((base, base2), key=lambda curve: curve.number)
-        return self.curves.node(Code.ADD, first, second).signed(minus)
+        return self.curves.node(Code.ADD, *_in_order(base, base2)).signed(minus)
 
     __radd__ = __add__
 
@@ -126,8 +128,7 @@ class Curve:
         minus, base = self._split()
         if isinstance(other, Curve):
             minus2, base2 = other._split()
-            first, second = sorted((base, base2), key=lambda curve: curve.number)
-            return self.curves.node(Code.MUL, first, second).signed(minus != minus2)
+            return self.curves.node(Code.MUL, *_in_order(base, base2)).signed(minus != minus2)
         if not isinstance(other, Traced) and abs(other) == 1:
             return base.signed(minus != (other < 0))
         return self.curves.node(Code.SCALE, base, other).signed(minus)
@@ -142,6 +143,11 @@ class Curve:
 
     def __rtruediv__(self, other: Any) -> Any:
         return self.curves.node(Code.POLYNOMIAL, other) / self
+
+
+def _in_order(first: Curve, second: Curve) -> tuple[Curve, Curve]:
+    """Return the operands of what commutes in one order, so that equal functions meet."""
+    return (first, second) if first.number <= second.number else (second, first)
 
 
 class Network:
@@ -228,13 +234,15 @@ class _Quotient:
         current: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)]
         for k in range(1, n + 1):
             adjoint.append(current)
-            moved = [[_dot(a[i], [current[m][j] for m in range(n)]) for j in range(n)] for i in range(n)]
-            trace: Any = 0.0
-            for i in range(n):
-                trace = trace + moved[i][i]
-            coefficient = trace * (-1.0 / k)
+            columns = list(zip(*current, strict=True))
+            diagonal = [_dot(row, column) for row, column in zip(a, columns, strict=True)]
+            coefficient = sum(diagonal) * (-1.0 / k)
             characteristic.append(coefficient)
-            current = [[moved[i][j] + (coefficient if i == j else 0.0) for j in range(n)] for i in range(n)]
+            if k < n:
+                current = [
+                    [diagonal[i] + coefficient if i == j else _dot(a[i], columns[j]) for j in range(n)]
+                    for i in range(n)
+                ]
         self._adjoint = adjoint
         self._characteristic = characteristic
         self._inverse = 1.0 / curves.polynomial(characteristic[::-1]) if n else 1.0
