@@ -90,7 +90,7 @@ class Evaluation:
         self._loops: dict[str, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
-        self._fadings: dict[tuple[object, ...], Curve | None] = {}
+        self._fadings: dict[tuple[object, ...], Trajectory] = {}
         self._rates: dict[str | None, LaneSystem | None] = {}
         self._poles: dict[bytes, Poles] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
@@ -340,22 +340,20 @@ class Evaluation:
     def _fading(self, signals: Mapping[str, Signal], output: str, response: TimeResponse) -> Curve | None:
         """Return how far an output is from where it goes, from the moment on in which the commands stand still.
 
-        None where it does not settle, where delays remember what was before, and where lanes move the commands.
+        None where it does not settle, and where lanes move the commands.
         """
         _, end = _span(signals)
         if response.joint is None or response.finals[output] is None or end is None or self.commands:
             return None
-        key = (tuple((name, id(signal)) for name, signal in signals.items()), output)
+        if response.joint.edges[-1, 0].real <= end:
+            return None
+        key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(response.columns))
         if key not in self._fadings:
             inputs = [self.input_index(name) for name in signals]
-            part = path(self.system, inputs, [self.output_index(output)], self._poles_of)
+            part = path(self.system, inputs, [self.output_index(name) for name in response.columns], self._poles_of)
             settled = np.array([[float(signal.final() or 0.0) for signal in signals.values()]])
-            found = None
-            if not part.m and response.joint.edges[-1, 0].real > end:
-                found = fading(part, list(signals.values()), settled, end, response.joint.edges[-1, 0].real).output(0)
-                found = Curve(edges=found.edges + end, values=found.values)
-            self._fadings[key] = found
-        return self._fadings[key]
+            self._fadings[key] = fading(part, list(signals.values()), settled, response.joint)
+        return self._fadings[key].output(response.columns[output]).since(end)
 
     def _limited(self, signals: Mapping[str, Signal], output: str, duration: float) -> Trajectory | None:
         """Return the response of an output that does not settle, up to ``duration``; None beyond what can be followed."""

@@ -1,6 +1,8 @@
 """What is left of a response once its commands stand still: the distance from rest, followed by itself.
 
-    d = x - x(∞),   d' = A d,   y - y(∞) = C d
+    d = x - x(∞),   d' = A d + B2 v,   v_i(t) = z_i(t - τ_i) - z_i(∞),   y - y(∞) = C1 d + D12 v
+
+Before t = 0 the delays heard 0, so that they bring -z(∞) until then.
 
 A response is right to a part of its largest value. Where a small tail outlives everything else by decades, an integral to
 its end, above all one weighted with time, hears the rounding of the value that the tail is a small part of. The distance
@@ -10,11 +12,11 @@ from rest has no such value beside it: it keeps its digits down to its end.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from engine.linear.origin import Origin
 from engine.linear.rest import states_at_rest
 from engine.linear.trajectory import respond
 
@@ -24,36 +26,21 @@ if TYPE_CHECKING:
     from engine.signals import Signal
 
 
-def fading(system: LaneSystem, signals: Sequence[Signal], settled: Array, begin: float, horizon: float) -> Trajectory:
-    """Return how far the outputs are from where they go, on pieces from 0 (at ``begin``) to ``horizon`` - ``begin``.
+def fading(system: LaneSystem, signals: Sequence[Signal], settled: Array, response: Trajectory) -> Trajectory:
+    """Return how far inputs and outputs are from where they go, on the pieces of their response.
 
     Parameters
     ----------
     system : LaneSystem
-        Without delays; all its poles decay.
+        All its poles decay.
     signals : sequence of Signal
         One for each input, in order.
-    settled : ndarray, shape (lanes, inputs)
-        Their values from ``begin`` on.
-    begin, horizon : float
-        When the commands stand still, and the end of the response, s.
+    settled : ndarray, shape (1 or lanes, inputs)
+        Where they go.
+    response : Trajectory
+        Of this system to these signals.
     """
     at_rest = (states_at_rest(system) @ settled[:, :, None])[:, :, 0]
-    outputs = system.n_out
-    free = replace(
-        system, b1=system.b1[:, :, :0], d21=system.d21[:, :, :0], d11=np.zeros((system.lanes, outputs, 0)),
-        x0=_state(system, signals, begin) - at_rest, inputs=(),
-    )  # fmt: skip
-    return respond(free, [], horizon - begin)
-
-
-def _state(system: LaneSystem, signals: Sequence[Signal], instant: float) -> Array:
-    """Return the state at an instant, shape (lanes, n)."""
-    if instant <= 0.0:
-        return system.x0
-    states = tuple(f"x{k}" for k in range(system.n))
-    watched = replace(
-        system, c1=np.tile(np.eye(system.n), (system.lanes, 1, 1)), d12=np.zeros((system.lanes, system.n, 0)),
-        d11=np.zeros((system.lanes, system.n, system.n_in)), outputs=states,
-    )  # fmt: skip
-    return np.asarray(respond(watched, signals, instant).y[-1, -1])
+    x, w = np.split(at_rest, [system.n], axis=1)  # at rest what comes out of a delay is what goes into it
+    origin, horizon = Origin(x=x, u=settled, z=w), float(response.edges[-1, 0].real)
+    return respond(system, signals, horizon, plan=response.plan, propagators=response.propagators, origin=origin)

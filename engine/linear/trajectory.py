@@ -29,6 +29,7 @@ from engine.linear.propagate import Collocation, DelayedCollocation, Exponential
 from engine.linear.resolution import Resolution
 
 if TYPE_CHECKING:
+    from engine.linear.origin import Origin
     from engine.linear.system import Array, LaneSystem
     from engine.signals import Signal
 
@@ -97,6 +98,7 @@ def respond(
     *,
     plan: list[_Segment] | None = None,
     propagators: Propagators | None = None,
+    origin: Origin | None = None,
 ) -> Trajectory:
     """Return the response to ``signals`` from t = 0 to ``horizon``.
 
@@ -112,6 +114,8 @@ def respond(
         Segments of an earlier response of the same real system; placed anew when absent.
     propagators : dict, optional
         Those of an earlier response of the very same system, which need not be made again.
+    origin : Origin, optional
+        Equations at rest, from which everything is counted, outputs as well; 0 where absent.
 
     Raises
     ------
@@ -119,11 +123,11 @@ def respond(
         When more than :data:`MAX_SEGMENTS` segments would be needed (a very lightly damped or very stiff system).
     """
     if plan is None:
-        placed = _place(system.value, signals, horizon)
+        placed = _place(system.value, signals, horizon, None if origin is None else origin.value)
         if system.dtype is np.float64 and system.lanes == 1:
             return placed
         plan = placed.plan
-    run = _Run(system, signals, sum(segment.count for segment in plan))
+    run = _Run(system, signals, sum(segment.count for segment in plan), origin)
     run.propagators = {} if propagators is None else propagators
     return run.replay(plan)
 
@@ -131,7 +135,7 @@ def respond(
 class _Run:
     """The growing response: arrays of pieces, and the propagators met so far."""
 
-    def __init__(self, system: LaneSystem, signals: Sequence[Signal], pieces: int) -> None:
+    def __init__(self, system: LaneSystem, signals: Sequence[Signal], pieces: int, origin: Origin | None) -> None:
         self.s = system
         self.signals = signals
         self.lanes = system.lanes
@@ -154,7 +158,8 @@ class _Run:
         ends = [signal.end() for signal in signals]
         self._rest = max((end for end in ends if end is not None), default=0.0) if None not in ends else np.inf
         self.size = float(np.linalg.norm(system.a[0].real, 2)) if system.n else 0.0
-        self.state: Array = np.array(system.x0, dtype=self._dtype)
+        self._origin = origin
+        self.state: Array = np.array(system.x0 if origin is None else system.x0 - origin.x, dtype=self._dtype)
 
     def _allocate(self, pieces: int) -> None:
         """Make room for so many pieces, keeping those there are."""
@@ -265,9 +270,10 @@ class _Run:
         """Return the inputs at the nodes, shape (lanes, N + 1, inputs), each end with its one-sided limit."""
         points, to_nodes = interior()
         t0, h = float(start[0].real), float(width[0].real)
+        zero = 0.0 if self._origin is None else self._origin.u[:, None]
         if self._steps:  # constant between breaking points, so the nodes' own motion is not seen
             held = np.array([float(signal.value(np.array([t0 + h / 2]))[0]) for signal in self.signals])
-            return np.broadcast_to(held, (self.lanes, DEGREE + 1, len(held)))
+            return np.broadcast_to(held - zero, (self.lanes, DEGREE + 1, len(held)))
         inside = t0 + h * points
         values = (
             np.stack([np.asarray(signal.value(inside), dtype=float) for signal in self.signals], axis=-1)
@@ -276,15 +282,15 @@ class _Run:
         )
         values = to_nodes @ values
         if self._dtype != np.complex128:
-            return np.broadcast_to(values, (self.lanes, *values.shape))
+            return np.broadcast_to(values - zero, (self.lanes, *values.shape))
         # a node that moves with a delay sees the command a little earlier or later
         moved = (start[:, None] + width[:, None] * NODES) - (t0 + h * NODES)
-        return np.asarray(values[None] + moved[:, :, None] * (differentiation_matrix() @ values / h)[None])
+        return np.asarray(values[None] + moved[:, :, None] * (differentiation_matrix() @ values / h)[None] - zero)
 
     def _delayed(self, start: Array, width: Array) -> Array:
         """Return the delayed signals at the nodes, shape (lanes, N + 1, m)."""
         s, k = self.s, self.count
-        out = np.zeros((self.lanes, DEGREE + 1, s.m), dtype=self._dtype)
+        out = self._before(start, width)
         if not s.m or not k:
             return out
         edges = self.edges[: k + 1, 0].real
@@ -304,8 +310,17 @@ class _Run:
         begin, end = self.edges[piece].swapaxes(1, 2), self.edges[piece + 1].swapaxes(1, 2)
         past_z = self.z[piece, :, :, apart[:, None]]
         values = np.einsum("cpjl,cjlp->cpj", weights((past - begin) / (end - begin)), past_z)
-        out[:, :, apart] = np.where(known[:, None, :], values, 0.0).transpose(1, 2, 0)
+        out[:, :, apart] = np.where(known[:, None, :], values, out[:, :, apart].transpose(2, 0, 1)).transpose(1, 2, 0)
         return out
+
+    def _before(self, start: Array, width: Array) -> Array:
+        """Return what delayed signals bring from before t = 0 at the nodes, shape (lanes, N + 1, m), 0 from later on."""
+        s = self.s
+        heard = np.zeros((self.lanes, DEGREE + 1, s.m), dtype=self._dtype)
+        if self._origin is None or not s.m:
+            return heard
+        nodes = float(start[0].real) + float(width[0].real) * (NODES + 1e-9 * (0.5 - NODES))
+        return np.where((nodes[:, None] < s.delays[0].real)[None], -self._origin.z[:, None], heard)
 
     def _echoes(self, start: Array, width: Array) -> npt.NDArray[np.intp]:
         """Return, for each delay, the piece that is exactly the interval asked for, one delay ago; -1 where none is."""
@@ -327,9 +342,9 @@ def _grown(old: Array, shape: tuple[int, ...], dtype: type[np.float64 | np.compl
     return new
 
 
-def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float) -> Trajectory:
+def _place(system: LaneSystem, signals: Sequence[Signal], horizon: float, origin: Origin | None) -> Trajectory:
     """Return the real response on segments placed so that it is resolved."""
-    run = _Run(system, signals, 64)
+    run = _Run(system, signals, 64, origin)
     watch = Resolution(system)
     basis = np.concatenate([[1.0], system.delays[0].real])
     fastest = float(np.abs(np.linalg.eigvals(system.a[0].real)).max()) if system.n else 0.0

@@ -29,6 +29,9 @@ NEGLIGIBLE = 1e-9
 TOUCHES = 1e-7
 """A turning point this near to a level, relative to it, touches it; two peaks this near to each other are as high."""
 
+_THIN = 1e-4
+"""A band below this part of the largest value is looked for in the distance from rest: the output has few digits left there."""
+
 Domain = Literal["time", "path", "loop", "system"]
 MaskKind = Literal["", "envelope", "reference", "frequency bounds"]
 
@@ -283,21 +286,31 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
     assert subject.final is not None
     _, way, sign = span(subject)
     half = band * way * sign
+    away = _away(subject, float(half[0].real))
     candidates = []
-    for edge in (subject.final + half, subject.final - half):
-        last = next((instant for instant, _ in subject.curve.crossings(edge, backwards=True)), None)
+    for edge in (half, -half):
+        last = next((instant for instant, _ in away.crossings(edge, backwards=True)), None)
         if last is not None:
             candidates.append(last)
     zero = subject.curve.edges[0]
     entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
-    return Found(value=subject.since_start(entry), at=float(entry[0].real), one_sided=_grazes(subject, half))
+    return Found(value=subject.since_start(entry), at=float(entry[0].real), one_sided=_grazes(away, half))
 
 
-def _grazes(subject: TimeSubject, half: Array) -> bool:
-    """Return whether a turning point just touches the band: a little more or less, and the last entry jumps there."""
+def _away(subject: TimeSubject, reach: float) -> Curve:
+    """Return how far the output is from its final value, with the digits that leaving a band of ± ``reach`` asks for."""
     assert subject.final is not None
+    largest = float(np.abs(subject.curve.values[:, :, 0].real).max())
+    left = subject.fading() if reach < _THIN * largest else None
+    if left is not None and float(np.abs(left.values[:, :, 0].real).max()) > reach:
+        return left
+    return subject.curve + (-subject.final)
+
+
+def _grazes(away: Curve, half: Array) -> bool:
+    """Return whether a turning point just touches the band: a little more or less, and the last entry jumps there."""
     reach = float(half[0].real)
-    _, turns = (subject.curve + (-subject.final)).turnings(0.9 * reach)
+    _, turns = away.turnings(0.9 * reach)
     return bool(np.any(np.abs(np.abs(turns) / reach - 1) <= TOUCHES))
 
 
