@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal, localcontext
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -24,10 +25,12 @@ if TYPE_CHECKING:
     from engine.elements import Realization
     from engine.realize import Interconnection, Wiring
 
-_BESIDE: Final = Decimal("1e-50")
+_BESIDE: Final = Decimal("1e-70")
 _NEARER: Final = Decimal("1e-3")
 _APART: Final = 30
 """Gains at both that differ by more than this, in ratio, are in no rest."""
+_USUAL: Final = Decimal("1e10")
+"""A gain between this and its inverse so near to rest is at rest: no integral and no derivative is so weak, or so strong."""
 
 
 class ExactRest:
@@ -59,10 +62,9 @@ class ExactRest:
         lanes: int,
     ) -> None:
         self._lanes = lanes
+        self._given = realizations, formulas, interconnection, wiring
         with localcontext(CONTEXT):
-            self._far, self._near = (
-                _Equations(realizations, formulas, interconnection, wiring, s) for s in (_BESIDE, _BESIDE * _NEARER)
-            )
+            self._far = _Equations(*self._given, _BESIDE)
 
     def gain(self, source: int, read: int) -> tuple[float, npt.NDArray[np.float64]] | None:
         """Return the gain from an input to an output and its slope along each lane; None where it grows without bound.
@@ -74,6 +76,8 @@ class ExactRest:
         """
         with localcontext(CONTEXT):
             value, slopes = self._far.gain(source, read, self._lanes)
+            if not self._lanes and (not value or 1 / _USUAL < abs(value) < _USUAL):
+                return float(value), np.zeros(0)
             nearer, own = self._near.gain(source, read, self._lanes)
             found = _limit(value, nearer)
             limits = [_limit(first, second) for first, second in zip(slopes, own, strict=True)]
@@ -82,6 +86,10 @@ class ExactRest:
         if any(limit is None for limit in limits):
             raise UnresolvedError("a gain at rest must have a derivative, but it grows without bound")
         return found, np.array(limits, dtype=np.float64)
+
+    @cached_property
+    def _near(self) -> _Equations:
+        return _Equations(*self._given, _BESIDE * _NEARER)
 
     def sensitivity(self, source: int, read: int) -> float:
         """Return what a change of each lane by 1 changes of the gain beside rest, relative to it, all together."""

@@ -17,7 +17,7 @@ from engine.traced import Op, Traced
 if TYPE_CHECKING:
     from engine.traced import Graph
 
-DIGITS: Final = 400
+DIGITS: Final = 450
 
 CONTEXT: Final = Context(prec=DIGITS, traps=[DivisionByZero, InvalidOperation, Overflow])
 """All arithmetic on such numbers is done within it."""
