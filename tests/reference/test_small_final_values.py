@@ -2,7 +2,8 @@
 
     G(s) = (s + ε)/((s + a)(s + b)) e^{-sτ}:   y(t + τ) = ε/(ab) + A e^-at + B e^-bt,   A = (ε - a)/(a (a - b)), B = (ε - b)/(b (b - a))
 
-Expected values are the last solutions of |y - y∞| = 0.02 y∞, at 50 digits.
+Expected values are the last solutions of |y - y∞| = 0.02 y∞, at 50 digits. The derivative by ε keeps what double precision
+leaves of a tail that is the part ε of the states it is made of: some 1e-15/ε.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ SYSTEMS = 50 if settings().max_examples > 1000 else 2
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.125])
-@pytest.mark.parametrize(("small", "close"), [(1e-3, 1e-11), (1e-6, 1e-10), (1e-8, 1e-8)])
-def test_when_it_settles(small: float, close: float, delay: float) -> None:
+@pytest.mark.parametrize(
+    ("small", "close", "slope_close"), [(1e-3, 1e-11, 1e-10), (1e-6, 1e-10, 5e-9), (1e-8, 5e-9, 5e-7)]
+)
+def test_when_it_settles(small: float, close: float, slope_close: float, delay: float) -> None:
     generator = np.random.default_rng(7)
     for _ in range(SYSTEMS):
         slow, fast = np.sort(10 ** generator.uniform(-0.7, 1.0, 2))
@@ -54,4 +57,4 @@ def test_when_it_settles(small: float, close: float, delay: float) -> None:
         assert gradient is not None
         h = e * mp.mpf(10) ** -15
         slope = (settled(e + h) - settled(e - h)) / (2 * h)
-        assert gradient.values[0] == pytest.approx(float(slope), rel=10 * close)
+        assert gradient.values[0] == pytest.approx(float(slope), rel=slope_close)
