@@ -355,7 +355,8 @@ def _excess(rest: Any, near: Any, beyond: tuple[Any, Any], ratio: float) -> Any:
     With w = ω² in units of the sample's (at the other end 1/ω²) the square is rest (1 + a w + b w² + c w³), through the
     samples at 1, ratio and ratio². Without c a peak far before the first of them, where a is small beside b, would be lost.
     """
-    first, second, third = near / rest - 1.0, (beyond[0] / rest - 1.0) / ratio, (beyond[1] / rest - 1.0) / (ratio * ratio)
+    first, second = near / rest - 1.0, (beyond[0] / rest - 1.0) / ratio
+    third = (beyond[1] / rest - 1.0) / (ratio * ratio)
     near_slope, far_slope = (second - first) / (ratio - 1.0), (third - second) / (ratio * (ratio - 1.0))
     c = (far_slope - near_slope) / (ratio * ratio - 1.0)
     b = near_slope - c * (1.0 + ratio)
