@@ -196,9 +196,9 @@ class Evaluation:
             part = path(self.system, *ends, self._poles_of)
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
             static = self._resting.gain(exact, own, ends[0][0], ends[1][0])
-            told = (static is None) == bool(np.any(own.at_zero))
             response = FrequencyResponse.near(part, own, solved=exact)
-            verdict = own.verdict if told else Verdict.DOUBTFUL
+            contradicted = (static is None) != bool(np.any(own.at_zero)) and own.verdict is not Verdict.UNSTABLE
+            verdict = Verdict.DOUBTFUL if contradicted else own.verdict
             self._paths[key] = PathSubject(response=response, static=static, verdict=verdict)
         return self._paths[key]
 

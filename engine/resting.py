@@ -61,37 +61,48 @@ class Resting:
         UnresolvedError
             When rounding leaves them no digits.
         """
+        found = self._entries(inputs, outputs)
+        if found is None:
+            return _in_double(part)
+        if any(entry is None for row in found for entry in row):
+            raise _singular()
+        return np.moveaxis(np.array(found), -1, 0)
+
+    def gain(self, part: LaneSystem, own: Poles, source: int, read: int) -> Array | None:
+        """Return the gain of a path with the poles ``own``, shape (lanes,); None where an integral makes it grow for ever.
+
+        The poles do not always tell that: rounding makes them see an integral that the path does not, or miss a weak one.
+
+        Raises
+        ------
+        UnresolvedError
+            When rounding leaves it no digits.
+        """
+        if not np.any(own.at_zero):
+            found = self._entries([source], [read])
+            return np.asarray(_in_double(part)[:, 0, 0]) if found is None else found[0][0]
+        exact = self._in_many_digits
+        try:
+            return None if exact is None else self._exactly(exact, source, read)
+        except UnresolvedError:  # a parameter is about to bring the integral in
+            return None
+
+    def _entries(self, inputs: Sequence[int], outputs: Sequence[int]) -> list[list[Array | None]] | None:
+        """Return the gains in many digits, None where an integral is seen; None at all where double precision tells them."""
         exact = self._in_many_digits
         if exact is None:
-            return _in_double(part)
+            return None
         try:
             found = [[self._exactly(exact, source, read) for source in inputs] for read in outputs]
         except UnresolvedError:
-            return _in_double(part)
-        if all(entry is not None for row in found for entry in row):
-            return np.moveaxis(np.array(found), -1, 0)
+            return None
         grows = [
             (source, read)
             for read, row in zip(outputs, found, strict=True)
             for source, entry in zip(inputs, row, strict=True)
             if entry is None
         ]
-        if any(self._sees(source, read) for source, read in grows):
-            raise _singular()
-        return _in_double(part)
-
-    def gain(self, part: LaneSystem, own: Poles, source: int, read: int) -> Array | None:
-        """Return the gain of a path with the poles ``own``, shape (lanes,); None where an integral makes it grow for ever.
-
-        The poles do not tell that where rounding makes a path see an integral that it does not; see :meth:`gains`.
-        """
-        if not np.any(own.at_zero):
-            return np.asarray(self.gains(part, [source], [read])[:, 0, 0])
-        exact = self._in_many_digits
-        try:
-            return None if exact is None else self._exactly(exact, source, read)
-        except UnresolvedError:  # a parameter is about to bring the integral in
-            return None
+        return None if grows and not any(self._sees(source, read) for source, read in grows) else found
 
     def _exactly(self, exact: ExactRest, source: int, read: int) -> Array | None:
         """Return a gain in many digits, shape (lanes,); None where it grows."""

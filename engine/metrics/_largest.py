@@ -75,7 +75,7 @@ def highest_magnitude(subject: PathSubject) -> Finding:
     """Return the largest magnitude of a path over all frequencies, 0 included."""
     refusal = unsettled(subject.verdict)
     if refusal is not None:
-        if subject.verdict is Verdict.UNSTABLE:
+        if subject.verdict in (Verdict.UNSTABLE, Verdict.DOUBTFUL):
             return refusal
         return Absent(verdict=Verdict.DIVERGES, advice="the path has poles on the imaginary axis: the peak is infinite")
     assert subject.static is not None
