@@ -197,8 +197,9 @@ class Evaluation:
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
             static = self._resting.gain(exact, own, ends[0][0], ends[1][0])
             response = FrequencyResponse.near(part, own, solved=exact)
-            contradicted = (static is None) != bool(np.any(own.at_zero)) and own.verdict is not Verdict.UNSTABLE
-            verdict = Verdict.DOUBTFUL if contradicted else own.verdict
+            # Poles that miss an integral, or see one that is not there, are not to be trusted with stability either.
+            told = (static is None) == bool(np.any(own.at_zero))
+            verdict = own.verdict if told else Verdict.DOUBTFUL
             self._paths[key] = PathSubject(response=response, static=static, verdict=verdict)
         return self._paths[key]
 
