@@ -27,7 +27,7 @@ from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
 from engine.metrics._base import LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.nonlinear import response as nonlinear
-from engine.resting import Resting
+from engine.resting import Resting, without_digits
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -197,9 +197,10 @@ class Evaluation:
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
             static = self._resting.gain(exact, own, ends[0][0], ends[1][0])
             response = FrequencyResponse.near(part, own, solved=exact)
-            # Poles that miss an integral, or see one that is not there, are not to be trusted with stability either.
-            told = (static is None) == bool(np.any(own.at_zero))
-            verdict = own.verdict if told else Verdict.DOUBTFUL
+            integrates = bool(np.any(own.at_zero))
+            if static is None and not integrates:  # poles that miss an integral say nothing of stability either
+                raise without_digits()
+            verdict = Verdict.DOUBTFUL if integrates and static is not None else own.verdict
             self._paths[key] = PathSubject(response=response, static=static, verdict=verdict)
         return self._paths[key]
 

@@ -65,7 +65,7 @@ class Resting:
         if found is None:
             return _in_double(part)
         if any(entry is None for row in found for entry in row):
-            raise _singular()
+            raise without_digits()
         return np.moveaxis(np.array(found), -1, 0)
 
     def gain(self, part: LaneSystem, own: Poles, source: int, read: int) -> Array | None:
@@ -133,14 +133,15 @@ def _in_double(part: LaneSystem) -> Array:
     try:
         gains, error = known_gain(part)
     except np.linalg.LinAlgError:
-        raise _singular() from None
+        raise without_digits() from None
     size = np.abs(gains[0].real)
     if np.any((error > _LOST * size) & (error < size)):  # what is smaller than its error may be 0
-        raise _singular()
+        raise without_digits()
     return gains
 
 
-def _singular() -> UnresolvedError:
+def without_digits() -> UnresolvedError:
+    """Return what is raised where rounding leaves what lasts no digits."""
     return UnresolvedError(
         "what lasts must have digits left, but rounding makes the equations at rest singular: "
         "the system's coefficients lie too far apart"

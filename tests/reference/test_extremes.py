@@ -11,7 +11,7 @@ import pytest
 from scipy.special import gammainc
 
 from engine.diagram import Diagram
-from engine.errors import DiagramError
+from engine.errors import DiagramError, UnresolvedError
 from engine.evaluation import Evaluation
 from engine.study import MetricRequest, measure, simulate
 from engine.verdicts import Verdict
@@ -229,6 +229,5 @@ def test_equations_at_rest_that_rounding_makes_singular_are_told() -> None:
     joint = {"motor_inertia": 2e-3, "load_inertia": 0.9, "stiffness": 4e3, "damping": 1.5, "gear_ratio": 1e12}
     blocks = {"u": block("input"), "joint": block("two_inertia", **joint)}
     diagram = system(blocks, ["u -> joint.motor_torque"], {"speed": "joint.motor_speed"})
-    path = Evaluation(diagram).path("u", "speed")
-    assert path.static is None
-    assert path.verdict is Verdict.DOUBTFUL
+    with pytest.raises(UnresolvedError, match="coefficients lie too far apart"):
+        Evaluation(diagram).path("u", "speed")

@@ -2,8 +2,8 @@
 
     G(s) = (s + ε)/((s + a)(s + b)) e^{-sτ}:   y(t + τ) = ε/(ab) + A e^-at + B e^-bt,   A = (ε - a)/(a (a - b)), B = (ε - b)/(b (b - a))
 
-Expected values are the last solutions of |y - y∞| = 0.02 y∞, at 50 digits. The derivative by ε keeps what double precision
-leaves of a tail that is the part ε of the states it is made of: some 1e-15/ε.
+Expected values are the last solutions of |y - y∞| = 0.02 y∞, at 50 digits. The bounds of the derivative by ε say what was
+measured to be kept, a few 1e-15/ε; they are not derived.
 """
 
 from __future__ import annotations

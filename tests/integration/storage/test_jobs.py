@@ -69,9 +69,8 @@ def test_reports_are_throttled(busy_desk):
 
 def test_a_warm_worker_begins_at_once(busy_desk):
     busy_desk.wait(busy_desk.ask("square", values=[1], pause=0))
-    waits: list[float] = []
-    # Whatever always delays a job delays each of these; a machine that is busy with others lets one through in time.
-    while len(waits) < 10 and min(waits, default=1.0) >= 0.5:
+    waits = []
+    for _ in range(3):
         job = busy_desk.wait(busy_desk.ask("square", values=[1], pause=0))
         waits.append((job.finished_at - job.created_at).total_seconds())
     assert min(waits) < 0.5
