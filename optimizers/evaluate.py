@@ -135,7 +135,7 @@ class Evaluator:
             growth, valid = compiled.growth, compiled.valid
             values, slopes, unsure = compiled.values, compiled.slopes, compiled.doubtful
         else:
-            screened = self._screened(overrides)
+            screened = self._screened(overrides, count * len(axes))
             growth, valid = screened.growth, screened.valid
             shape = (count, len(axes), len(self.problem.goals))
             raw = screened.values.reshape(shape)
@@ -250,7 +250,7 @@ class Evaluator:
         self.evaluations += batch
         points = np.stack([axis.value(positions[:, i]) for i, axis in enumerate(self.problem.axes)], axis=1)
         roughly = roughly and self.compiled
-        screened = self._screened(self._overrides(points), second_opinion=not roughly)
+        screened = self._screened(self._overrides(points), count * batch, second_opinion=not roughly)
         shape = (count, batch, len(self.problem.goals))
         values = screened.values.reshape(shape).swapaxes(0, 1).copy()
         doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
@@ -273,9 +273,13 @@ class Evaluator:
                 growth[b, s] = 0.0 if diverges else -1.0
         return values, growth, doubtful
 
-    def _screened(self, overrides: Mapping[str, npt.NDArray[np.number]], *, second_opinion: bool = True) -> Screened:
+    def _screened(
+        self, overrides: Mapping[str, npt.NDArray[np.number]], members: int, *, second_opinion: bool = True
+    ) -> Screened:
         """Screen scenarios together that have the same structure: a delay that is 0 in one and not in another changes it."""
-        total, count = len(next(iter(overrides.values()))), len(self.problem.scenarios)
+        if not overrides:  # the system stays as it is, and its responses to other commands belong to the exact path
+            return Screened.unknown(members, len(self.problem.goals))
+        total, count = members, len(self.problem.scenarios)
         rows = np.arange(total).reshape(count, -1)
         groups: dict[tuple[str, ...], list[int]] = {}
         for index, scenario in enumerate(self.problem.scenarios):
@@ -300,16 +304,13 @@ class Evaluator:
         return number if np.isfinite(number) or self.problem.goals[goal].unlimited else np.nan
 
     def _overrides(self, points: npt.NDArray[np.number]) -> dict[str, npt.NDArray[np.number]]:
-        """Return parameter arrays (S * B,), scenario by scenario, for points (B, V)."""
+        """Return parameter arrays (S * B,), scenario by scenario, for points (B, V); none where only commands vary."""
         batch, scenarios = len(points), self.problem.scenarios
         columns: dict[str, npt.NDArray[np.number]] = {
             axis.parameter: np.tile(points[:, i], len(scenarios))
             for i, axis in enumerate(self.problem.axes)
             if axis.parameter not in self.problem.commands
         }
-        if not columns:  # only commands vary: any number of the system, held where it is, gives the batch its length
-            held = next(info for info in self.problem.diagram.parameters.values() if not info.bound)
-            columns[held.path] = np.full(batch * len(scenarios), held.value)
         for name in self._keys:
             own = self.problem.diagram.parameters[name].value
             columns[name] = np.repeat([scenario.get(name, own) for scenario in scenarios], batch)

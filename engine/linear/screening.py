@@ -67,6 +67,14 @@ class Screened:
     growth: npt.NDArray[np.float64]
     valid: npt.NDArray[np.bool_]
 
+    @classmethod
+    def unknown(cls, members: int, requests: int, *, dtype: type[float | complex] = float) -> Screened:
+        """Return candidates of which nothing is known: every value belongs to the exact path."""
+        return cls(
+            values=np.full((members, requests), np.nan, dtype=dtype), doubtful=np.ones((members, requests), dtype=bool),
+            growth=np.full(members, np.nan), valid=np.ones(members, dtype=bool),
+        )  # fmt: skip
+
 
 class Screening:
     """The batched evaluator of some metrics of a diagram.
@@ -92,21 +100,16 @@ class Screening:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful."""
         (batch,) = {len(values) for values in overrides.values()}
         complex_lanes = any(np.iscomplexobj(values) for values in overrides.values())
-        count = len(self._requests)
-        values = np.full((batch, count), np.nan, dtype=complex if complex_lanes else float)
+        found = Screened.unknown(batch, len(self._requests), dtype=complex if complex_lanes else float)
         if self._diagram.nonlinear:  # there is no exponential to march with: every value is found one by one
-            every = np.ones((batch, count), dtype=bool)
-            return Screened(
-                values=values, doubtful=every, growth=np.full(batch, np.nan), valid=np.ones(batch, dtype=bool)
-            )
-        doubtful = np.tile(~np.array(self.measurable, dtype=bool), (batch, 1))
-        growth = np.full(batch, np.nan)
-        valid = np.zeros(batch, dtype=bool)
+            return found
+        values, doubtful, growth, valid = found.values, found.doubtful, found.growth, found.valid
+        doubtful[:], valid[:] = ~np.array(self.measurable, dtype=bool), False
         for start in range(0, batch, _CHUNK):
             span = slice(start, min(start + _CHUNK, batch))
             part = {name: column[span] for name, column in overrides.items()}
             self._chunk(part, values[span], doubtful[span], growth[span], valid[span])
-        return Screened(values=values, doubtful=doubtful, growth=growth, valid=valid)
+        return found
 
     def _is_measurable(self, request: MetricRequest) -> bool:
         if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:

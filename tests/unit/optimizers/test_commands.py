@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -120,3 +121,38 @@ def test_refuses_a_bound_that_the_command_does_not_reach() -> None:
     variable = Variable(parameter="signals.move.drive.max_velocity", lower=0.0, upper=1.0)
     with pytest.raises(ProblemError, match="must be > 0"):
         problem(TRAPEZOID, variables=(variable,))
+
+
+def matrices() -> Problem:
+    """Return the same search for a mode given by matrices: a system without a single number of its own."""
+    diagram = compile_system(
+        System(
+            blocks={
+                "drive": Block(kind="input"),
+                "mode": Block(
+                    kind="state_space",
+                    values={
+                        "A": [[0.0, 1.0], [-(W**2), -2 * Z * W]],
+                        "B": [[0.0], [W**2]],
+                        "C": [[1.0, 0.0]],
+                        "D": [[0.0]],
+                    },
+                ),
+            },
+            connections=(Connection(source="drive", target="mode"),),
+            outputs={"position": "mode"},
+        )
+    )
+    assert not diagram.parameters
+    return problem(diagram=diagram)
+
+
+@pytest.mark.parametrize("method", ["gradient", "grid"])
+def test_commands_of_a_system_without_a_number_of_its_own_are_varied(method: str) -> None:
+    half = math.pi / DAMPED
+    variables = (Variable(parameter="signals.move.drive.delay", lower=0.5 * half, upper=1.5 * half),)
+    asked = replace(matrices(), variables=variables)
+    found = minimize(method, asked, {"points": 5} if method == "grid" else {"starts": 1, "max_evaluations": 60})
+    # Singer and Seering 1990: half a damped period, whatever the shares are
+    assert found.best["signals.move.drive.delay"] == pytest.approx(half, rel=1e-3)
+    assert found.certificate.valid
