@@ -8,7 +8,7 @@ from typing import Final
 from engine.document import Block, Remark, System
 from engine.elements import Element, Ports, catalogue
 from engine.errors import DiagramError, EngineError
-from engine.names import check_name
+from engine.names import check_distinct, check_name
 from engine.numbers import Numbers, Reader
 from engine.realize import FlatBlock
 from engine.scopes import Entry, Scope
@@ -57,8 +57,10 @@ def _open(flat: Flat, scope: Scope, system: System) -> None:
         raise DiagramError(f"subsystems must be nested at most {MAX_DEPTH} deep, got more", at=scope.at)
     flat.scopes.append(scope)
     for section in ("parameters", "blocks", "outputs"):
-        for name in getattr(system, section):
-            check_name(name, at=(*scope.at, section, name))
+        named = [(name, (*scope.at, section, name)) for name in getattr(system, section)]
+        for name, at in named:
+            check_name(name, at=at)
+        check_distinct(named)
     reader = flat.numbers.read_parameters(scope.path, system.parameters, (*scope.at, "parameters"))
     for name, block in system.blocks.items():
         at = (*scope.at, "blocks", name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ from engine.document import Parameter
 from engine.elements import Element
 from engine.errors import DiagramError, ExpressionError, Path
 from engine.expressions import RESERVED, parse
-from engine.names import check_name
+from engine.names import check_distinct, check_name
 from engine.parameters import Param
 
 MAX_LIST: Final = 201
@@ -67,9 +67,11 @@ class Numbers:
         names: dict[str, int] = {}
         for name, parameter in parameters.items():
             here = (*at, name)
-            if name in RESERVED:
+            if name.lower() in RESERVED:
                 reserved = ", ".join(sorted(RESERVED))
-                raise DiagramError(f"parameter name must not be one of {reserved}, got '{name}'", at=here)
+                raise DiagramError(
+                    f"parameter name must not be one of {reserved}, in whatever case, got '{name}'", at=here
+                )
             label = ".".join((*path, name))
             names[name] = self.paths[label] = len(slots)
             self.declared[len(slots)] = Declared(parameter=parameter, bounds=_bounds(label, parameter, here))
@@ -222,7 +224,7 @@ def _structure(value: Any, place: _Place) -> Any:
         case "integer":
             return _whole(value, place)
         case "names":
-            return tuple(_name(item, place.entry(i)) for i, item in enumerate(_sequence(value, place)))
+            return _names(_sequence(value, place), place)
         case _:
             return _text(value, place)
 
@@ -243,6 +245,13 @@ def _whole(value: Any, place: _Place) -> Whole:
             f"{place.label} must be a whole number {place.param.rule()}, got {str(value)[:_QUOTED]}", at=place.at
         )
     return Whole(value=int(value))
+
+
+def _names(values: Sequence[Any], place: _Place) -> tuple[str, ...]:
+    places = [place.entry(i) for i in range(len(values))]
+    names = tuple(_name(value, entry) for value, entry in zip(values, places, strict=True))
+    check_distinct((name, entry.at) for name, entry in zip(names, places, strict=True))
+    return names
 
 
 def _name(value: Any, place: _Place) -> str:

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 from api.schemas.methods import MethodDocument
 from api.schemas.queue import QueueDocument
 from api.schemas.signals import Inputs
-from api.schemas.systems import BlockDocument, ConnectionDocument, ParameterDocument, SystemRef
+from api.schemas.systems import BlockDocument, ConnectionDocument, Parameters, SystemRef
 from api.schemas.values import (
     AutoOrQuantity,
     Band,
@@ -129,7 +129,7 @@ class UncertainDocument(Document):
 class AddedParts(Document):
     """What an alternative has besides; what is there already under the same name is replaced."""
 
-    parameters: dict[Name, ParameterDocument] = Field(default_factory=dict)
+    parameters: Parameters = Field(default_factory=dict)
     blocks: dict[Name, BlockDocument] = Field(default_factory=dict)
     connections: list[ConnectionDocument] = Field(default_factory=list)
     outputs: dict[Name, Path] = Field(default_factory=dict)

@@ -6,10 +6,10 @@ import functools
 import operator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from api.schemas.generated import document_of
-from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar
+from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar, is_expression, is_number
 from engine.elements import catalogue
 
 MAX_BLOCKS = 500
@@ -25,6 +25,17 @@ class ParameterDocument(Document):
     upper: Quantity | None = Field(default=None, description="largest value that an optimisation may take")
     scale: Literal["linear", "log"] | None = None
     doc: str = Field(default="", max_length=2000)
+
+
+def _with_value(given: Any) -> Any:
+    """Return a bare value as the parameter that has it, and nothing else said of it."""
+    return {"value": given} if is_number(given) or is_expression(given) else given
+
+
+Parameters = dict[
+    Name, Annotated[ParameterDocument, BeforeValidator(_with_value, json_schema_input_type=Scalar | ParameterDocument)]
+]
+"""Parameters by name; a number or an expression alone is the value of one."""
 
 
 class ConnectionDocument(Document):
@@ -55,7 +66,7 @@ class SystemDocument(Document):
 
     name: str = Field(default="", max_length=200)
     doc: str = Field(default="", max_length=20_000)
-    parameters: dict[Name, ParameterDocument] = Field(default_factory=dict)
+    parameters: Parameters = Field(default_factory=dict)
     blocks: dict[Name, BlockDocument] = Field(min_length=1, max_length=MAX_BLOCKS)
     connections: list[ConnectionDocument] = Field(default_factory=list)
     outputs: dict[Name, Path] = Field(min_length=1, examples=[{"position": "motor.position"}])

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchem
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
-NAME = "^[a-z][a-z0-9_]*$"
-PATH = "^[a-z][a-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"
+NAME = "^[A-Za-z][A-Za-z0-9_]*$"
+PATH = "^[A-Za-z][A-Za-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"
 
 
 class Document(BaseModel):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from engine.names import MAX_NAME
 
 Array = npt.NDArray[np.float64]
 
-_ILLEGAL: Final = re.compile(r"[^a-z0-9_]+")
+_ILLEGAL: Final = re.compile(r"[^A-Za-z0-9_]+")
 
 
 def from_control(system: Any, *, name: str | None = None) -> System:
@@ -71,7 +71,7 @@ class _Drawing:
 
     def block(self, label: str, block: Block) -> str:
         """Add a block and return its name."""
-        name = next(free for free in _candidates(label) if free not in self.blocks)
+        name = _free(label, self.blocks)
         self.blocks[name] = block
         return name
 
@@ -159,13 +159,19 @@ def _matrices(system: Any) -> Block:
 def _unique(labels: Sequence[str]) -> list[str]:
     names: list[str] = []
     for label in labels:
-        names.append(next(free for free in _candidates(label) if free not in names))
+        names.append(_free(label, names))
     return names
+
+
+def _free(label: str, taken: Iterable[str]) -> str:
+    """Return a name for a label that differs from those that are taken in more than case."""
+    used = {name.lower() for name in taken}
+    return next(name for name in _candidates(label) if name.lower() not in used)
 
 
 def _candidates(label: str) -> Iterator[str]:
     """Yield the label as a name of ours, then with numbers behind it."""
-    stem = _ILLEGAL.sub("_", label.lower()).strip("_") or "x"
+    stem = _ILLEGAL.sub("_", label).strip("_") or "x"
     stem = stem if stem[0].isalpha() else f"x_{stem}"
     yield stem[:MAX_NAME]
     number = 2

@@ -85,12 +85,19 @@ def test_a_system_document_comes_back_as_it_was_sent() -> None:
     assert SystemDocument.model_validate(document).model_dump(by_alias=True, exclude_unset=True) == document
 
 
+def test_a_bare_value_is_a_parameter() -> None:
+    given = {"w0": 100, "Kp": "=w0/20", "m": {"value": 0.3, "unit": "kg", "lower": 0.1}}
+    document = {"parameters": given, "blocks": {"a": {"kind": "input"}}, "outputs": {"y": "a"}}
+    expected = {"w0": {"value": 100}, "Kp": {"value": "=w0/20"}, "m": given["m"]}
+    assert SystemDocument.model_validate(document).model_dump(exclude_unset=True)["parameters"] == expected
+
+
 @pytest.mark.parametrize(
     "change",
     [
         {"blocks": {}},
         {"outputs": {}},
-        {"blocks": {"A": {"kind": "input"}}},
+        {"blocks": {"_a": {"kind": "input"}}},
         {"blocks": {"1a": {"kind": "input"}}},
         {"blocks": {"a b": {"kind": "input"}}},
         {"connections": [{"from": "a"}]},
@@ -98,7 +105,8 @@ def test_a_system_document_comes_back_as_it_was_sent() -> None:
         {"connections": {"from": "a", "to": "b"}},
         {"extra": 1},
         {"name": 5},
-        {"parameters": {"k": 5}},
+        {"parameters": {"k": "5"}},
+        {"parameters": {"k": [5]}},
     ],
 )
 def test_a_wrong_system_document_is_refused(change) -> None:

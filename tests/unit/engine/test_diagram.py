@@ -188,7 +188,7 @@ def test_refuses_a_block(added, at, message):
         raise error
 
 
-@pytest.mark.parametrize("name", ["Motor", "2nd", "a-b", "a.b", "", "_x", "é", "a" * 65])
+@pytest.mark.parametrize("name", ["2nd", "a-b", "a.b", "", "_x", "é", "a" * 65])
 @pytest.mark.parametrize("section", ["blocks", "parameters", "outputs"])
 def test_refuses_names(name, section):
     added = {"blocks": block("gain", gain=1.0), "parameters": Parameter(value=1.0), "outputs": "plant"}[section]
@@ -196,10 +196,41 @@ def test_refuses_names(name, section):
     error = refusal(replace(system, **{section: {**getattr(system, section), name: added}}))
     assert isinstance(error, DiagramError)
     assert error.at == (section, name)
-    assert "name must be a lower-case letter" in error.message
+    assert "name must be a letter" in error.message
 
 
-@pytest.mark.parametrize("name", ["pi", "sqrt", "exp", "log", "sin", "cos"])
+@pytest.mark.parametrize("name", ["J", "R_a", "Ka", "T", "wN2"])
+@pytest.mark.parametrize("section", ["blocks", "parameters", "outputs"])
+def test_names_may_have_capitals(name, section):
+    added = {"blocks": block("gain", gain=1.0), "parameters": Parameter(value=1.0), "outputs": "plant"}[section]
+    system = loop()
+    diagram = compile_system(replace(system, **{section: {**getattr(system, section), name: added}}))
+    known = {
+        "blocks": {path.partition(".")[0] for path in diagram.parameters},
+        "parameters": diagram.parameters,
+        "outputs": diagram.outputs,
+    }
+    assert name in known[section]
+    assert name.swapcase() not in known[section]
+
+
+@pytest.mark.parametrize("section", ["blocks", "parameters", "outputs"])
+def test_refuses_names_that_differ_in_case_only(section):
+    added = {"blocks": block("gain", gain=1.0), "parameters": Parameter(value=1.0), "outputs": "plant"}[section]
+    system = loop()
+    error = refusal(replace(system, **{section: {**getattr(system, section), "r_a": added, "R_a": added}}))
+    assert error.at == (section, "R_a")
+    assert error.message == "names must differ in more than case, got 'r_a' and 'R_a'"
+
+
+def test_refuses_ports_that_differ_in_case_only():
+    given = {"A": [[-1.0]], "B": [[1.0, 1.0]], "C": [[1.0]], "D": [[0.0, 0.0]], "inputs": ["f", "F"]}
+    error = refusal(with_block("new", Block(kind="state_space", values=given)))
+    assert error.at == ("blocks", "new", "inputs", 1)
+    assert "'f' and 'F'" in error.message
+
+
+@pytest.mark.parametrize("name", ["pi", "sqrt", "exp", "log", "sin", "cos", "Pi", "PI", "Exp"])
 def test_refuses_parameters_named_like_functions(name):
     error = refusal(loop(**{name: 1.0}))
     assert error.at == ("parameters", name)

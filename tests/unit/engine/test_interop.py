@@ -187,8 +187,8 @@ def test_a_transfer_matrix_becomes_blocks():
     )
     document = from_control(given)
     assert document.name == "M"
-    assert list(document.blocks) == ["force", "u_1", "m_1_1", "m_1_2", "x", "m_2_2"]
-    assert document.outputs == {"x": "x", "f": "m_2_2"}
+    assert list(document.blocks) == ["Force", "u_1", "M_1_1", "M_1_2", "x", "M_2_2"]
+    assert document.outputs == {"x": "x", "F": "M_2_2"}
     back = to_state_space(realized(compile_system(document)))
     np.testing.assert_allclose(back(1j * FREQUENCIES), given(1j * FREQUENCIES), rtol=0, atol=1e-13)
 

@@ -5,7 +5,7 @@ import type { Problem } from "@/shared/api/problem";
 import type { Block, ParameterDocument, Scalar, SystemDocument } from "@/shared/api/types";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { useDraft } from "@/shared/ui/useDraft";
-import { connect, connectionsOf, disconnect, endOf, freeName, NAME, portsOf, removeBlocks, textOf, withOutput, type Catalogue } from "./model";
+import { connect, connectionsOf, disconnect, endOf, freeName, isTaken, NAME, portsOf, removeBlocks, textOf, withOutput, type Catalogue } from "./model";
 import classes from "./Inspector.module.css";
 import { readParameter } from "./quick";
 import { ValueEntry } from "./ValueEntry";
@@ -249,7 +249,7 @@ function TextEntry({ label, value, onCommit, lines = false }: { label: string; v
 function NameEntry({ label, value, taken, onCommit, ...rest }: { label: string; "data-name"?: boolean; value: string; taken: string[]; onCommit(value: string): void }) {
   const { t } = useTranslation();
   const { text, type, take } = useDraft(value);
-  const wrong = text !== value && (!NAME.test(text) ? t("diagram.badName") : taken.includes(text) ? t("diagram.takenName") : undefined);
+  const wrong = text !== value && (!NAME.test(text) ? t("diagram.badName") : isTaken(text, taken.filter((other) => other !== value)) ? t("diagram.takenName") : undefined);
   const commit = () => {
     if (take() && text !== value && !wrong) onCommit(text);
   };
@@ -262,7 +262,7 @@ function Adder({ label, taken, onAdd }: { label: string; taken: string[]; onAdd(
   const [text, setText] = useState("");
   const [tried, setTried] = useState(false);
   const read = readParameter(text);
-  const wrong = text === "" ? undefined : !NAME.test(read.name) ? t("diagram.badName") : taken.includes(read.name) ? t("diagram.takenName") : tried && !read.parameter ? t("diagram.noParameter") : undefined;
+  const wrong = text === "" ? undefined : !NAME.test(read.name) ? t("diagram.badName") : isTaken(read.name, taken) ? t("diagram.takenName") : tried && !read.parameter ? t("diagram.noParameter") : undefined;
   return (
     <form
       onSubmit={(event) => {

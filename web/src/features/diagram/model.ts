@@ -47,13 +47,18 @@ export function textOf(end: End, document: SystemDocument, catalogue: Catalogue,
   return block && portsOf(block, catalogue)[side].length === 1 ? end.block : `${end.block}.${end.port}`;
 }
 
-export const NAME = /^[a-z][a-z0-9_]*$/;
+export const NAME = /^[A-Za-z][A-Za-z0-9_]*$/;
+
+/** Case counts, but two names of one scope must differ in more than that. */
+export function isTaken(name: string, taken: Iterable<string>): boolean {
+  return [...taken].some((other) => other.toLowerCase() === name.toLowerCase());
+}
 
 export function freeName(wanted: string, taken: Iterable<string>): string {
-  const used = new Set(taken);
+  const used = new Set([...taken].map((name) => name.toLowerCase()));
   const base = NAME.test(wanted) ? wanted : "block";
-  if (!used.has(base)) return base;
-  for (let number = 2; ; number++) if (!used.has(`${base}_${number}`)) return `${base}_${number}`;
+  if (!used.has(base.toLowerCase())) return base;
+  for (let number = 2; ; number++) if (!used.has(`${base}_${number}`.toLowerCase())) return `${base}_${number}`;
 }
 
 export function connectionsOf(document: SystemDocument): Connection[] {

@@ -1,6 +1,6 @@
 import type { Block, ElementEntry, ParameterDocument, ParameterEntry, Scalar, SystemDocument } from "@/shared/api/types";
 import { readEntry } from "@/shared/units/number";
-import { blockOf, connectionsOf, endOf, freeName, NAME, portsOf, textOf, type Catalogue, type End } from "./model";
+import { blockOf, connectionsOf, endOf, freeName, isTaken, NAME, portsOf, textOf, type Catalogue, type End } from "./model";
 import { readList } from "./ValueEntry";
 
 /** Diagrams by typing: `controller: pi kp=35 ki=100` adds a block, `velocity > tachometer` a connection, `speed: velocity` an output. */
@@ -49,7 +49,7 @@ export type Refusal = { key: string; place?: string; rule: "name" | "taken" | "p
 /** The block that was typed, under its own name or the next free one, or what is wrong with it. */
 export function blockTyped(typed: Typed, entry: ElementEntry, document: SystemDocument): { name: string; block: Block } | Refusal {
   if (typed.name !== undefined && !NAME.test(typed.name)) return { key: typed.name, rule: "name" };
-  if (typed.name !== undefined && document.blocks[typed.name]) return { key: typed.name, rule: "taken" };
+  if (typed.name !== undefined && isTaken(typed.name, Object.keys(document.blocks))) return { key: typed.name, rule: "taken" };
   const block = blockOf(entry);
   const known = new Map((entry.parameters as ParameterEntry[]).map((parameter) => [parameter.name, parameter]));
   for (const [key, text] of Object.entries(typed.values)) {

@@ -38,7 +38,7 @@ export interface RangeOf {
 /** Ranges as people write them, `lead.zero = 1 ... 100; m = 2 kg ... 5 kg`; undefined where a part cannot be read. */
 export function readRanges(text: string): RangeOf[] | undefined {
   const found = text.split(/[;\n]/).filter((part) => part.trim() !== "").map((part): RangeOf | null => {
-    const [, parameter, from, to] = /^\s*([a-z][a-z0-9_.]*)\s*=\s*(.+?)\s*(?:\.{2,3}|…)\s*(.+?)\s*$/.exec(part) ?? [];
+    const [, parameter, from, to] = /^\s*([A-Za-z][A-Za-z0-9_.]*)\s*=\s*(.+?)\s*(?:\.{2,3}|…)\s*(.+?)\s*$/.exec(part) ?? [];
     const [lower, upper] = [from, to].map((side) => {
       const entry = readEntry(side ?? "");
       return entry.kind === "number" ? entry.value : entry.kind === "quantity" ? { value: entry.value, unit: entry.unit } : undefined;
