@@ -201,7 +201,7 @@ class Evaluation:
             if static is None and not integrates:  # poles that miss an integral say nothing of stability either
                 raise without_digits()
             verdict = Verdict.DOUBTFUL if integrates and static is not None else own.verdict
-            self._paths[key] = PathSubject(response=response, static=static, verdict=verdict)
+            self._paths[key] = PathSubject(response=response, static=static, own=own, verdict=verdict)
         return self._paths[key]
 
     def input_index(self, name: str) -> int:

@@ -14,7 +14,7 @@ from engine.errors import DiagramError
 from engine.evaluation import Evaluation
 from engine.frequency_range import shown
 from engine.limit_cycles import PredictedCycle, predicted
-from engine.linear.frequency import SMALLEST_LOOP_GAIN
+from engine.linear.frequency import SMALLEST_LOOP_GAIN, FrequencyResponse
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
 from engine.measuring import MetricRequest, find, measured_of
 from engine.metrics import catalogue
@@ -24,6 +24,8 @@ from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.linear.poles import Poles
+    from engine.linear.system import Array
 
 Real = npt.NDArray[np.float64]
 
@@ -42,6 +44,7 @@ class Margins:
 class FrequencyStudy:
     """A frequency response with its metrics; ``margins`` only for an open loop, and ``nyquist`` where it can be counted.
 
+    Where a frequency meets a pole there is no response: NaN, and ``unbounded`` says why.
     Of a nonlinear system it is that of its linearisation at the ``operating_point``; where its loop is opened,
     ``limit_cycles`` are those that describing functions predict.
     """
@@ -57,6 +60,16 @@ class FrequencyStudy:
     warnings: tuple[Remark, ...]
     operating_point: Rest | None = None
     limit_cycles: tuple[PredictedCycle, ...] = ()
+    unbounded: tuple[Unbounded, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unbounded:
+    """A frequency (rad/s) at which a response has no value, since it meets a pole."""
+
+    frequency: float
+    verdict: Verdict
+    advice: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +111,7 @@ def frequency_response(
     open_at : str, optional
         Where the loop is cut; the curve is then L, with 1 + L = 0 the characteristic equation.
     frequencies : ndarray, optional
-        rad/s, rising, > 0; chosen from poles, zeros and crossings when absent.
+        rad/s, rising, >= 0; chosen from poles, zeros and crossings when absent.
     metrics : sequence of str, optional
         By default those of the path, the loop and the poles that apply.
 
@@ -118,7 +131,7 @@ def frequency_response(
         remarks = (*remarks, *doubts)
     if open_at is not None:
         loop = evaluation.loop(open_at)
-        curve = loop.response
+        curve, static, own = loop.response, loop.static, loop.opened
         nyquist = nyquist_count(curve, loop.opened, loop.closed)
         remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
         margins = Margins(
@@ -130,11 +143,12 @@ def frequency_response(
     else:
         assert source is not None
         assert target is not None
-        curve = evaluation.path(source, target).response
+        path = evaluation.path(source, target)
+        curve, static, own = path.response, path.static, path.own
     scan, values = curve.scan
     listed = margins.gain if margins is not None else ()
     chosen = shown(curve, listed) if frequencies is None else np.asarray(frequencies, dtype=float)
-    response = curve(chosen)
+    response, unbounded = _defined(curve, chosen, static, own)
     phase = _unwrapped(scan, values, chosen, response)
     wanted = metrics
     if wanted is None:
@@ -153,6 +167,7 @@ def frequency_response(
         warnings=(*remarks, *diagram.linearization),
         operating_point=rest,
         limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
+        unbounded=unbounded,
     )
 
 
@@ -183,17 +198,44 @@ def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdic
     return tuple(Remark(at=("open_at", open_at), detail=detail) for detail in details)
 
 
+def _defined(
+    curve: FrequencyResponse, frequencies: Real, static: Array | None, own: Poles
+) -> tuple[npt.NDArray[np.complex128], tuple[Unbounded, ...]]:
+    """Return the response, at rest the gain there, and where it has none; NaN there."""
+    response = np.array(curve(frequencies), dtype=complex)
+    if static is not None:
+        response[frequencies == 0] = static[0].real
+    axis = own.on_axis | own.at_zero
+    distance = np.abs(1j * frequencies[:, None] - own.values[axis])
+    met = ~np.isfinite(response) | (distance <= own.uncertainty[axis]).any(axis=1)
+    met[frequencies == 0] = static is None
+    response[met] = complex(np.nan, np.nan)
+    return response, tuple(
+        Unbounded(
+            frequency=float(frequency),
+            verdict=Verdict.MARGINAL if frequency else Verdict.INTEGRATING,
+            advice=f"there is a pole at {frequency:g} rad/s: ask beside it",
+        )
+        for frequency in frequencies[met]
+    )
+
+
 def _unwrapped(
     scan: Real, values: npt.NDArray[np.complex128], chosen: Real, response: npt.NDArray[np.complex128]
 ) -> Real:
-    """Return the phase at the chosen frequencies, unwrapped along the scan, which is fine enough for it."""
-    everything = np.concatenate([scan, chosen])
+    """Return the phase at the chosen frequencies, unwrapped along the scan, which is fine enough for it.
+
+    NaN where there is no response, or nothing of it: 0 has no phase.
+    """
+    everything, known = np.concatenate([scan, chosen]), np.concatenate([values, response])
     order = np.argsort(everything, kind="stable")
-    with np.errstate(invalid="ignore"):
-        angles = np.unwrap(np.angle(np.concatenate([values, response])[order]))
-    phase = np.empty_like(angles)
-    phase[order] = angles
-    return np.asarray(phase[len(scan) :])
+    order = order[np.isfinite(known[order]) & (known[order] != 0)]
+    phase = np.full(len(everything), np.nan)
+    phase[order] = np.unwrap(np.angle(known[order]))
+    # At rest a negative gain is as well -π as π: the scan says which turn is meant, whatever is asked besides.
+    first = next((k for k in order if k < len(scan)), None)
+    turn = 0.0 if first is None else np.angle(known[first]) - phase[first]
+    return np.asarray(phase[len(scan) :] + turn)
 
 
 def _listed(

@@ -97,6 +97,11 @@ def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
         "metrics": {metric: measured_to_wire(measured) for metric, measured in study.metrics.items()},
         "poles": [{"real": number(pole.real), "imag": number(pole.imag)} for pole in study.poles],
     }
+    if study.unbounded:
+        body["unbounded"] = [
+            {"frequency": point.frequency, "verdict": str(point.verdict), "advice": point.advice}
+            for point in study.unbounded
+        ]
     if study.margins is not None:
         body["margins"] = {
             kind: [{"frequency": number(frequency), "value": number(value)} for frequency, value in crossings]

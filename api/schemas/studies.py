@@ -34,7 +34,9 @@ class FrequencyRequest(Document):
     source: Port | None = Field(default=None, alias="from")
     target: Port | None = Field(default=None, alias="to")
     open_at: Port | None = None
-    frequencies: AutoOrQuantities = Field(default="auto", description="rad/s")
+    frequencies: AutoOrQuantities = Field(
+        default="auto", description="rad/s, rising, >= 0; 0 asks for the gain at rest"
+    )
     metrics: Names | None = Field(default=None, description="default: those that apply")
     operating_point: Overrides | None = Field(
         default=None,

@@ -199,6 +199,8 @@ def _transform(request: SpectrumRequest, diagram: Diagram, variant: Variant, uni
     """Return the exact Fourier integral of a response, with the energy of a band."""
     found = transient(diagram, variant.signals, str(request.output), overrides=variant.overrides)
     chosen = frequencies_of(request.frequencies)
+    if chosen is not None and chosen[0] == 0.0:
+        raise invalid("frequencies of a spectrum must be > 0 rad/s, got 0", "frequencies", 0)
     frequencies = found.telling_frequencies() if chosen is None else chosen
     body = transform_to_wire(frequencies, found.at(frequencies))
     band = band_from_wire(request.band, place=("band",))

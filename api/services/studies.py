@@ -207,15 +207,15 @@ def constants_from_wire(given: Mapping[str, Any] | None, diagram: Diagram) -> di
 
 
 def frequencies_of(given: Any) -> np.ndarray[Any, np.dtype[np.float64]] | None:
-    """Return increasing angular frequencies, None where the service is to choose them."""
+    """Return increasing angular frequencies >= 0, None where the service is to choose them."""
     if given == "auto":
         return None
     if len(given) > _MOST_FREQUENCIES:
         raise invalid(f"frequencies must be at most {_MOST_FREQUENCIES}, got {len(given)}", "frequencies")
     values = [si(value, "rad/s", name="frequency", place=("frequencies", i)) for i, value in enumerate(given)]
     for i, value in enumerate(values):
-        if value <= 0.0 or (i > 0 and value <= values[i - 1]):
-            raise invalid(f"frequencies must be > 0 rad/s and increasing, got {value:g}", "frequencies", i)
+        if value < 0.0 or (i > 0 and value <= values[i - 1]):
+            raise invalid(f"frequencies must be >= 0 rad/s and increasing, got {value:g}", "frequencies", i)
     return np.array(values)
 
 

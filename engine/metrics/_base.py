@@ -132,10 +132,11 @@ class TimeSubject:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathSubject:
-    """The frequency response from one input to one output; ``static`` is None where s = 0 is a pole."""
+    """The frequency response from one input to one output, its poles; ``static`` is None where s = 0 is one."""
 
     response: FrequencyResponse
     static: Array | None
+    own: Poles
     verdict: Verdict
     mask: Mask | None = None
 

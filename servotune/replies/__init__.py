@@ -48,6 +48,7 @@ from servotune.replies.studies import (
     Nyquist,
     Simulation,
     SimulationVariant,
+    Unbounded,
 )
 from servotune.replies.systems import CatalogItem, StateSpace, Stored
 from servotune.replies.values import Metric, Root, Warned
@@ -103,6 +104,7 @@ __all__ = [
     "StaticCurve",
     "Stored",
     "Strongest",
+    "Unbounded",
     "Validation",
     "Warned",
 ]

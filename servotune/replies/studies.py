@@ -51,20 +51,29 @@ class Nyquist(TypedDict):
     closed_loop_unstable_poles: int
 
 
+class Unbounded(TypedDict):
+    """A frequency at which the response is null, since it meets a pole on the imaginary axis."""
+
+    frequency: float
+    verdict: str
+    advice: str
+
+
 class FrequencyVariant(TypedDict):
     """The frequency response of one set of parameter values (rad/s, rad)."""
 
     parameters: dict[str, float]
     verdict: str
     frequency: list[float]
-    magnitude: list[float]
-    phase: list[float]
-    real: list[float]
-    imag: list[float]
+    magnitude: list[float | None]
+    phase: list[float | None]
+    real: list[float | None]
+    imag: list[float | None]
     metrics: dict[str, Metric]
     margins: NotRequired[Margins | None]
     nyquist: NotRequired[Nyquist | None]
     poles: list[Root]
+    unbounded: NotRequired[list[Unbounded] | None]
     operating_point: NotRequired[OperatingPoint | None]
     limit_cycles: NotRequired[list[PredictedCycle] | None]
 

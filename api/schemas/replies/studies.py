@@ -64,6 +64,14 @@ class Pole(Reply):
     imag: Number
 
 
+class UnboundedReply(Reply):
+    """A frequency at which the response is null, since it meets a pole on the imaginary axis."""
+
+    frequency: Number
+    verdict: VerdictWord
+    advice: str
+
+
 class FrequencyVariant(Reply):
     """One set of parameters."""
 
@@ -78,6 +86,7 @@ class FrequencyVariant(Reply):
     margins: Margins | None = None
     nyquist: NyquistReply | None = None
     poles: list[Pole]
+    unbounded: list[UnboundedReply] | None = Field(default=None, description="of `frequencies` that have no response")
     operating_point: OperatingPointReply | None = Field(default=None, description="of a nonlinear system")
     limit_cycles: list[PredictedCycleReply] | None = Field(
         default=None, description="of a nonlinear system with `open_at`: what describing functions predict"

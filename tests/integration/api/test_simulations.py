@@ -289,3 +289,17 @@ def test_warnings_of_a_stored_system_name_their_place(client) -> None:
     assert inline["pointer"] == "/system/parameters/unused"
     assert by_id["pointer"] == "/system"
     assert by_id["detail"].startswith("/parameters/unused")
+
+
+def test_at_rest_a_frequency_response_is_the_static_gain_or_null_with_a_verdict(client) -> None:
+    """The position follows its reference; the open loop integrates: C P = (kp + ki/s + ...) / (... s)."""
+    together = {"open_at": "error", "from": "reference", "to": "position", "frequencies": [0, 1.0]}
+    (loop,) = respond(client, **together).json()["variants"]
+    assert [loop["magnitude"][0], loop["phase"][0], loop["real"][0], loop["imag"][0]] == [None] * 4
+    assert loop["unbounded"] == [
+        {"frequency": 0.0, "verdict": "integrating", "advice": "there is a pole at 0 rad/s: ask beside it"}
+    ]
+    (path,) = respond(client, **{"from": "reference", "to": "position", "frequencies": [0, 1.0]}).json()["variants"]
+    assert path["magnitude"][0] == pytest.approx(1.0, rel=1e-14)
+    assert path["phase"][0] == 0.0
+    assert path.get("unbounded") is None
