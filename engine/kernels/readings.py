@@ -47,7 +47,7 @@ LOOP_READINGS: Mapping[str, int] = MappingProxyType(
     }
 )  # fmt: skip
 PATH_READINGS: Mapping[str, int] = MappingProxyType(
-    {"bandwidth": f.BANDWIDTH, "compliance_peak": f.PEAK, "control_sensitivity_peak": f.PEAK}
+    {"bandwidth": f.BANDWIDTH, "compliance_peak": f.PEAK, "control_sensitivity_peak": f.PEAK, "resonance_peak": f.PEAK}
 )
 
 (
@@ -62,7 +62,7 @@ _CODES: Final[Mapping[str, int]] = MappingProxyType(
         "steady_state_error": _ERROR, "gain_margin": _GAIN_MARGIN, "phase_margin": _PHASE_MARGIN,
         "delay_margin": _DELAY_MARGIN, "sensitivity_peak": _SENSITIVITY_PEAK,
         "complementary_peak": _COMPLEMENTARY_PEAK, "bandwidth": _BANDWIDTH, "compliance_peak": _HIGHEST,
-        "control_sensitivity_peak": _HIGHEST,
+        "control_sensitivity_peak": _HIGHEST, "resonance_peak": _HIGHEST,
     }
 )  # fmt: skip
 

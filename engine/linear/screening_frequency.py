@@ -361,7 +361,12 @@ def _unless_hidden(scan: Scan, found: Readings) -> Readings:
 
 
 PATH_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(
-    {"bandwidth": bandwidth, "compliance_peak": path_peak, "control_sensitivity_peak": path_peak}
+    {
+        "bandwidth": bandwidth,
+        "compliance_peak": path_peak,
+        "control_sensitivity_peak": path_peak,
+        "resonance_peak": path_peak,
+    }
 )
 LOOP_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(
     {

@@ -25,6 +25,7 @@ PEAKS: dict[str, Response] = {
     "complementary_peak": "complementary",
     "compliance_peak": "path",
     "control_sensitivity_peak": "path",
+    "resonance_peak": "path",
 }
 """Metrics that are the largest magnitude of a response over all frequencies."""
 

@@ -37,6 +37,7 @@ PEAKS: dict[str, Height] = {
     "complementary_peak": _complementary,
     "control_sensitivity_peak": _size,
     "compliance_peak": _size,
+    "resonance_peak": _size,
 }
 BOUNDED: dict[str, Height] = {
     "sensitivity_bound": _sensitivity,
@@ -103,6 +104,11 @@ def damping_ratio(modes: Complex) -> float:
     """Return the least -Re p / |p| of the complex pairs."""
     pairs = _pairs(modes)
     return float((-pairs.real / np.abs(pairs)).min())
+
+
+def spectral_abscissa(modes: Complex) -> float:
+    """Return the largest real part."""
+    return float(modes.real.max())
 
 
 def critical_frequency(modes: Complex) -> float:

@@ -42,6 +42,7 @@ _OF_LOOPS: Mapping[str, Callable[[Sweep], float]] = {
 _OF_MODES: Mapping[str, Callable[[npt.NDArray[np.complex128]], float]] = {
     "damping_ratio": margins.damping_ratio,
     "critical_frequency": margins.critical_frequency,
+    "spectral_abscissa": margins.spectral_abscissa,
 }
 _INTEGRALS = ("iae", "ie", "ise", "itae")
 _STABLE = -1e-9
