@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.verdicts import Measured, Verdict
+from engine.verdicts import Measured
+from optimizers.compared import compared, number_of
 from optimizers.excess import BROKEN, signed_excess
 from optimizers.measuring import measured as measured_goals
 from optimizers.problem import Goal, Problem, Sense
@@ -84,7 +85,7 @@ def certificate_of(
         violation = violation_of(goal, rows[scenario][index])
         for other, statements in (second or {}).items():
             statement = statements[index]
-            broken = 0.0 if statement is None else violation_of_value(goal, statement.value)
+            broken = 0.0 if statement is None else _violation(goal, _heard(goal, statement))
             if broken > max(violation, TOLERANCE):
                 scenario, violation = other, broken
         statement = second[scenario][index] if second and scenario in second else None
@@ -98,37 +99,31 @@ def certificate_of(
     return Certificate(valid=worst <= TOLERANCE, worst_violation=worst, goals=tuple(proofs))
 
 
-def number_of(measured: Measured) -> float:
-    """Return the value, infinity for a margin or bandwidth that is never crossed, NaN where there is none."""
-    if measured.value is not None:
-        return measured.value
-    return math.inf if measured.verdict is Verdict.NEVER_CROSSES else math.nan
-
-
 def violation_of(goal: Goal, measured: Measured) -> float:
     """Return by how much a measured metric breaks the goal, 0 when it does not."""
-    return violation_of_value(goal, number_of(measured))
+    return _violation(goal, number_of(goal, measured))
 
 
-def violation_of_value(goal: Goal, value: float) -> float:
-    """Return by how much a value breaks the goal; infinity is one only for margins and bandwidths."""
-    if math.isinf(value) and not goal.unlimited:
-        value = math.nan
-    return (
-        float(np.max(signed_excess(goal, np.array(value)).clip(min=0.0), initial=0.0))
-        if not math.isnan(value)
-        else BROKEN
-    )
+def _violation(goal: Goal, number: float) -> float:
+    """Return by how much what a goal compares breaks it, 0 when it does not; infinity counts only where a goal knows it."""
+    if math.isnan(number) or (math.isinf(number) and not goal.unlimited):
+        return BROKEN
+    return float(np.max(signed_excess(goal, np.array(number)).clip(min=0.0), initial=0.0))
+
+
+def _heard(goal: Goal, statement: Statement) -> float:
+    """Return what a goal compares of the second measurement."""
+    return float(compared([goal], np.array([statement.value]))[0])
 
 
 def worst_scenario(goal: Goal, measured: list[Measured]) -> int:
     """Return the scenario that serves a goal worst: the largest violation, then the least favourable value."""
 
     def badness(index: int) -> tuple[float, float]:
-        value = number_of(measured[index])
-        if math.isnan(value):
+        number = number_of(goal, measured[index])
+        if math.isnan(number):
             return BROKEN, math.inf
         upwards = goal.sense is Sense.MINIMIZE or (goal.sense is None and goal.upper is not None)
-        return violation_of(goal, measured[index]), value if upwards else -value
+        return _violation(goal, number), number if upwards else -number
 
     return max(range(len(measured)), key=badness)

@@ -1,5 +1,7 @@
 """Candidates -> goals: the one place for scenarios, penalties and the ranking of points.
 
+Values are what goals compare of their metrics (`optimizers.compared`).
+
     objective(p) = max_s or mean_s Σ_g w_g σ_g f_g(p, s) / n_g + max over soft g of w_g max(excess_g, 0)
     violation(p) = max over hard g and s of excess_g,   excess as `optimizers.excess` has it
 
@@ -22,9 +24,9 @@ import numpy.typing as npt
 
 from engine.errors import EngineError
 from engine.screening import Screened, Screening, Slopes
-from engine.study import Gradient
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import TOLERANCE, number_of
+from optimizers.certificate import TOLERANCE
+from optimizers.compared import Exact, compared, compared_slopes, exactly, numbers_of
 from optimizers.excess import BROKEN, excess_slopes, signed_excess
 from optimizers.measuring import measured as measured_goals
 from optimizers.measuring import screened as screened_requests
@@ -40,7 +42,6 @@ UNLIMITED = 1e30
 _STEP = 1e-30
 
 Matrix = npt.NDArray[np.float64]
-Exact = tuple[Measured, Gradient | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,8 +96,8 @@ class Evaluator:
         norms = np.ones(len(self.problem.goals))
         if len(self.problem.objectives) > 1:
             for goal in self.problem.objectives:
-                sizes = [abs(row[goal].value or 0.0) for row in self.before]
-                norms[goal] = max(sizes) or 1.0
+                sizes = np.abs(numbers_of(self.problem.goals, self.before)[:, goal])
+                norms[goal] = sizes[np.isfinite(sizes)].max(initial=0.0) or 1.0
         return norms
 
     @cached_property
@@ -144,6 +145,10 @@ class Evaluator:
             unsure = screened.doubtful.reshape(shape)[:, 0] & np.isnan(values)
         if (growth >= 0).any() or not valid.all():
             return None
+        values, slopes = (
+            compared(self.problem.goals, values),
+            compared_slopes(self.problem.goals, values, slopes),
+        )
         for scenario in np.flatnonzero(unsure.any(axis=1)):
             asked = np.flatnonzero(unsure[scenario])
             names = [axis.parameter for axis in axes]
@@ -154,9 +159,8 @@ class Evaluator:
                 )
             except EngineError:  # no such system, or one without derivatives: of a power that vanishes here, say
                 return None
-            for goal, (measured, gradient) in zip(asked, found, strict=True):
-                values[scenario, goal] = self._number(int(goal), measured)
-                slopes[scenario, goal] = 0.0 if gradient is None else gradient.values * reach
+            numbers, moves = exactly([self.problem.goals[goal] for goal in asked], [found], len(axes))
+            values[scenario, asked], slopes[scenario, asked] = numbers[0], np.nan_to_num(moves[0]) * reach
         if np.isnan(values).any():
             return None
         slopes[~np.isfinite(values)] = 0.0
@@ -252,7 +256,7 @@ class Evaluator:
         roughly = roughly and self.compiled
         screened = self._screened(self._overrides(points), count * batch, second_opinion=not roughly)
         shape = (count, batch, len(self.problem.goals))
-        values = screened.values.reshape(shape).swapaxes(0, 1).copy()
+        values = compared(self.problem.goals, screened.values.reshape(shape).swapaxes(0, 1))
         doubtful = screened.doubtful.reshape(shape).swapaxes(0, 1).copy()
         growth = np.where(screened.valid, screened.growth, np.inf).reshape(count, batch).T.copy()
         # What screening does not know at all has to be measured one by one.
@@ -265,8 +269,8 @@ class Evaluator:
             except EngineError:  # no such system: improper at these values, say
                 growth[b, s], doubtful[b, s] = np.inf, False
                 continue
-            for goal, (measured, _) in zip(asked, found, strict=True):
-                values[b, s, goal] = self._number(int(goal), measured)
+            asking = [self.problem.goals[goal] for goal in asked]
+            values[b, s, asked] = numbers_of(asking, [[measured for measured, _ in found]])[0]
             doubtful[b, s, asked] = False
             if np.isnan(growth[b, s]):
                 diverges = any(measured.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for measured, _ in found)
@@ -298,10 +302,6 @@ class Evaluator:
             growth=np.concatenate([part.growth for part in parts])[back],
             valid=np.concatenate([part.valid for part in parts])[back],
         )
-
-    def _number(self, goal: int, measured: Measured) -> float:
-        number = number_of(measured)
-        return number if np.isfinite(number) or self.problem.goals[goal].unlimited else np.nan
 
     def _overrides(self, points: npt.NDArray[np.number]) -> dict[str, npt.NDArray[np.number]]:
         """Return parameter arrays (S * B,), scenario by scenario, for points (B, V); none where only commands vary."""

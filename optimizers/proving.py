@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from optimizers.bundle import Polish
-from optimizers.certificate import certificate_of, number_of
+from optimizers.certificate import certificate_of
+from optimizers.compared import exactly
 from optimizers.evaluate import Evaluator, Local
 from optimizers.problem import Vector
 from optimizers.search import SAFETY, Descent, Tracker
@@ -53,16 +54,11 @@ class _Exactly(Evaluator):
         self.evaluations += 1
         point = self.problem.values(position)
         rows = self.exact(point)
-        values = np.array([[number_of(measured) for measured, _ in row] for row in rows])
+        reach = np.array([axis.slope(point[axis.parameter]) for axis in self.problem.axes])
+        values, slopes = exactly(self.problem.goals, rows, len(reach))
         if np.isnan(values).any():
             return None
-        reach = np.array([axis.slope(point[axis.parameter]) for axis in self.problem.axes])
-        slopes = np.array(
-            [
-                [np.zeros(len(reach)) if gradient is None else gradient.values * reach for _, gradient in row]
-                for row in rows
-            ]
-        )
+        slopes = slopes * reach
         slopes[~np.isfinite(slopes)] = 0.0
         return Local(values=values, slopes=slopes)
 

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import TOLERANCE, Certificate, certify, number_of, worst_scenario
+from optimizers.certificate import TOLERANCE, Certificate, certify, worst_scenario
+from optimizers.compared import exactly, number_of
 from optimizers.evaluate import Evaluator, Local, Matrix
 from optimizers.excess import signed_excess
 from optimizers.problem import Goal, Vector
@@ -61,11 +62,11 @@ def conclude(
     names = [axis.parameter for axis in problem.axes]
     found = evaluator.exact(best)
     rows = [[measured for measured, _ in row] for row in found]
-    slopes = np.array(
+    shown = np.array(
         [[np.full(len(names), np.nan) if gradient is None else gradient.values for _, gradient in row] for row in found]
     )
     certificate = certify(problem, best)
-    values = np.array([[number_of(measured) for measured in row] for row in rows])
+    values, slopes = exactly(problem.goals, found, len(names))
     by_position = slopes * np.array([axis.slope(best[axis.parameter]) for axis in problem.axes])
     local = Local(values=values, slopes=np.where(np.isfinite(by_position), by_position, 0.0))
     multipliers, active = _multipliers(evaluator, position, local)
@@ -74,7 +75,7 @@ def conclude(
         proof = certificate.goals[g]
         before = [row[g] for row in evaluator.before]
         after = rows[proof.scenario][g]
-        moves = slopes[proof.scenario, g]
+        moves = shown[proof.scenario, g]
         goals.append(
             GoalReport(
                 before=before[worst_scenario(goal, before)],
@@ -107,7 +108,7 @@ def _objective(evaluator: Evaluator, values: Matrix) -> float:
 
 def _score(goal: Goal, after: Measured) -> float | None:
     """Return how a metric stands to its bounds, met at 1; None without a bound or a value."""
-    value = number_of(after)
+    value = number_of(goal, after)
     if not goal.bounded or np.isnan(value):
         return None
     return 1.0 + float(signed_excess(goal, np.array(value)).max())
@@ -196,7 +197,7 @@ def _advice(evaluator: Evaluator, certificate: Certificate, conflict: Mapping[in
     """Return which goals cannot be met together at the least-violated point."""
     names = [_named(evaluator, g) for g in range(len(certificate.goals))]
     hard = [proof for proof in certificate.goals if evaluator.problem.goals[proof.goal].hard]
-    absent = [p for p in hard if math.isnan(number_of(p.measured))]
+    absent = [p for p in hard if math.isnan(number_of(evaluator.problem.goals[p.goal], p.measured))]
     if absent:
         reasons = (f"{names[p.goal]} has no value ({p.measured.verdict}: {p.measured.advice})" for p in absent)
         return f"{'; '.join(reasons)}. No point with a value of every goal was found: choose another goal, or change its experiment."

@@ -16,7 +16,8 @@ from engine.errors import EngineError, IllPosedError, Path
 from engine.metrics import catalogue as metric_catalogue
 from engine.verdicts import Verdict
 from optimizers import methods
-from optimizers.certificate import TOLERANCE, number_of
+from optimizers.certificate import TOLERANCE
+from optimizers.compared import numbers_of
 from optimizers.evaluate import Evaluator
 from optimizers.expectation import expected
 from optimizers.measuring import measured
@@ -189,7 +190,7 @@ def compare(
 
 def _comparable(scale: Evaluator, result: Result) -> float:
     """Return the objective of a result from its goals in their worst scenarios, on the scale of the first problem."""
-    values = np.array([[number_of(report.after) for report in result.goals]])
+    values = numbers_of(scale.problem.goals, [[report.after for report in result.goals]])
     wanted = [g for g in scale.problem.objectives if np.isnan(values[0, g])]
     return float("nan") if wanted else float(scale.objectives(np.nan_to_num(values)).max())
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.linear.curve import Curve
 from engine.linear.tangent import INFINITESIMAL
@@ -180,7 +181,12 @@ class Metric(abc.ABC):
     mask: ClassVar[MaskKind] = ""
     """What a request must bring besides, for a metric that holds a whole curve against something."""
     absent_is_infinite: ClassVar[bool] = False
-    """``never_crosses`` means that the metric is as large as can be (no finite margin, no finite bandwidth)."""
+    """``never_crosses`` or ``not_oscillatory`` means that it is as large as can be: no finite margin or bandwidth, no pole."""
+
+    @classmethod
+    def distance(cls, value: Array) -> Array:
+        """Return what goals compare of values, which may carry infinitesimals: of margins the distance from instability."""
+        return value
 
 
 class TimeMetric(Metric):
@@ -338,9 +344,23 @@ def oscillatory(subject: SystemSubject) -> list[tuple[Array, Array]]:
     """
     poles = subject.poles
     pairs, chained = [], False
-    for k, value in enumerate(poles.values):  # by falling real part
-        if value.imag > max(poles.uncertainty[k], NEGLIGIBLE * abs(value)) and not (chained and poles.endless[k]):
+    for k in np.flatnonzero(~_real(poles) & (poles.values.imag > 0)):  # by falling real part
+        if not (chained and poles.endless[k]):
             chained = chained or bool(poles.endless[k])
             step = INFINITESIMAL * poles.motion[k]
-            pairs.append((value.real + 1j * step.real, value.imag + 1j * step.imag))
+            pairs.append((poles.values[k].real + 1j * step.real, poles.values[k].imag + 1j * step.imag))
     return pairs
+
+
+def real_poles(subject: SystemSubject) -> list[Array]:
+    """Return every real pole with its infinitesimals, but those at 0."""
+    poles = subject.poles
+    return [
+        poles.values[k].real + 1j * INFINITESIMAL * poles.motion[k].real
+        for k in np.flatnonzero(_real(poles) & ~poles.at_zero)
+    ]
+
+
+def _real(poles: Poles) -> npt.NDArray[np.bool_]:
+    """Return which poles cannot be told from the real axis."""
+    return np.asarray(np.abs(poles.values.imag) <= np.maximum(poles.uncertainty, NEGLIGIBLE * np.abs(poles.values)))

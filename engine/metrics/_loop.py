@@ -56,6 +56,12 @@ def delay_margins(response: FrequencyResponse) -> list[Crossing]:
     return found
 
 
+def gain_distance(value: Array) -> Array:
+    """Return max(g, 1/g) of gain margins, the distance from 1 in either direction."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(value.real < 1, 1 / value, value)
+
+
 def rivals(margins: Sequence[float]) -> bool:
     """Return whether two margins, as their distances from none, are as near but on either side: the nearest jumps to the other."""
     nearest = min(margins, key=abs)

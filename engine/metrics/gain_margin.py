@@ -11,10 +11,11 @@ import numpy as np
 
 from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import gain_margins, rivals
+from engine.metrics._loop import gain_distance, gain_margins, rivals
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.linear.system import Array
     from engine.metrics._base import Finding, LoopSubject
 
 
@@ -27,10 +28,16 @@ class GainMargin(LoopMetric):
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = (
-        "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale."
+        "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale, below 1 "
+        "for a reduction. Goals compare its distance from 1, max(g, 1/g)."
     )
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
+
+    @classmethod
+    def distance(cls, value: Array) -> Array:
+        """Return max(g, 1/g)."""
+        return gain_distance(value)
 
     @classmethod
     def measure(cls, subject: LoopSubject) -> Finding:

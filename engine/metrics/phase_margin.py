@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
+import numpy as np
+
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._loop import grazes_one, phase_margins, rivals
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.linear.system import Array
     from engine.metrics._base import Finding, LoopSubject
 
 
@@ -23,9 +26,17 @@ class PhaseMargin(LoopMetric):
     title: ClassVar[str] = "Phase margin"
     unit: ClassVar[str] = "rad"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
-    definition: ClassVar[str] = "Phase that the loop may lose before it becomes unstable, nearest 0 in (-π, π]."
+    definition: ClassVar[str] = (
+        "Phase that the loop may lose before it becomes unstable, nearest 0 in (-π, π]; negative for phase that it may gain. "
+        "Goals compare its distance from 0, |φ|."
+    )
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
+
+    @classmethod
+    def distance(cls, value: Array) -> Array:
+        """Return |φ|."""
+        return np.where(value.real < 0, -value, value)
 
     @classmethod
     def measure(cls, subject: LoopSubject) -> Finding:

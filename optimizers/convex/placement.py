@@ -27,7 +27,7 @@ from scipy.linalg import solve_continuous_are
 
 from engine.linear.path import connected
 from engine.linear.system import ARRAYS, LaneSystem
-from optimizers.certificate import number_of
+from optimizers.compared import numbers_of
 from optimizers.convex.point import FEASIBLE, LEAST, Point, hard_bounds, objective_around, wanted
 from optimizers.convex.ranges import limits, overrides, ranges_of, within
 from optimizers.convex.ratios import PEAKS
@@ -117,7 +117,7 @@ class Placement:
         goals = np.full((len(scenarios), len(self._problem.goals)), np.nan)
         if all(within(self._problem, scenario, x) for scenario in scenarios):
             rows = [measured(self._problem, values, scenario) for scenario in scenarios]
-            goals = np.array([[number_of(one) for one, _ in row] for row in rows])
+            goals = numbers_of(self._problem.goals, [[one for one, _ in row] for row in rows])
         known = bool(np.isfinite(goals).all())
         found = Point(
             x=x, goals=goals, stable=known,

@@ -21,7 +21,8 @@ from engine.parameters import Param
 from engine.verdicts import Measured
 from optimizers.blocks import in_blocks
 from optimizers.candidates import Candidates, packed, unpacked
-from optimizers.certificate import TOLERANCE, certificate_of, number_of, worst_scenario
+from optimizers.certificate import TOLERANCE, certificate_of, worst_scenario
+from optimizers.compared import number_of
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
 from optimizers.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
@@ -257,7 +258,9 @@ def _measured(evaluator: Evaluator, positions: Matrix) -> Front | None:
             continue
         values = tuple(_worst(problem, g, [row[g] for row in rows]) for g in range(len(problem.goals)))
         signs = [-1.0 if problem.goals[g].sense is Sense.MAXIMIZE else 1.0 for g in problem.objectives]
-        objective = [sign * number_of(values[g]) for g, sign in zip(problem.objectives, signs, strict=True)]
+        objective = [
+            sign * number_of(problem.goals[g], values[g]) for g, sign in zip(problem.objectives, signs, strict=True)
+        ]
         if np.isfinite(objective).all():
             points.append(FrontPoint(variables=variables, values=values))
             numbers.append(objective)

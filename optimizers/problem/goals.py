@@ -40,6 +40,9 @@ class Sense(StrEnum):
 class Goal:
     """One metric, as an objective (``sense``), as a constraint (``lower``, ``upper``; SI), or as both.
 
+    Sense and bounds are those of what it compares (`optimizers.compared`): of gain and phase margins the distance from
+    instability.
+
     Parameters
     ----------
     metric : str
@@ -84,7 +87,7 @@ class Goal:
 
     @property
     def unlimited(self) -> bool:
-        """Whether ``never_crosses`` means that the metric is as large as can be (margins, bandwidth)."""
+        """Whether an absent value means that the metric is as large as can be (margins, bandwidth, damping)."""
         return metric_catalogue()[self.metric].absent_is_infinite
 
     @property

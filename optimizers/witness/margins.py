@@ -101,9 +101,8 @@ def delay_margin(sweep: Sweep) -> float:
 
 
 def damping_ratio(modes: Complex) -> float:
-    """Return the least -Re p / |p| of the complex pairs."""
-    pairs = _pairs(modes)
-    return float((-pairs.real / np.abs(pairs)).min())
+    """Return the least -Re p / |p| of modes that all decay."""
+    return float((-modes.real / np.abs(modes)).min(initial=np.inf))
 
 
 def spectral_abscissa(modes: Complex) -> float:

@@ -93,8 +93,31 @@ def test_never_crosses() -> None:
 
 def test_not_oscillatory() -> None:
     study = frequency_response(transfer_function([1], [1, 3, 2]), source="u", target="y")
-    for metric in ("critical_frequency", "damping_ratio"):
-        assert (study.metrics[metric].value, study.metrics[metric].verdict) == (None, Verdict.NOT_OSCILLATORY), metric
+    got = study.metrics["critical_frequency"]
+    assert (got.value, got.verdict) == (None, Verdict.NOT_OSCILLATORY)
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "damping"),
+    [
+        ([1], [1, 3, 2], 1.0),  # -1, -2
+        ([1], [1, 1, -2], -1.0),  # 1, -2
+        ([1], [1, 2, 1], 1.0),  # -1 twice
+        ([1], [1, 2, 5, 0], 1 / math.sqrt(5)),  # -1 ± 2j, and 0, which has none
+        ([1], [1, 0, -1, 0, 0], -1.0),  # 1, -1, and 0 twice
+        ([1], [1, -2, 5], -1 / math.sqrt(5)),
+    ],
+)
+def test_damping_of_real_and_complex_poles(numerator: list[float], denominator: list[float], damping: float) -> None:
+    study = frequency_response(transfer_function(numerator, denominator), source="u", target="y")
+    expect(study.metrics["damping_ratio"], damping)
+
+
+@pytest.mark.parametrize("denominator", [[1, 0], [1, 0, 0], [2]])
+def test_without_a_pole_beside_0_the_damping_is_infinite(denominator: list[float]) -> None:
+    got = frequency_response(transfer_function([1], denominator), source="u", target="y").metrics["damping_ratio"]
+    assert (got.value, got.verdict) == (None, Verdict.NOT_OSCILLATORY)
+    assert "infinite" in got.advice
 
 
 def test_a_short_duration_shortens_the_curve_and_no_metric() -> None:
