@@ -176,10 +176,12 @@ class Integration:
                 self._board.sample(stop.law, updates=stop.updates)
                 if not stop.updates:
                     self._sample_again(stop.law)
-        self._echo(min((stop.generation if stop.law is None else 0 for stop in due), default=0))
         self._board.switches = 0
         if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
             self._board.settle()
+        generation = min((stop.generation if stop.law is None else 0 for stop in due), default=0)
+        jumps = self._board.switches > 0 or self.record.jumps(self._board.t, self.system.delays)
+        self._echo(0 if jumps else generation)
 
     def _sample_again(self, number: int) -> None:
         """Note when a law that has taken a sample updates its output, and when it takes the next."""

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
 
+_JUMP = 1e-9
+"""A change below this part of the largest value is no jump."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:
@@ -88,6 +91,8 @@ class Record:
     u: list[Array] = field(default_factory=list)
     z: list[Array] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
+    largest: Real = field(default_factory=lambda: np.zeros(1))
+    """How large each delayed signal has been, (m,)."""
 
     def append(self, end: Array, y: Array, u: Array, z: Array) -> None:
         """Add a piece that ends at ``end`` (lanes,); arrays (lanes, 17, ·)."""
@@ -98,6 +103,8 @@ class Record:
         self.y.append(y.swapaxes(0, 1))
         self.u.append(u.swapaxes(0, 1))
         self.z.append(z.swapaxes(0, 1))
+        if z.shape[2]:
+            self.largest = np.maximum(self.largest, np.abs(z[0].real).max(axis=0))
 
     def extend(self, ends: Real, lanes: int, y: Array, u: Array) -> None:
         """Add pieces that end at ``ends`` (K,), without infinitesimals; arrays (lanes, K, 17, ·)."""
@@ -110,34 +117,45 @@ class Record:
         edges = np.array([np.broadcast_to(edge, (lanes,)) for edge in self.edges])
         return Curve(edges=edges, values=np.array([piece[:, :, index] for piece in values]))
 
-    def delayed(self, times: Array, delays: Array, *, later: bool) -> Array:
-        """Return the delayed signals w(t) = z(t - delay) at ``times`` (lanes, N); 0 before the beginning.
+    def delayed(self, times: Array, delays: Array, *, later: bool | npt.NDArray[np.bool_]) -> Array:
+        """Return the delayed signals w(t) = z(t - delay), (lanes, N, m); 0 before the beginning.
 
-        At an edge the piece after it counts where ``later``, the one before it else.
+        Parameters
+        ----------
+        times : ndarray, shape (1 or lanes, N)
+            Real times give the real signals alone, as one lane.
+        delays : ndarray, shape (lanes, m)
+        later : bool or ndarray, shape (N,)
+            At an edge the piece after it counts where true, the one before it else.
         """
-        lanes, count = times.shape
+        whole = np.iscomplexobj(times)
+        lanes = len(self.edges[0]) if whole else 1
         m = delays.shape[-1]
-        kind = complex if np.iscomplexobj(times) or np.iscomplexobj(delays) or self._lanes_complex() else float
-        out = np.zeros((lanes, count, m), dtype=kind)
+        out = np.zeros((lanes, times.shape[1], m), dtype=complex if whole else float)
         if not m or not self.times:
             return out
-        edges = np.asarray(self.times)
+        known = np.asarray(self.times)
         for i in range(m):
-            past = times - delays[:, i, None]
+            past = times - (delays[:, i, None] if whole else delays[:1, i, None].real)
             real = past[0].real
-            grain = 1e-12 * max(abs(float(edges[-1])), float(delays[0, i].real))
-            known = real >= edges[0] - (grain if later else -grain)
-            piece = np.clip(
-                np.searchsorted(edges, real + (grain if later else -grain), side="right") - 1, 0, len(self.y) - 1
-            )
-            for k in np.unique(piece[known]):
-                places = np.flatnonzero(known & (piece == k))
-                width = self.edges[k + 1] - self.edges[k]
-                theta = (past[:, places] - self.edges[k][:, None]) / width[:, None]
+            grain = 1e-12 * max(abs(float(known[-1])), float(delays[0, i].real))
+            beside = real + np.where(later, grain, -grain)
+            piece = np.minimum(np.searchsorted(known, beside, side="right") - 1, len(self.y) - 1)
+            for k in np.unique(piece[piece >= 0]):
+                places = np.flatnonzero(piece == k)
+                z, start, end = self.z[k][:, :, i], self.edges[k], self.edges[k + 1]
+                if not whole:
+                    z, start, end = z[:, :1].real, start[:1].real, end[:1].real
+                theta = (past[:, places] - start[:, None]) / (end - start)[:, None]
                 inside = np.clip(theta.real, 0.0, 1.0)
-                theta = inside + 1j * theta.imag if np.iscomplexobj(theta) else inside
-                out[:, places, i] = np.einsum("ltj,jl->lt", weights(theta), self.z[k][:, :, i])
+                theta = inside + 1j * theta.imag if whole else inside
+                out[:, places, i] = np.einsum("ltj,jl->lt", weights(theta), z)
         return out
 
-    def _lanes_complex(self) -> bool:
-        return bool(self.z) and np.iscomplexobj(self.z[-1])
+    def jumps(self, time: Array, delays: Array) -> bool:
+        """Return whether a delayed signal jumps at the instant ``time`` (lanes,)."""
+        if not delays.shape[-1]:
+            return False
+        now = time[:1, None].real
+        before, after = (self.delayed(now, delays, later=later) for later in (False, True))
+        return bool(np.any(np.abs(after - before) > _JUMP * self.largest))

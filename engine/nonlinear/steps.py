@@ -116,12 +116,11 @@ class Stepper:
         self._last = None
 
     def delayed(self, times: Array) -> Array:
-        """Return the delayed signals on a step, (lanes, N, m)."""
+        """Return the delayed signals on a step, (lanes, N, m); at its ends those inside it count."""
         if not self.system.delays.shape[-1]:
             return np.zeros((*times.shape, 0))
-        delays = self.system.delays if np.iscomplexobj(times) else self.system.delays[:1].real
-        found = self.record.delayed(times, delays, later=False)
-        return found if np.iscomplexobj(times) else found[:1].real
+        real = times[0].real
+        return self.record.delayed(times, self.system.delays, later=real < 0.5 * (real[0] + real[-1]))
 
     def attempt(self, start: Real, drive: Command, modes: Sequence[Mode]) -> Step | None:
         """Return a step from the state ``start`` (n,), None where it cannot be solved."""

@@ -1,0 +1,134 @@
+"""Nonlinear loops with pure delays: signals that jump through a delay, and exact derivatives, the delay's own included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.diagram import compile_system
+from engine.evaluation import Evaluation
+from engine.influence import Method, influence
+from engine.measuring import MetricRequest, measure
+from engine.signals import make
+from engine.study import simulate
+from engine.verdicts import Verdict
+from tests.unit.engine.diagrams import block, document
+
+
+def loop(law, time=1.2, initial=0.0, **more):
+    """x' = law(r - x(t - time))."""
+    return compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "s": law,
+             "x": block("integrator", initial=initial), "d": block("delay", time=time)},
+            ["r -> e.in1", "d -> e.in2", "e -> s", "s -> x", "x -> d"],
+            {"y": "x", "e": "e", "w": "d", **more},
+        )
+    )  # fmt: skip
+
+
+def request(metric, amplitude, duration, output="y"):
+    signals = {"r": make("step", {"amplitude": amplitude})}
+    return MetricRequest(metric=metric, signals=signals, output=output, duration=duration)
+
+
+def test_a_signal_that_jumps_through_a_delay():
+    """A step of 3 cut off at 2 jumps at 0.4 s, and again at 1.0 s behind the second delay; both outputs see the jump."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "s": block("saturation", lower=-2.0, upper=2.0), "d": block("delay", time=0.4),
+             "b": block("dead_zone", lower=-0.5, upper=0.5), "f": block("delay", time=0.6)},
+            ["r -> s", "s -> d", "d -> b", "b -> f"],
+            {"d": "d", "f": "f"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {"amplitude": 3.0})}, duration=2.0, samples=21)
+    assert found.verdict is Verdict.OK
+    np.testing.assert_allclose(found.curves["d"], np.where(found.time >= 0.4, 2.0, 0.0), atol=1e-14)
+    np.testing.assert_allclose(found.curves["f"], np.where(found.time >= 1.0, 1.5, 0.0), atol=1e-14)
+
+
+def test_a_jump_goes_round_for_ever():
+    """Without anything that smooths, w(t) = sat(1 - 0.9 w(t - τ)) jumps after every delay: w_k = 1 - 0.9 w_{k-1}."""
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "g": block("gain", gain=0.9),
+             "s": block("saturation", lower=-5.0, upper=5.0), "d": block("delay", time=0.1)},
+            ["r -> e.in1", "g -> e.in2", "e -> s", "s -> d", "d -> g"],
+            {"w": "d"},
+        )
+    )  # fmt: skip
+    found = simulate(made, signals={"r": make("step", {})}, duration=2.0, samples=201)
+    levels = (1 - (-0.9) ** np.arange(21)) / 1.9
+    inside = np.arange(201) % 10 != 0
+    expected = levels[np.arange(201) // 10]
+    np.testing.assert_allclose(found.curves["w"][inside], expected[inside], atol=1e-12)
+
+
+def test_a_relay_behind_a_delay_with_its_slopes():
+    """x' = 2 while the relay is high, -1 else: it sees x = 1 after the delay, so x turns at 1 + 2 τ and at 1 - τ."""
+    made = loop(block("relay", low=-1.0, high=2.0), time=0.3, initial=0.1)
+    values, slopes = measure(made, [request("peak", 1.0, 3.0)], gradient=["d.time", "s.high", "x.initial"])[0]
+    assert values.value == pytest.approx(1.6, abs=1e-12)
+    np.testing.assert_allclose(slopes.values, [2.0, 0.3, 0.0], atol=1e-11)
+    curve = Evaluation(made).simulated({"r": make("step", {})}, 3.0).output("y")
+    np.testing.assert_allclose(curve.sample(np.array([0.75, 1.65])), [1.6, 0.7], atol=1e-12)
+
+
+def test_slopes_through_a_limit_that_is_left_after_a_delay():
+    """x' = sat(r - x(t - τ)), limit u, x(0) = x0: x = x0 + u t until t1 = τ + (r - x0)/u - 1; peak u τ + r - u/2, 1 s later."""
+    made = loop(block("saturation", lower=-2.0, upper=1.0), initial=0.1)
+    names = ["d.time", "s.upper", "x.initial"]
+    (peak, slopes), (at, later) = measure(
+        made, [request("peak", 3.0, 4.35), request("peak_time", 3.0, 4.35)], gradient=names
+    )
+    assert peak.value == pytest.approx(3.7, abs=1e-12)
+    np.testing.assert_allclose(slopes.values, [1.0, 0.7, 0.0], atol=1e-11)
+    assert peak.at == pytest.approx(4.1, abs=1e-12)
+    assert at.verdict is not Verdict.OK or np.allclose(later.values, [1.0, -2.9, -1.0], atol=1e-10)
+
+
+def test_a_delay_that_vanishes_within_the_range_of_its_variable():
+    """x' = sat(r - x(t - τ)), limit 1, r = 3: at τ = 0 a ramp for 2 s, then e^-(t - 2); the slope by the limit goes on."""
+    made = loop(block("saturation", lower=-2.0, upper=1.0), time=0.05)
+    asked = [request("ise", 3.0, 6.0)]
+    (near, _), (none, slopes) = (
+        measure(made, asked, overrides={"d.time": time}, gradient=["s.upper"])[0] for time in (0.05, 0.0)
+    )
+    assert none.value == pytest.approx(26 / 3 + (1 - np.exp(-8.0)) / 2, rel=1e-12)
+    # u t until 3/u - 1, then 3 - u e^-(t - t1): dISE/du of ((27 - u³)/(3 u)) + u² (1 - e^-2(6 - 3/u + 1))/2 at u = 1
+    assert slopes.values[0] == pytest.approx(-1 - 26 / 3 + (1 - np.exp(-8.0)) + 3 * np.exp(-8.0), rel=1e-11)
+    assert near.value == pytest.approx(none.value, rel=2e-2)
+
+
+@pytest.mark.parametrize("delay", [0.002, 0.05])
+@pytest.mark.parametrize("law", ["saturation", "smooth", "stick"])
+def test_influence_in_a_loop_with_a_delay(law, delay):
+    """Exact derivatives by gains, limits and the delay itself agree with differences of the responses."""
+    laws = {
+        "saturation": block("saturation", lower=-2.5, upper=2.5),
+        "smooth": block("friction", coulomb=2.0, viscous=0.5, transition_velocity=1.0),
+        "stick": block("friction", coulomb=0.4, viscous=0.1),
+    }
+    made = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "c": block("pi", kp=2.0, ki=1.0),
+             "s": laws["saturation"] if law == "stick" else laws[law], "d": block("delay", time=delay),
+             "n": block("sum", signs="+-"), "f": laws["stick" if law == "stick" else "smooth"],
+             "v": block("integrator", gain=2.0)},
+            ["r -> e.in1", "v -> e.in2", "e -> c", "c -> s", "s -> d", "d -> n.in1", "f -> n.in2", "n -> v", "v -> f"],
+            {"y": "v"},
+        )
+    )  # fmt: skip
+    duration = 0.15 if delay < 0.01 else 2.0
+    asked = {"ise": request("ise", 2.0, duration)}
+    names = ["c.kp", "d.time"]
+    found = influence(made, asked, names).elasticities["ise"]
+    for name in names:
+        value, width = {"c.kp": 2.0, "d.time": delay}[name], 1e-4
+        near = [
+            measure(made, [asked["ise"]], overrides={name: value * (1 + side * width)})[0][0].value for side in (1, -1)
+        ]
+        expected = (near[0] - near[1]) / (width * (near[0] + near[1]))
+        assert (found[name].method, found[name].verdict) == (Method.EXACT, Verdict.OK)
+        assert found[name].value == pytest.approx(expected, rel=2e-6, abs=1e-7)
