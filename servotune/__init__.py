@@ -17,6 +17,7 @@ from servotune.client import Client, connect
 from servotune.errors import (
     ApiError,
     ConflictError,
+    DocumentError,
     FieldError,
     ForbiddenError,
     InvalidRequestError,
@@ -40,6 +41,7 @@ __all__ = [
     "ApiError",
     "Client",
     "ConflictError",
+    "DocumentError",
     "FieldError",
     "ForbiddenError",
     "InvalidRequestError",

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 Document = Mapping[str, Any]
-"""A JSON object as the API documents it; quantities are SI numbers or `{"value": 65, "unit": "cm**2"}`."""
+"""A JSON object as the API documents it; quantities are SI numbers or `{"value": 65, "unit": "cm**2"}`.
+
+Numbers and lists may be numpy's.
+"""
 
 SystemLike = str | Mapping[str, Any]
 """The id of a stored system, or a system document itself."""

@@ -19,6 +19,10 @@ class UnexpectedReplyError(ServotuneError):
     """An answer that is not the service's: another program listens there, or a proxy stands between."""
 
 
+class DocumentError(ServotuneError, ValueError):
+    """A value that cannot be sent: a number that is not finite, or what JSON has no word for; the text says where."""
+
+
 class WaitTimeoutError(ServotuneError, TimeoutError):
     """The job is still running after the time that the caller was ready to wait; it goes on running."""
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import httpx
 
+from servotune.encoding import encoded
 from servotune.errors import ServiceUnreachableError, UnexpectedReplyError, api_error
 
 _RETRIED = frozenset({429, 502, 503, 504})
@@ -94,15 +95,18 @@ class Transport:
 
         Raises
         ------
+        DocumentError
+            The document holds what JSON cannot say.
         ApiError
             The service refused; the subclass says how.
         ServiceUnreachableError
             No answer in any attempt.
         """
+        body = None if json is None else encoded(json)
         tries = self._attempts if attempts is None else attempts
         for attempt in range(1, tries + 1):
             try:
-                response = self._http.request(method, path, json=json, content=content, params=params, headers=headers)
+                response = self._http.request(method, path, json=body, content=content, params=params, headers=headers)
             except httpx.TransportError as error:
                 if attempt == tries:
                     raise self.unreachable(error) from error
