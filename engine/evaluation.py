@@ -25,7 +25,7 @@ from engine.linear.poles import Poles, poles
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
-from engine.metrics._base import LoopSubject, PathSubject, SystemSubject, TimeSubject
+from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.nonlinear import response as nonlinear
 from engine.resting import Resting, without_digits
 from engine.verdicts import Verdict
@@ -33,6 +33,7 @@ from engine.verdicts import Verdict
 if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.system import Array
+    from engine.nonlinear.outcome import Outcome
     from engine.signals import Signal
 
 _CANCELLED = 1e-13
@@ -40,6 +41,10 @@ _CANCELLED = 1e-13
 
 LARGEST = 1e100
 """Beyond this a growing response is not followed."""
+
+_BEYOND_REACH = (
+    f"the response grows beyond {LARGEST:g} within its {{:g}} s: lower the loop gain, add phase lead or shorten the run"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,7 +254,7 @@ class Evaluation:
             error_final = None if final is None or target is None else target - final
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
-            error_final=error_final, duration=duration, verdict=verdict,
+            error_final=error_final, duration=duration, verdict=verdict, incomplete=_cut_short(response.outcome, duration),
         )  # fmt: skip
 
     def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
@@ -314,13 +319,15 @@ class Evaluation:
         final = response.finals[output]
         start, end = _span(signals)
         motions = self._motions(signals)
-        y = error = error_final = None
+        y = error = error_final = incomplete = None
         roles = self.diagram.input_roles
         reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
         trajectory, column = response.joint, response.columns.get(output, 0)
         too_short = duration is not None and trajectory is not None and trajectory.edges[-1, 0].real < duration
         if verdict is not Verdict.OK or (final is None and too_short):
             trajectory, column = None if duration is None else self._limited(signals, output, duration), 0
+            if trajectory is None and duration is not None:
+                incomplete = Absent(verdict=verdict, advice=_BEYOND_REACH.format(duration))
         if trajectory is not None:
             y = trajectory.output(column)
             error = y * -1.0 if reference is None else trajectory.input(reference).minus(y)
@@ -334,7 +341,7 @@ class Evaluation:
                 error_final = error.values[-1, -1]
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
-            error_final=error_final, duration=duration, verdict=verdict,
+            error_final=error_final, duration=duration, verdict=verdict, incomplete=incomplete,
             moving_start=motions.start() if motions else None, moving_end=motions.end() if motions else None,
             fading=partial(self._fading, signals, output, response),
         )  # fmt: skip
@@ -372,6 +379,14 @@ def _without_rounding(error: Array, y: Curve | None) -> Array:
     assert y is not None
     largest = float(np.abs(y.values[:, :, 0].real).max())
     return error - error.real if abs(float(error[0].real)) <= _CANCELLED * largest else error
+
+
+def _cut_short(outcome: Outcome, duration: float | None) -> Absent | None:
+    """Return why nothing is measured on a nonlinear response: what ended it before its time."""
+    if outcome.verdict is Verdict.OK:
+        return None
+    wanted = "before it has settled" if duration is None else f"of {duration:g} s"
+    return Absent(verdict=outcome.verdict, advice=f"the run ends at {outcome.end:.6g} s {wanted}: {outcome.advice}")
 
 
 def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:

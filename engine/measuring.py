@@ -182,7 +182,8 @@ def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple
         if issubclass(metric, TimeMetric):
             outputs = together.get(command_of(request), [str(request.output)])
             subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-            finding = metric.measure(replace(subject, band=request.band, mask=request.mask))
+            # a part of a run says nothing: its integrals are those of another, shorter one
+            finding = subject.incomplete or metric.measure(replace(subject, band=request.band, mask=request.mask))
         elif issubclass(metric, PathMetric):
             path = evaluation.path(str(request.source), str(request.target))
             finding = metric.measure(replace(path, mask=request.mask))

@@ -95,7 +95,9 @@ def certificate_of(
                 independent=None if statement is None else statement.value,
             )
         )  # fmt: skip
-    worst = max((proof.violation for proof in proofs if problem.goals[proof.goal].hard), default=0.0)
+    goals = problem.goals
+    counted = (p for p in proofs if goals[p.goal].hard or math.isnan(number_of(goals[p.goal], p.measured)))
+    worst = max((proof.violation for proof in counted), default=0.0)
     return Certificate(valid=worst <= TOLERANCE, worst_violation=worst, goals=tuple(proofs))
 
 

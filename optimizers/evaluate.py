@@ -220,17 +220,15 @@ class Evaluator:
         return sign * self.problem.goals[goal].weight / float(self.norms[goal])
 
     def violations(self, values: Matrix, margins: Vector | None = None) -> Matrix:
-        """Return the violation of each hard goal, (..., S, G); infinite values meet lower bounds and break upper ones.
+        """Return the violation of each goal, (..., S, G); infinite values meet lower bounds and break upper ones.
 
-        With ``margins`` (G,), a goal counts as violated as soon as it is nearer to its bound than that.
+        A soft goal is broken only where its metric has no value: then the objective has none either. With ``margins`` (G,), a goal counts as violated as soon as it is nearer to its bound than that.
         """
         result = np.zeros(values.shape)
         for index, goal in enumerate(self.problem.goals):
-            if not goal.hard:
-                continue
             here = values[..., index]
             kept = 0.0 if margins is None else margins[index]
-            excess = (signed_excess(goal, here) + kept).max(axis=0, initial=0.0)
+            excess = (signed_excess(goal, here) + kept).max(axis=0, initial=0.0) if goal.hard else 0.0
             result[..., index] = np.where(np.isnan(here), BROKEN, excess)
         return result
 

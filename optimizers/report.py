@@ -197,7 +197,7 @@ def _advice(evaluator: Evaluator, certificate: Certificate, conflict: Mapping[in
     """Return which goals cannot be met together at the least-violated point."""
     names = [_named(evaluator, g) for g in range(len(certificate.goals))]
     hard = [proof for proof in certificate.goals if evaluator.problem.goals[proof.goal].hard]
-    absent = [p for p in hard if math.isnan(number_of(evaluator.problem.goals[p.goal], p.measured))]
+    absent = [p for p in certificate.goals if math.isnan(number_of(evaluator.problem.goals[p.goal], p.measured))]
     if absent:
         reasons = (f"{names[p.goal]} has no value ({p.measured.verdict}: {p.measured.advice})" for p in absent)
         return f"{'; '.join(reasons)}. No point with a value of every goal was found: choose another goal, or change its experiment."

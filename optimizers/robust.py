@@ -166,7 +166,9 @@ def _scenario(problem: Problem, values: Matrix) -> int:
     """Return which scenario suffers most at a point, from its metric values (S, G)."""
     hard = [(g, goal) for g, goal in enumerate(problem.goals) if goal.hard and goal.bounded]
     worst = [
-        max((float(np.nan_to_num(signed_excess(goal, row[g]), nan=np.inf).max()) for g, goal in hard), default=0.0)
+        max((float(signed_excess(goal, row[g]).max()) for g, goal in hard), default=0.0)
+        if not np.isnan(row).any()
+        else np.inf
         for row in values
     ]
     return int(np.argmax(worst))

@@ -17,6 +17,7 @@ from engine.batch_nonlinear.generated import Generated, generated
 from engine.batch_nonlinear.program import Compiled
 from engine.kernels.compiled import LANES
 from engine.kernels.marching import march
+from engine.nonlinear.bounds import LARGEST
 
 if TYPE_CHECKING:
     from engine.signals import Signal
@@ -127,7 +128,7 @@ class Marched:
     """Curves of B candidates at the instants ``times`` (samples,).
 
     ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) those at the end; ``covered`` (B,) tells that
-    no law was left and nothing overflowed.
+    no law was left and no state grew beyond what is followed.
     """
 
     times: Real
@@ -191,11 +192,11 @@ class Marcher:
                 else:
                     code(registers, inputs, width, pieces.stride, own)
         whole = record.reshape(read, pieces.words, -1)[:, :, :batch]
-        covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0)
-        return Marched(
-            times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2],
-            states=registers[: program.states].reshape(program.states, -1)[:, :batch], covered=covered,
-        )  # fmt: skip
+        states = registers[: program.states].reshape(program.states, -1)[:, :batch]
+        # a state that nobody looks at ends a response as well
+        bounded = (np.abs(states) <= LARGEST).all(axis=0)
+        covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
+        return Marched(times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, covered=covered)
 
 
 def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArray[np.int64]]:

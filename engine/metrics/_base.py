@@ -90,6 +90,8 @@ class TimeSubject:
         Limit of the integrals, s; None means infinity.
     verdict : Verdict
         Of the path from the input to this output.
+    incomplete : Absent or None
+        Why nothing is measured on it: it ends before its time. None for one that was followed to its end.
     band : (float, float) or None
         Angular frequencies between which a spectrum is looked at, rad/s.
     mask : Mask or None
@@ -109,6 +111,7 @@ class TimeSubject:
     error_final: Array | None
     duration: float | None
     verdict: Verdict
+    incomplete: Absent | None = None
     band: tuple[float, float] | None = None
     mask: Mask | None = None
     moving_start: Array | None = None

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 def beyond_reach(subject: TimeSubject, last: float) -> Absent | None:
     """Return why a response cannot be looked at up to ``last`` (s), or None when it can."""
     if subject.y is None:
-        return unsettled(subject.verdict) or Absent(
-            verdict=Verdict.DIVERGES, advice="the output grows beyond what can be followed"
-        )
+        return unsettled(subject.verdict)
     if subject.final is None and subject.y.end < last * (1 - 1e-12):
         return Absent(
             verdict=Verdict.TOO_SHORT,

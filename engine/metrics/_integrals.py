@@ -34,12 +34,10 @@ def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae", 
 
 def _error_to_its_end(subject: TimeSubject) -> Curve | Absent:
     """Return the error from the command's start to the duration, or to where it is 0, or why its integral has no value."""
-    if subject.error is None or subject.duration is None:
-        refusal = unsettled(subject.verdict)
-        if refusal is not None:
-            return refusal
-    if subject.error is None:
-        return Absent(verdict=Verdict.DIVERGES, advice="the error grows beyond what can be followed")
+    refusal = unsettled(subject.verdict) if subject.duration is None else None
+    if refusal is not None:
+        return refusal
+    assert subject.error is not None
     if subject.duration is not None:
         return subject.during(_error(subject, subject.error), subject.error_final).since(subject.start)
     size = float(np.abs(subject.error.values[:, :, 0].real).max())
