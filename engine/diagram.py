@@ -20,6 +20,7 @@ from engine.elements import Realization
 from engine.elements._base import Values
 from engine.errors import DiagramError, EngineError
 from engine.exact_rest import ExactRest
+from engine.failures import numerical
 from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.many_digits import Formulas
@@ -38,6 +39,7 @@ __all__ = ["LOOP", "Block", "Connection", "Diagram", "Parameter", "ParameterInfo
 _REMEMBERED: Final = 64
 
 
+@numerical()
 def compile_system(system: System) -> Diagram:
     """Check a system document and prepare it for any number of parameter values.
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from engine.document import Remark
 from engine.errors import DiagramError
 from engine.evaluation import Evaluation
+from engine.failures import numerical
 from engine.frequency_range import shown
 from engine.limit_cycles import PredictedCycle, predicted
 from engine.linear.frequency import SMALLEST_LOOP_GAIN, FrequencyResponse
@@ -89,6 +90,7 @@ LOOP_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(
 SYSTEM_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, SystemMetric))
 
 
+@numerical()
 def frequency_response(
     diagram: Diagram,
     *,

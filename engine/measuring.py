@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.evaluation import Evaluation
+from engine.failures import numerical
 from engine.metrics import Absent, Finding, Found, catalogue
 from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
 from engine.verdicts import Measured, Verdict
@@ -65,6 +66,7 @@ class Gradient:
     one_sided: bool
 
 
+@numerical()
 def measure(
     diagram: Diagram,
     requests: Sequence[MetricRequest],
@@ -179,24 +181,33 @@ def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple
     if lacking:
         return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
     try:
-        if issubclass(metric, TimeMetric):
-            outputs = together.get(command_of(request), [str(request.output)])
-            subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-            # a part of a run says nothing: its integrals are those of another, shorter one
-            finding = subject.incomplete or metric.measure(replace(subject, band=request.band, mask=request.mask))
-        elif issubclass(metric, PathMetric):
-            path = evaluation.path(str(request.source), str(request.target))
-            finding = metric.measure(replace(path, mask=request.mask))
-        elif issubclass(metric, LoopMetric):
-            finding = metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
-        else:
-            assert issubclass(metric, SystemMetric)
-            finding = metric.measure(evaluation.system_subject)
+        with numerical():
+            finding = _found(metric, evaluation, request, together)
     except IllPosedError as error:
         finding = Absent(verdict=Verdict.ILL_POSED, advice=error.message)
     except UnresolvedError as error:
         finding = Absent(verdict=Verdict.DOUBTFUL, advice=error.message)
     return finding
+
+
+def _found(
+    metric: type[Metric],
+    evaluation: Evaluation,
+    request: MetricRequest,
+    together: Mapping[tuple[int, ...], Sequence[str]],
+) -> Finding:
+    if issubclass(metric, TimeMetric):
+        outputs = together.get(command_of(request), [str(request.output)])
+        subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
+        # a part of a run says nothing: its integrals are those of another, shorter one
+        return subject.incomplete or metric.measure(replace(subject, band=request.band, mask=request.mask))
+    if issubclass(metric, PathMetric):
+        path = evaluation.path(str(request.source), str(request.target))
+        return metric.measure(replace(path, mask=request.mask))
+    if issubclass(metric, LoopMetric):
+        return metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
+    assert issubclass(metric, SystemMetric)
+    return metric.measure(evaluation.system_subject)
 
 
 def _lacking(metric: type[Metric], request: MetricRequest) -> str:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from engine.document import Remark
 from engine.evaluation import LARGEST, Evaluation
+from engine.failures import numerical
 from engine.frequency_study import FrequencyStudy, Margins, frequency_response
 from engine.limit_cycles import LimitCycle, observed, predicted
 from engine.linear.nyquist import NyquistCount
@@ -59,6 +60,7 @@ class Simulation:
     """What a nonlinear response swings in for ever after its commands have settled."""
 
 
+@numerical()
 def simulate(
     diagram: Diagram,
     *,

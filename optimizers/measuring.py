@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.commanded import CommandParameter
-from engine.errors import DiagramError, ExpressionError, SignalError
+from engine.errors import DiagramError, ExpressionError, SignalError, UnresolvedError
 from engine.study import Gradient, MetricRequest, measure, unit_of
 from engine.verdicts import Measured, Verdict
 from optimizers.problem.ties import resolved
@@ -60,7 +60,11 @@ def measured(
     lanes = [_lane(problem, axis.parameter, experiments) for axis in problem.axes] if gradient else []
     try:
         found = measure(problem.diagram, requests, overrides=overrides, gradient=[*lanes, *(bound if gradient else ())])
-    except (DiagramError, ExpressionError) as error:  # a block does not exist at these values
+    except (
+        DiagramError,
+        ExpressionError,
+        UnresolvedError,
+    ) as error:  # a block, or a number, does not exist at these values
         return [(_refused(problem, goal, error.message), None) for goal in chosen]
     if not (gradient and bound):
         return found

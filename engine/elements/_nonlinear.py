@@ -139,6 +139,11 @@ class NonlinearElement(Element):
         return None
 
     @classmethod
+    def idle(cls, mode: Mode) -> bool:
+        """Return whether the mode only stands for one that holds, where something else keeps :meth:`surface` at 0."""
+        return False
+
+    @classmethod
     def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
         """Return what a mode that holds keeps at 0: a function of the inputs, by default the first of them."""
         return m.z[0]

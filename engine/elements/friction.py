@@ -105,6 +105,11 @@ class Friction(NonlinearElement):
         return 0 if mode == _STICK else None
 
     @classmethod
+    def idle(cls, mode: Mode) -> bool:
+        """Return whether the velocity rests though the friction cannot hold it: at the end of a stroke, say."""
+        return mode == _IDLE
+
+    @classmethod
     def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
         """Return the opposite direction: the velocity is given and passes through 0; or none where it rests."""
         return Change(mode=-mode if abs(mode) == _SLIDE else _IDLE)

@@ -64,12 +64,12 @@ class Bounds:
         if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
             raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {now:.6g} s")
 
-    def stuck(self, now: float, state: Array, first: Array) -> NoReturn:
-        """Say why steps vanish, from the state (n,) and how large it was at first."""
+    def stuck(self, now: float, state: Array, first: Array, cause: str) -> NoReturn:
+        """Say why steps vanish, from the state (n,), how large it was at first, and the ``cause`` of the last failure, if known."""
         size = np.abs(state) / np.where(first > 0, first, np.inf)
         if float(size.max(initial=0.0)) > _EXPLODED:
             raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {now:.6g} s")
-        msg = f"the equations have no solution that can be followed beyond t = {now:.6g} s"
+        msg = f"the equations have no solution that can be followed beyond t = {now:.6g} s" + (cause and f": {cause}")
         raise StoppedError(Verdict.DOUBTFUL, msg)
 
     def _late(self, now: float, why: str) -> NoReturn:

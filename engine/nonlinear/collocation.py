@@ -133,10 +133,10 @@ def solve(
             return None
         step = _apply(factors, (residual / scale).ravel()).reshape(x.shape) * scale
         x = x + step
+        still = ~f.any(axis=0)
+        x[:, still] = start[still]  # what does not move stays exactly where it is, and what follows from it, too
         size = float(np.max(np.abs(step) / scale))
         if size <= 20 * _EPS or (size <= 1e-11 and size <= 1e-3 * last) or (size <= 1e-13 and last <= 1e-12):
-            still = ~f.any(axis=0)
-            x[:, still] = start[still]  # what does not move stays exactly where it is
             return x
         if not math.isfinite(size) or (size > 2 * last and size > 1e-9):
             return None

@@ -22,7 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
-from engine.errors import UnresolvedError
+from engine.errors import EngineError
+from engine.failures import numerical
 from engine.linear.chebyshev import NODES
 from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.nonlinear.bounds import Bounds
@@ -112,10 +113,19 @@ class Integration:
         return float(self._board.t[0].real)
 
     def rest(self) -> tuple[Mode, ...]:
-        """Return the modes at the present instant, all laws in agreement."""
-        if not self._board.started:
-            self._board.begin()
-        self._board.settle()
+        """Return the modes at the present instant, all laws in agreement.
+
+        Raises
+        ------
+        StoppedError
+            If they do not come to agree.
+        EngineError
+            If the equations have no solution at this instant.
+        """
+        with np.errstate(all="ignore"), numerical("the laws"):
+            if not self._board.started:
+                self._board.begin()
+            self._board.settle()
         return tuple(self._board.modes)
 
     def outputs(self) -> Array:
@@ -129,12 +139,12 @@ class Integration:
         self._horizon = max(self._horizon, horizon)
         try:
             # what overflows is found at the end of each step, as a state that is not finite
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), numerical("the response"):
                 self._advance(horizon)
         except StoppedError as stop:
             verdict, advice = stop.verdict, stop.advice
-        except UnresolvedError as error:
-            verdict, advice = Verdict.DOUBTFUL, error.message
+        except EngineError as error:
+            verdict, advice = Verdict.DOUBTFUL, f"at t = {self.now:.6g} s {error.message}"
         if not self.record.y:
             self._stand()
         return Outcome(
@@ -146,7 +156,7 @@ class Integration:
     def _stand(self) -> None:
         """Record the beginning as a piece of its own, where the response could not be followed from there at all."""
         at = self._board.instant()
-        with contextlib.suppress(UnresolvedError):
+        with contextlib.suppress(EngineError), numerical("the response"):
             y, z = self.system.read(at, self.system.channels(at)[1])
             nodes = [np.repeat(part, len(NODES), axis=1) for part in (y, at.u, z)]
             self.record.append(self._board.t + 1e-12 * max(self._horizon, 1e-300), *nodes)
@@ -278,28 +288,36 @@ class Integration:
 
         None where there is none before a law is let go that has held a curved surface.
         """
-        straight = self._straight()
+        straight, cause = self._straight(), ""
         longest = self._width
         while True:
             if width < 1e-14 * max(self._horizon, self.now):
                 if self.now > self._loosened and self._board.loosen():
                     self._loosened, self._width = self.now, math.inf
                     return None
-                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale)
+                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause)
             self._bounds.step(self.now)
-            step: Step | None
+            step: Step | None = None
             if straight is not None:
                 width = _binary(width, longest)
-                line = self._command(gap).extended(width)
-                step = self._stepper.leap(self._board.x[0].real, line, self._board.modes, straight)
-            else:
-                step = self._stepper.attempt(self._board.x[0].real, self._command(width), self._board.modes)
+            try:
+                with numerical("a step"):
+                    step = self._attempt(width, gap, straight)
+                cause = ""
+            except EngineError as error:  # where a shorter one may stay away from
+                cause = error.message
             if step is not None and step.miss <= 1.0:
                 return step, width
             width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / self._stepper.order)))
             longest = width
             self._refused = _PATIENCE
             self._stepper.forget()
+
+    def _attempt(self, width: float, gap: float, straight: Straight | None) -> Step | None:
+        start, modes = self._board.x[0].real, self._board.modes
+        if straight is None:
+            return self._stepper.attempt(start, self._command(width), modes)
+        return self._stepper.leap(start, self._command(gap).extended(width), modes, straight)
 
     def _straight(self) -> Straight | None:
         """Return the system as linear maps where it is one now, and nothing but straight lines drives it."""

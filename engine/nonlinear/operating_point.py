@@ -5,6 +5,7 @@ f(x, u = 0; modes) = 0,   dx/dp = -(∂f/∂x)⁺ ∂f/∂p
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from scipy.linalg import matrix_balance
 
 from engine.elements._nonlinear import Mode
 from engine.errors import EngineError
+from engine.failures import numerical
 from engine.nonlinear.integrate import Integration
 from engine.nonlinear.switching import StoppedError
 from engine.nonlinear.system import Instants
@@ -75,18 +77,16 @@ def operating_point(
     x = begin
     modes = first = modes_at(real, begin, inputs) if modes is None else modes
     rests = False
-    for _ in range(_ITERATIONS):
-        try:
+    with contextlib.suppress(EngineError), np.errstate(all="ignore"), numerical("the state of rest"):
+        for _ in range(_ITERATIONS):
             step = _correction(real, x, inputs, modes)
-        except (EngineError, np.linalg.LinAlgError):
-            break
-        if step is None:
-            break
-        if np.all(np.abs(step) <= _STILL * np.maximum(np.abs(x), 1e-6)):
-            x, rests = x + step, True
-            break
-        x = x + step
-        modes = modes_at(real, x, inputs, modes)
+            if step is None:
+                break
+            if np.all(np.abs(step) <= _STILL * np.maximum(np.abs(x), 1e-6)):
+                x, rests = x + step, True
+                break
+            x = x + step
+            modes = modes_at(real, x, inputs, modes)
     if not rests:
         x, modes = begin, first
     return _complete(system, origin, x, inputs, modes=modes, rests=rests)

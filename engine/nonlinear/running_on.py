@@ -8,6 +8,7 @@ are others, because its controller sees the target, or a law has changed its mod
 
 from __future__ import annotations
 
+import contextlib
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import EngineError
+from engine.failures import numerical
 from engine.nonlinear.operating_point import modes_at, rates_at
 
 if TYPE_CHECKING:
@@ -61,7 +63,7 @@ def motion(
         system.resting.value,
     )  # the rates of the second tell also what the next samples will do
     x = state[0].real
-    try:
+    with contextlib.suppress(EngineError), np.errstate(all="ignore"), numerical("the motion"):
         direction = elapsed * rates_at(real, x, constants, modes)
         direction[np.abs(direction) <= _ROUNDING * np.abs(x)] = 0.0
         now = elapsed * rates_at(resting, x, constants, modes)
@@ -74,6 +76,5 @@ def motion(
                 # what has no law to change decays, or grows, where a straight line does not follow it
                 sampled = any(law.element.period(law.values) is not None for law in real.laws)
                 return Motion.FOR_A_WHILE if sampled or found != modes else Motion.UNEVENLY
-    except (EngineError, np.linalg.LinAlgError):
-        return Motion.UNEVENLY
-    return Motion.FOR_EVER
+        return Motion.FOR_EVER
+    return Motion.UNEVENLY

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Mode
-from engine.errors import EngineError
 from engine.linear.chebyshev import NODES, coefficient_matrix, differentiation_matrix, weights
 from engine.nonlinear.collocation import MANY_STATES, SHORT_STAGES, STAGES, Scheme, infinitesimal, scheme, solve
+from engine.nonlinear.magnitudes import magnitudes
 from engine.nonlinear.pieces import Command, Record
 from engine.nonlinear.straight import until
 from engine.nonlinear.switching import StoppedError
@@ -123,7 +123,13 @@ class Stepper:
         return self.record.delayed(times, self.system.delays, later=real < 0.5 * (real[0] + real[-1]))
 
     def attempt(self, start: Real, drive: Command, modes: Sequence[Mode]) -> Step | None:
-        """Return a step from the state ``start`` (n,), None where it cannot be solved."""
+        """Return a step from the state ``start`` (n,), None where it cannot be solved.
+
+        Raises
+        ------
+        EngineError, numpy.linalg.LinAlgError, ArithmeticError
+            Where the equations themselves fail on it.
+        """
         real, points, width = self.real, self.method.points, drive.width
         times = (drive.start + width * points)[None]
         u, du = (part[None] for part in drive.at(points))
@@ -135,21 +141,16 @@ class Stepper:
         scale = np.maximum(self.scale, np.abs(start))
         scale = np.maximum(scale, 1e-12 * scale.max(initial=0.0))
         scale[scale == 0] = 1.0
-        try:
-            stages = solve(
-                lambda x: np.asarray(real.flow(instants(x)).f[0]),
-                lambda x: real.tangent(instants(x)).total,
-                start=start,
-                guess=self._guess(start, width),
-                width=width,
-                method=self.method,
-                scale=scale,
-            )
-            if stages is None:
-                return None
-            return self.judge(np.concatenate([start[None], stages]), drive, modes)
-        except (np.linalg.LinAlgError, EngineError):
-            return None
+        stages = solve(
+            lambda x: np.asarray(real.flow(instants(x)).f[0]),
+            lambda x: real.tangent(instants(x)).total,
+            start=start,
+            guess=self._guess(start, width),
+            width=width,
+            method=self.method,
+            scale=scale,
+        )
+        return None if stages is None else self.judge(np.concatenate([start[None], stages]), drive, modes)
 
     def _guess(self, start: Real, width: float) -> Real:
         if self._last is not None and width <= 1.5 * self._last[1]:
@@ -221,17 +222,29 @@ class Stepper:
             found = law.element.guards(seen, modes[number], law.real)
             guards.extend((number, k, _row(g)) for k, g in enumerate(found))
         parts, sums = _watched(nodes)
-        loud = self.loudness(np.abs(parts).max(axis=0, initial=0.0), np.abs(sums).max(axis=0, initial=0.0))
-        missed = np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=0) / loud
+        missed = self._missed_sums(parts, sums)
         worst = max(states, self.share * float(np.max(missed, initial=0.0)))
+        if worst > self.tolerance and straight is None:  # perhaps no more than what rounding leaves of large parts
+            rates, outputs = magnitudes(self.real, nodes.at, nodes.flow)
+            states = min(states, self._missed_states(path, nodes, drive.width, rates))
+            parts = np.concatenate([parts[:, : -outputs.shape[1] or None], outputs], axis=1)
+            missed = np.minimum(missed, self._missed_sums(parts, sums))
+            worst = max(states, self.share * float(np.max(missed, initial=0.0)))
         seen_of_it = float(np.max(missed[: nodes.y.shape[2]], initial=0.0))
         return Step(
             width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, seen_of_it),
             miss=worst / self.tolerance if math.isfinite(worst) else math.inf, straight=straight,
         )  # fmt: skip
 
-    def _missed_states(self, path: Real, nodes: Nodes, width: float) -> float:
-        return float(self.missed_by(path[None], nodes.at.x, nodes.flow.f, np.array([width]), self.method)[0])
+    def _missed_states(self, path: Real, nodes: Nodes, width: float, rates: Real | None = None) -> float:
+        """Return what the polynomials miss of the states; ``rates`` (17, n) says how large what these follow from is."""
+        f = nodes.flow.f if rates is None else rates[None]
+        return float(self.missed_by(path[None], nodes.at.x, f, np.array([width]), self.method)[0])
+
+    def _missed_sums(self, parts: Real, sums: Real) -> Real:
+        """Return what the polynomials miss of outputs, delayed signals and laws' inputs, relative to their loudness."""
+        loud = self.loudness(np.abs(parts).max(axis=0, initial=0.0), np.abs(sums).max(axis=0, initial=0.0))
+        return np.asarray(np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=0) / loud)
 
     def missed_by(self, path: Real, x: Real, f: Real, widths: Real, method: Scheme) -> Real:
         """Return what the polynomials of K steps miss of their states, (K,), relative to the largest values.

@@ -21,6 +21,7 @@ from scipy.linalg import lu_factor, lu_solve, matrix_balance
 
 from engine.elements._nonlinear import Moment, slopes, surface_slopes
 from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, weights
+from engine.nonlinear.loops import closed
 from engine.nonlinear.tangent import Tangent
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class Map:
         v, e, f, y = (np.zeros((rows, edges[-1])) for rows in (nv, ne, n, m["d13"].shape[0]))
         v[:, x], v[:, u], v[:, w], v[:, o], v[:, h] = gx, ge @ m["d31"], ge @ m["d32"], out, unit
         if np.any(m["d33"]):
-            v = np.linalg.solve(np.eye(nv) - ge @ m["d33"], v)
+            v = closed(system.order, ge @ m["d33"], v)
         e[:, :nl], e[:, u], e[:, w] = m["c3"], m["d31"], m["d32"]
         e += m["d33"] @ v
         f[:, x], f[:, o], f[:nl, u], f[:nl, w] = own, rate, m["b1"], m["b2"]

@@ -72,6 +72,7 @@ class Switchboard:
         self.switches = 0
         self.curved = False
         """Whether a law has held a curved surface, whose infinitesimals are followed to first order only."""
+        self._reopened = False
         self._around = around
         self._before: tuple[Array, Array, Array | None] | None = None
         self._scale: dict[tuple[int, Mode, int], float] = {}
@@ -153,6 +154,9 @@ class Switchboard:
             return
         before = None if self._before is None else self._before[:2]
         while True:
+            if self._reopened:
+                self._reopened = False
+                self._reconsider()
             at = self.instant()
             flow = self.system.flow(at)
             if before is not None:
@@ -162,6 +166,16 @@ class Switchboard:
                 before = flow.e, before[1]
             if not self._correct(at, flow):
                 return
+
+    def _reconsider(self) -> None:
+        """Let a law go that can no longer hold, now that another one has changed its mode, and open one that may hold again."""
+        for number, law in enumerate(self.system.laws):
+            mode, at = self.modes[number], self.instant()
+            if law.element.idle(mode):
+                self.modes[number] = law.element.release(Moment(t=at.t), mode, law.values).mode
+            elif law.element.held(mode) is not None and not self.real.holdable(number, at.real):
+                e, v = self.system.channels(at)
+                self._adopt(number, law.element.unheld(self.system.seen(number, at, e, v), mode, law.values))
 
     def loosen(self) -> bool:
         """Let laws go that hold a curved surface, which has lost its slope here; return whether there were some."""
@@ -188,8 +202,10 @@ class Switchboard:
             self._entered(number, before)
 
     def _change(self, number: int, guard: int, seen: Moment) -> None:
-        law = self.system.laws[number]
-        self._adopt(number, law.element.switch(guard, seen, self.modes[number], law.values))
+        law, before = self.system.laws[number], self.modes[number]
+        self._adopt(number, law.element.switch(guard, seen, before, law.values))
+        if law.element.held(before) is None and law.element.held(self.modes[number]) is None:
+            self._reopened = True
         self.switches += 1
         if self.switches > MAX_SWITCHES:
             raise StoppedError(

@@ -18,11 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.circles import circles
 from engine.elements._nonlinear import Mode, Moment, Signals, slopes, stacked, surface_slopes
 from engine.errors import UnresolvedError
 from engine.nonlinear.laws import Law
-from engine.nonlinear.loops import solve_loop
+from engine.nonlinear.loops import closed, groups, solve_loop
 from engine.nonlinear.straight import Map, Maps, Straight, keep
 from engine.nonlinear.tangent import Tangent
 
@@ -97,7 +96,7 @@ class NonlinearSystem:
         self.complex = any(law.complex for law in laws) or any(np.iscomplexobj(m) for m in matrices.values())
         """Whether a value carries an infinitesimal."""
         self._linked = bool(np.any(matrices["d33"]))
-        self._groups = self._order()
+        self.order = groups(self.laws, np.any(matrices["d33"] != 0, axis=0))
         self._plain = self.lanes == 1 and not self.complex
         self._holds: dict[tuple[Mode, ...], list[tuple[int, int]]] = {}
         self._maps = Maps(self)
@@ -145,20 +144,6 @@ class NonlinearSystem:
             parts.append(stacked(initial, (self.lanes, 1))[:, 0])
         kind = complex if any(np.iscomplexobj(part) for part in parts) else float
         return np.concatenate([np.broadcast_to(p, (self.lanes, p.shape[-1])) for p in parts], axis=-1).astype(kind)
-
-    def _order(self) -> list[tuple[tuple[int, ...], bool]]:
-        """Return the laws in an order in which their inputs are known, those of an algebraic loop together."""
-        count = len(self.laws)
-        link = np.any(self.matrices["d33"] != 0, axis=0)
-        needs = np.zeros((count, count), dtype=bool)
-        for i, law in enumerate(self.laws):
-            used = law.element.feed_through(law.real).any(axis=0)
-            for j, other in enumerate(self.laws):
-                needs[i, j] = bool(np.any(link[law.inputs, other.outputs][used]))
-        return [
-            (tuple(group), len(group) > 1 or bool(needs[group[0], group[0]]))
-            for group in circles([np.flatnonzero(row).tolist() for row in needs])
-        ]
 
     def holds(self, modes: Modes) -> list[tuple[int, int]]:
         """Return (output channel, law) of every law that holds something."""
@@ -210,19 +195,19 @@ class NonlinearSystem:
         for k, (output, _) in enumerate(pairs):
             v[..., output] = 0.0 if held is None else held[..., k]
         skip = frozenset(output for output, _ in pairs)
-        for group, looped in self._groups:
-            if looped:
+        for group in self.order:
+            if group.looped:
                 solve_loop(self, group, at, base, v, skip=skip)
             else:
-                self.apply(group[0], at, base, v, skip=skip)
+                self.apply(group.laws[0], at, base, v, wanted=[k for k in group.channels if k not in skip])
         return (base + v @ rows["d33"] if self._linked else base), v
 
     def apply(
-        self, number: int, at: Instants, base: Array, v: Array, *, skip: frozenset[int], given: Array | None = None
+        self, number: int, at: Instants, base: Array, v: Array, *, wanted: Sequence[int], given: Array | None = None
     ) -> None:
-        """Write the outputs of law ``number`` into ``v``, its inputs following from ``given`` outputs (default: ``v``)."""
+        """Write those outputs of law ``number`` that are ``wanted`` into ``v``; its inputs follow from ``given`` outputs (default: ``v``)."""
         law = self.laws[number]
-        if skip.issuperset(range(law.outputs.start, law.outputs.stop)):
+        if not wanted:
             return
         e = base
         if self._linked:
@@ -231,7 +216,7 @@ class NonlinearSystem:
             e[..., law.inputs] = base[..., law.inputs] + (v if given is None else given) @ link
         found = law.element.outputs(self.moment(law, at.t, at.x, e), at.modes[number], law.values)
         for k, output in enumerate(range(law.outputs.start, law.outputs.stop)):
-            if output not in skip:
+            if output in wanted:
                 v[..., output] = found[k]
 
     def flow(self, at: Instants) -> Flow:
@@ -309,8 +294,8 @@ class NonlinearSystem:
         gx[:, :, :nl] += ge @ m["c3"]
         vx, vm = gx, np.broadcast_to(unit, (count, *unit.shape))
         if self._linked:
-            mixed = np.eye(nv) - ge @ m["d33"]
-            vx, vm = np.linalg.solve(mixed, vx), np.linalg.solve(mixed, vm)
+            mixed = ge @ m["d33"]
+            vx, vm = closed(real.order, mixed, vx), closed(real.order, mixed, vm)
         ex, em = m["d33"] @ vx, m["d33"] @ vm
         ex[:, :, :nl] += m["c3"]
         fx = fx + fe @ ex
@@ -367,10 +352,10 @@ class NonlinearSystem:
             y=[v[..., k] for k in outputs],
         )
 
-    def ports(self, group: Sequence[int]) -> tuple[str, ...]:
-        """Return the names of the outputs of some laws."""
-        laws = [self.laws[number] for number in group]
-        return tuple(f"{law.label}.{port}" for law in laws for port in law.element.ports(law.real).outputs)
+    def ports(self, channels: Sequence[int]) -> tuple[str, ...]:
+        """Return the names of some outputs of laws."""
+        names = [f"{law.label}.{port}" for law in self.laws for port in law.element.ports(law.real).outputs]
+        return tuple(names[channel] for channel in channels)
 
 
 def _pinned(tangent: Tangent, drift: Array) -> list[int]:

@@ -7,6 +7,7 @@ laws are evaluated at all instants of all steps in one call.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import EngineError
+from engine.failures import numerical
 from engine.linear.chebyshev import NODES, coefficient_matrix, differentiation_matrix
 from engine.nonlinear.guards import crosses
 from engine.nonlinear.system import Instants
@@ -105,10 +107,9 @@ def solve(stepper: Stepper, board: Switchboard, straight: Lines) -> Chain | None
     straight : Lines
         The commands.
     """
-    try:
+    path = None
+    with contextlib.suppress(EngineError), numerical("a chain of steps"):
         path = _newton(stepper, board, straight)
-    except (np.linalg.LinAlgError, EngineError):
-        return None
     return None if path is None else _accepted(stepper, board, straight, path)
 
 

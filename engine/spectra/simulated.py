@@ -16,6 +16,7 @@ import numpy as np
 
 from engine.errors import SpectrumError
 from engine.evaluation import Evaluation
+from engine.failures import numerical
 from engine.linear.chebyshev import interior
 from engine.linear.curve import Curve
 from engine.metrics._base import NEGLIGIBLE
@@ -84,6 +85,7 @@ class Transient:
         return np.asarray(np.geomspace(low, scan[max(int(loud[-1]), 1)] if loud.size else 10 * low, count))
 
 
+@numerical()
 def transient(
     diagram: Diagram, signals: Mapping[str, Signal], output: str, *, overrides: Mapping[str, float] | None = None
 ) -> Transient:
@@ -177,6 +179,7 @@ def _settled(
     return subject
 
 
+@numerical()
 def steady_harmonics(
     diagram: Diagram,
     signals: Mapping[str, Signal],
@@ -215,6 +218,7 @@ def steady_harmonics(
     return harmonics_of_curve(_settled(diagram, signals, output, overrides).curve, fundamental, count)
 
 
+@numerical()
 def response_spectrum(
     diagram: Diagram,
     signals: Mapping[str, Signal],
@@ -248,6 +252,7 @@ def response_spectrum(
     return transient(diagram, signals, output, overrides=overrides).at(frequencies)
 
 
+@numerical()
 def waterfall(
     diagram: Diagram,
     signals: Mapping[str, Signal],

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import UnresolvedError
+from engine.failures import numerical
 from engine.linear.path import connected
 from engine.linear.sampled import Drive, simulate_sampled
 from engine.linear.tangent import INFINITESIMAL
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Samples = npt.NDArray[np.float64]
 
 
+@numerical()
 def respond(
     diagram: Diagram,
     inputs: Mapping[str, Samples],
@@ -67,6 +69,7 @@ def respond(
     return dict(zip(outputs, values, strict=True))
 
 
+@numerical()
 def tangents(
     diagram: Diagram,
     inputs: Mapping[str, Samples],
