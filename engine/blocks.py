@@ -17,8 +17,8 @@ from engine.bindings import Change
 from engine.elements import Realization
 from engine.errors import DiagramError, EngineError
 from engine.flatten import Flat
+from engine.names import no_parameter
 from engine.parameters import Param, ParameterInfo, Scalar
-from engine.scopes import listed
 from engine.traced import Graph, Traced
 
 MAX_STATES: Final = 200
@@ -183,9 +183,7 @@ class Blocks:
     def _slot(self, path: str) -> int:
         index = self._flat.numbers.paths.get(path)
         if index is None:
-            raise DiagramError(
-                f"parameter must be one of the system's ({listed(self._parameters)}), got '{path}'", at=(path,)
-            )
+            raise DiagramError(no_parameter(path, self._parameters), at=(path,))
         if self._parameters[path].bound:
             expression = self._bindings.slots[index].expression
             given = "" if expression is None else expression.text

@@ -26,6 +26,7 @@ from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
 from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
+from engine.names import no_parameter
 from engine.nonlinear import response as nonlinear
 from engine.resting import Resting, without_digits
 from engine.verdicts import Verdict
@@ -110,9 +111,7 @@ class Evaluation:
             return float(self.overrides[name])
         info = self.diagram.parameters.get(name)
         if info is None:
-            known = ", ".join(list(self.diagram.parameters)[:12])
-            msg = f"parameter must be one of the system's ({known}, ...), got '{name}'"
-            raise DiagramError(msg, at=("parameters", name))
+            raise DiagramError(no_parameter(name, self.diagram.parameters), at=("parameters", name))
         return info.value
 
     def derivatives(self, value: Array) -> npt.NDArray[np.float64]:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import Path
+from engine.names import no_parameter
 from optimizers.problem import ProblemError, Variable
 from optimizers.problem.errors import amount
 
@@ -136,7 +137,7 @@ class RecordedExperiment:
         for name, value in self.values.items():
             place = (*self.at, "parameters", name)
             if name not in diagram.parameters:
-                raise ProblemError(f"parameter must be one of the system's, got {name!r}", at=place)
+                raise ProblemError(no_parameter(name, diagram.parameters), at=place)
             if not math.isfinite(value):
                 raise ProblemError(f"{name} must be finite, got {value}", at=place)
         if not 0 <= self.split <= 1:
@@ -278,7 +279,7 @@ def _check_recording(diagram: Diagram, recording: Recording, at: Path) -> None:
 def _unknown(diagram: Diagram, variable: Variable, at: Path) -> Unknown:
     name = variable.parameter
     if name not in diagram.parameters:
-        raise ProblemError(f"parameter must be one of the system's, got {name!r}", at=(*at, "parameter"))
+        raise ProblemError(no_parameter(name, diagram.parameters), at=(*at, "parameter"))
     info = diagram.parameters[name]
     if info.bound:
         raise ProblemError(

@@ -14,16 +14,21 @@ from engine.errors import MaskError
 from engine.masks import Corners, Envelope, FrequencyBounds, Magnitude, Mask, Polyline, Rational
 from engine.metrics import catalogue
 from optimizers.problem import Goal, Sense
+from optimizers.problem.goals import only_places
 
 
-def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place) -> Goal:
-    """Return a goal in SI.
+def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, experiments: Sequence[str] = ()) -> Goal:
+    """Return a goal in SI; one that names no experiment, input or output takes the only one there is.
 
     Raises
     ------
     api.problems.Problem
         422 with the place of a quantity in a wrong unit, or of bounds that make no sense.
     """
+    only = only_places(document.metric, diagram, experiments)
+    document = document.model_copy(
+        update={name: value for name, value in only.items() if getattr(document, name) is None}
+    )
     metric = catalogue().get(document.metric)
     unit = _bound_unit(metric.unit if metric is not None else "", document, diagram)
     lower, upper, aim, tolerance = (

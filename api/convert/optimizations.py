@@ -36,6 +36,7 @@ def problem_from_wire(
     experiments = tuple(
         _experiment(e, diagram, ("experiments", i), read_channel) for i, e in enumerate(document.experiments)
     )
+    names = [experiment.name for experiment in experiments]
     return Problem(
         diagram=diagram,
         variables=tuple(
@@ -43,7 +44,9 @@ def problem_from_wire(
             for i, v in enumerate(document.variables if variables is None else variables)
         ),
         experiments=experiments,
-        goals=tuple(goal_from_wire(goal, diagram, ("goals", i)) for i, goal in enumerate(document.goals)),
+        goals=tuple(
+            goal_from_wire(goal, diagram, ("goals", i), experiments=names) for i, goal in enumerate(document.goals)
+        ),
         scenarios=tuple(
             overrides_from_wire(scenario, diagram, place=("scenarios", i))
             for i, scenario in enumerate(document.scenarios)

@@ -12,6 +12,7 @@ from api.pointers import Place
 from api.problems import invalid
 from api.units import UnitError, declared, known, to_si
 from engine.diagram import Diagram
+from engine.names import no_parameter
 from engine.verdicts import Measured
 
 _LARGEST = 1e100
@@ -103,7 +104,7 @@ def overrides_from_wire(given: Mapping[str, Any], diagram: Diagram, *, place: Pl
     for path, value in given.items():
         info = diagram.parameters.get(path)
         if info is None:
-            raise invalid(f"parameter must be one of the system's, got {path!r}", *place, path)
+            raise invalid(no_parameter(path, diagram.parameters), *place, path)
         if info.bound:
             raise invalid(
                 f"{path} must be a number to be replaced, but an expression gives it (replace what it is made of)",

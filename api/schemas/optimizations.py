@@ -91,7 +91,8 @@ class ExperimentDocument(Document):
 class GoalDocument(Document):
     """A metric as objective (`sense`), as constraint (`lower`, `upper` or `target`), or as both.
 
-    On the scale of all goals, `score`, a constraint is met at 1.
+    On the scale of all goals, `score`, a constraint is met at 1. A goal that names no experiment, input or output takes
+    the only one there is.
     """
 
     metric: str

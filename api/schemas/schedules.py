@@ -48,7 +48,9 @@ class ScheduleRequest(Document):
 
     name: str = Field(min_length=1, max_length=200)
     cron: str = Field(
-        max_length=200, description="minute, hour, day of month, month, day of week", examples=["30 2 * * mon-fri"]
+        max_length=200,
+        description="minute, hour, day of month, month, day of week; or @hourly, @daily, @weekly, @monthly, @yearly",
+        examples=["30 2 * * mon-fri", "@daily"],
     )
     time_zone: str = Field(default="UTC", max_length=64, description="IANA name", examples=["Europe/Bucharest"])
     job: Annotated[

@@ -21,6 +21,17 @@ GRACE = timedelta(seconds=60)
 
 _FIELDS = 5
 
+NICKNAMES = {
+    "@yearly": "0 0 1 1 *",
+    "@annually": "0 0 1 1 *",
+    "@monthly": "0 0 1 * *",
+    "@weekly": "0 0 * * 0",
+    "@daily": "0 0 * * *",
+    "@midnight": "0 0 * * *",
+    "@hourly": "0 * * * *",
+}
+"""What crontab(5) has words for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Calendar:
@@ -60,16 +71,21 @@ def calendar(cron: str, time_zone: str) -> Calendar:
         zone = ZoneInfo(time_zone)
     except (ZoneInfoNotFoundError, ValueError, OSError) as error:
         raise invalid(f"time_zone must be an IANA name such as Europe/Paris, got {time_zone!r}", "time_zone") from error
-    if len(cron.split()) != _FIELDS:
-        raise invalid(f"cron must have 5 fields: minute, hour, day of month, month, day of week, got {cron!r}", "cron")
+    fields = NICKNAMES.get(cron.strip().lower(), cron)
+    if len(fields.split()) != _FIELDS:
+        raise invalid(
+            "cron must have 5 fields: minute, hour, day of month, month, day of week, or be one of "
+            f"{', '.join(NICKNAMES)}, got {cron!r}",
+            "cron",
+        )
     found = None
     try:
-        found = next(CronSim(cron, datetime.now(zone)), None)
+        found = next(CronSim(fields, datetime.now(zone)), None)
     except CronSimError as error:
         raise invalid(f"cron must be an expression such as 30 2 * * mon-fri, got {cron!r}: {error}", "cron") from error
     if found is None:
         raise invalid(f"cron must have an instant within 50 years, got {cron!r}", "cron")
-    return Calendar(cron=cron, zone=zone)
+    return Calendar(cron=fields, zone=zone)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

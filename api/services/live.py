@@ -33,6 +33,7 @@ from engine.linear import sampling
 from engine.linear.system import LinearSystem
 from engine.measuring import MetricRequest, measure
 from engine.metrics import catalogue
+from engine.names import no_parameter
 from engine.signals import Signal, make
 from engine.signals.step import Step
 from engine.study import frequency_response, simulate
@@ -104,9 +105,10 @@ def open_panel(service: Installation, caller: Caller, request: LiveOpen) -> tupl
     diagram = subject.diagram
     for i, path in enumerate(request.parameters):
         info = diagram.parameters.get(path)
-        if info is None or info.bound:
-            rule = "one of the system's" if info is None else "a number, not an expression, to be varied"
-            raise invalid(f"parameter {path} must be {rule}", "parameters", i)
+        if info is None:
+            raise invalid(no_parameter(path, diagram.parameters), "parameters", i)
+        if info.bound:
+            raise invalid(f"{path} must be a number to be varied, but an expression gives it", "parameters", i)
     if request.input is None:
         signals: dict[str, Signal] = {diagram.inputs[0]: make("step", {})} if diagram.inputs else {}
     else:

@@ -39,6 +39,7 @@ from engine.diagram import Diagram
 from engine.errors import EngineError, IllPosedError
 from engine.influence import influence
 from engine.metrics import catalogue
+from engine.names import no_parameter
 from engine.prediction import predict
 from engine.signals import Signal, make
 from engine.study import MetricRequest, frequency_response, simulate
@@ -304,7 +305,7 @@ def _check_parameters(
             continue
         info = diagram.parameters.get(path)
         if info is None:
-            raise invalid(f"parameter must be one of the system's, got {path!r}", *place)
+            raise invalid(no_parameter(path, diagram.parameters), *place)
         if info.bound:
             raise invalid(f"{path} must be a number to be varied, but an expression gives it", *place)
     return commands

@@ -28,6 +28,7 @@ from api.services.results import Study
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
 from engine.errors import EngineError, UnresolvedError
+from engine.names import no_parameter
 from engine.nonlinear.recorded import WALL_LIMIT
 from engine.parameters import ParameterInfo
 from engine.validation.diagnosis import diagnose
@@ -172,7 +173,7 @@ def _movable(request: ValidationRequest, diagram: Diagram, values: Mapping[str, 
     for i, path in enumerate(dict.fromkeys(request.movable)):
         info = diagram.parameters.get(path)
         if info is None:
-            raise invalid(f"parameter must be one of the system's, got {path!r}", "movable", i)
+            raise invalid(no_parameter(path, diagram.parameters), "movable", i)
         if info.bound:
             raise invalid(f"{path} must be a number to be moved, but an expression gives it", "movable", i)
         found.append(_moving(info, values.get(path, info.value)))

@@ -107,6 +107,24 @@ class Goal:
         return tuple((bound, sign) for bound, sign in both if bound is not None)
 
 
+def only_places(metric: str, diagram: Diagram, experiments: Sequence[str]) -> dict[str, str]:
+    """Return where a metric is taken that names no place: the only experiment, input or output, where there is one.
+
+    Parameters
+    ----------
+    metric : str
+    diagram : Diagram
+    experiments : sequence of str
+        Their names.
+    """
+    known = metric_catalogue().get(metric)
+    if known is None:
+        return {}
+    there = {"experiment": experiments, "output": diagram.outputs, "source": diagram.inputs, "target": diagram.outputs}
+    needed = _NEEDS.get(known.domain, ())
+    return {name: there[name][0] for name in needed if name in there and len(there[name]) == 1}
+
+
 def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experiment], at: Path) -> MetricRequest:
     """Check a goal and return it as a request to the engine.
 
@@ -124,7 +142,9 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
     for name in _NEEDS.get(metric.domain, ()):
         if getattr(goal, name) is None:
             key = _WIRE.get(name, name)
-            raise ProblemError(f"{key} must be given for {goal.metric}, got nothing", at=(*at, key))
+            several = {"experiment": experiments, "source": diagram.inputs}.get(name, diagram.outputs)
+            which = f", one of {listed(several)}" if name != "open_at" else ""
+            raise ProblemError(f"{key} must be given for {goal.metric}{which}, got nothing", at=(*at, key))
     experiment = None
     if goal.experiment is not None:
         if goal.experiment not in experiments:

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from engine.errors import Path
+from engine.names import no_parameter
 from optimizers.problem.axes import Axis, logarithmic, range_of
 from optimizers.problem.errors import ProblemError
 
@@ -86,4 +87,4 @@ def parameter_of(diagram: Diagram, name: str, at: Path) -> ParameterInfo:
     try:
         return diagram.parameters[name]
     except KeyError:
-        raise ProblemError(f"parameter must be one of the system's, got {name!r}", at=at) from None
+        raise ProblemError(no_parameter(name, diagram.parameters), at=at) from None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine.errors import EngineError, Path
 from engine.expressions import Expression, parse
+from engine.names import no_parameter
 from optimizers.problem.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -67,7 +68,9 @@ def tie_of(
                 f"expression must be made of free variables and parameters, got {name}, which is tied", at=place
             )
         if name not in diagram.parameters:
-            raise ProblemError(f"expression must be made of the system's parameters, got {name!r}", at=place)
+            raise ProblemError(
+                f"expression of {variable.parameter}: {no_parameter(name, diagram.parameters)}", at=place
+            )
     if not any(name in free for name in expression.names):
         raise ProblemError(
             f"expression of {variable.parameter} must name at least one variable, got {variable.expression!r}", at=place

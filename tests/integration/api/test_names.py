@@ -75,3 +75,11 @@ def test_case_counts(client) -> None:
     reply = client.post("/v1/simulations", json=body)
     assert reply.status_code == 422
     assert "'j'" in reply.json()["detail"]
+
+
+def test_an_unknown_parameter_is_told_with_near_ones(client) -> None:
+    body = {"system": AXIS, "input": INPUT, "variants": [{"kp": 1}]}
+    told = client.post("/v1/simulations", json=body).json()
+    assert told["errors"] == [
+        {"pointer": "/variants/0/kp", "detail": "parameter must be one of the system's (near: Kp), got 'kp'"}
+    ]

@@ -38,6 +38,23 @@ def test_a_job_runs_once_where_clocks_change(cron, after, expected) -> None:
     assert instants(cron, "Europe/Berlin", after, 3) == expected
 
 
+@pytest.mark.parametrize(
+    ("cron", "expected"),
+    [
+        ("@hourly", ["2026-03-01T12:00", "2026-03-01T13:00"]),
+        ("@daily", ["2026-03-02T00:00", "2026-03-03T00:00"]),
+        ("@midnight", ["2026-03-02T00:00", "2026-03-03T00:00"]),
+        ("@Weekly", ["2026-03-08T00:00", "2026-03-15T00:00"]),  # Sundays
+        ("@monthly", ["2026-04-01T00:00", "2026-05-01T00:00"]),
+        ("@yearly", ["2027-01-01T00:00", "2028-01-01T00:00"]),
+        (" @annually ", ["2027-01-01T00:00", "2028-01-01T00:00"]),
+    ],
+)
+def test_nicknames_are_those_of_crontab(cron, expected) -> None:
+    found = calendar(cron, "UTC").following(utc("2026-03-01T11:30"), 2)
+    assert found == [utc(time) for time in expected]
+
+
 def test_the_29th_of_february_comes_every_fourth_year() -> None:
     assert calendar("0 0 29 2 *", "UTC").following(utc("2026-01-01T00:00"), 2) == [
         utc("2028-02-29T00:00"),
@@ -51,7 +68,8 @@ def test_the_29th_of_february_comes_every_fourth_year() -> None:
         ("61 * * * *", "UTC", "/cron", "got '61 * * * *'"),
         ("* * * *", "UTC", "/cron", "5 fields"),
         ("* * * * * *", "UTC", "/cron", "5 fields"),
-        ("@daily", "UTC", "/cron", "5 fields"),
+        ("@reboot", "UTC", "/cron", "or be one of @yearly"),
+        ("@every 5m", "UTC", "/cron", "@hourly, got '@every 5m'"),
         ("", "UTC", "/cron", "5 fields"),
         ("0 0 31 2 *", "UTC", "/cron", "day-of-month"),
         ("0 0 * * *", "Mars/Olympus", "/time_zone", "'Mars/Olympus'"),

@@ -69,7 +69,7 @@ def test_ports_of_a_state_space_have_names() -> None:
     diagram = diagram_from_wire(SystemDocument.model_validate(system))
     assert diagram.realize().d11.ravel().tolist() == [2.0, 4.0]
     with pytest.raises(ValidationError, match="pattern"):
-        SystemDocument.model_validate(alone(**block | {"inputs": ["a", "B"]}))
+        SystemDocument.model_validate(alone(**block | {"inputs": ["a", "1b"]}))
 
 
 def test_components_of_a_network_have_units() -> None:

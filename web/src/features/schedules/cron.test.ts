@@ -4,6 +4,7 @@ import { away, cronWords, zoned } from "./cron";
 it("says when in both languages", () => {
   expect(cronWords("30 2 * * mon-fri", "en")).toBe("At 02:30, Monday through Friday");
   expect(cronWords("30 2 * * mon-fri", "ro")).toMatch(/02:30.*luni/);
+  expect(cronWords("@daily", "en")).toBe("At 00:00");
   expect(cronWords("61 25 * * *", "en")).toBeNull();
 });
 
