@@ -115,6 +115,11 @@ class Motions:
         firsts = [min((s.breakpoints()[0] for s in row), key=lambda t: t.real) for row in self._rows()]
         return np.array(firsts, dtype=np.complex128)
 
+    def last_start(self) -> Array:
+        """Return when the last of the commands begins, shape (lanes,)."""
+        lasts = [max((s.breakpoints()[0] for s in row), key=lambda t: t.real) for row in self._rows()]
+        return np.array(lasts, dtype=np.complex128)
+
     def end(self) -> Array | None:
         """Return when the last of the commands ends, shape (lanes,); None when one goes on for ever."""
         rows = [[signal.end() for signal in row] for row in self._rows()]

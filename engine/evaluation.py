@@ -254,6 +254,7 @@ class Evaluation:
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict, incomplete=_cut_short(response.outcome, duration),
+            loading=_last_start(signals),
         )  # fmt: skip
 
     def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
@@ -342,6 +343,7 @@ class Evaluation:
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict, incomplete=incomplete,
             moving_start=motions.start() if motions else None, moving_end=motions.end() if motions else None,
+            loading=motions.last_start() if motions else _last_start(signals),
             fading=partial(self._fading, signals, output, response),
         )  # fmt: skip
 
@@ -393,6 +395,13 @@ def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:
     start = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
     ends = [signal.end() for signal in signals.values()]
     return start, None if any(e is None for e in ends) else max((float(e or 0.0) for e in ends), default=0.0)
+
+
+def _last_start(signals: Mapping[str, Signal]) -> Array:
+    """Return when the last of the commands begins, s, shape (1,)."""
+    return np.array(
+        [max((signal.breakpoints()[0] for signal in signals.values() if signal.breakpoints()), default=0.0)]
+    )
 
 
 def _reference(diagram: Diagram, signals: Mapping[str, Signal]) -> str | None:

@@ -18,6 +18,7 @@ from engine.limit_cycles import PredictedCycle, predicted
 from engine.linear.frequency import SMALLEST_LOOP_GAIN, FrequencyResponse
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
 from engine.measuring import MetricRequest, find, measured_of
+from engine.metric_options import USUAL, Options
 from engine.metrics import catalogue
 from engine.metrics._base import LoopMetric, PathMetric, SystemMetric
 from engine.metrics._loop import delay_margins, gain_margins, phase_margins
@@ -100,6 +101,7 @@ def frequency_response(
     open_at: str | None = None,
     frequencies: Real | None = None,
     metrics: Sequence[str] | None = None,
+    options: Options = USUAL,
 ) -> FrequencyStudy:
     """Return the response of a path, or of the open loop at ``open_at``, with its metrics.
 
@@ -116,6 +118,8 @@ def frequency_response(
         rad/s, rising, >= 0; chosen from poles, zeros and crossings when absent.
     metrics : sequence of str, optional
         By default those of the path, the loop and the poles that apply.
+    options : Options, optional
+        Numbers that some metrics take.
 
     Raises
     ------
@@ -155,7 +159,7 @@ def frequency_response(
     wanted = metrics
     if wanted is None:
         wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
-    requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at) for m in wanted]
+    requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at, options=options) for m in wanted]
     found = {r.metric: measured_of(diagram, r, find(evaluation, r, {})) for r in requests}
     return FrequencyStudy(
         frequency=chosen,

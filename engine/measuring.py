@@ -12,6 +12,7 @@ import numpy.typing as npt
 from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.evaluation import Evaluation
 from engine.failures import numerical
+from engine.metric_options import MEANINGS, USUAL, USUAL_BAND, Options
 from engine.metrics import Absent, Finding, Found, catalogue
 from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
 from engine.verdicts import Measured, Verdict
@@ -37,7 +38,7 @@ class MetricRequest:
 
     ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
     need none. ``duration`` limits integrals, s (None: infinity); ``band`` is what a metric of the spectrum looks at, rad/s;
-    ``mask`` is what a whole curve is held against.
+    ``mask`` is what a whole curve is held against; ``options`` are the numbers that some metrics take.
     """
 
     metric: str
@@ -49,6 +50,7 @@ class MetricRequest:
     duration: float | None = None
     band: tuple[float, float] | None = None
     mask: Mask | None = None
+    options: Options = USUAL
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1] < np.inf:
@@ -56,6 +58,11 @@ class MetricRequest:
             raise DiagramError(
                 f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", at=("band",)
             )
+
+    @property
+    def usual(self) -> bool:
+        """Whether its metric is the one that its name alone says: no number is given that changes it."""
+        return self.metric != "settling_time" or self.options.settling_band == USUAL_BAND
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,10 +207,12 @@ def _found(
         outputs = together.get(command_of(request), [str(request.output)])
         subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
         # a part of a run says nothing: its integrals are those of another, shorter one
-        return subject.incomplete or metric.measure(replace(subject, band=request.band, mask=request.mask))
+        return subject.incomplete or metric.measure(
+            replace(subject, band=request.band, mask=request.mask, options=request.options)
+        )
     if issubclass(metric, PathMetric):
         path = evaluation.path(str(request.source), str(request.target))
-        return metric.measure(replace(path, mask=request.mask))
+        return metric.measure(replace(path, mask=request.mask, options=request.options))
     if issubclass(metric, LoopMetric):
         return metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
     assert issubclass(metric, SystemMetric)
@@ -218,6 +227,9 @@ def _lacking(metric: type[Metric], request: MetricRequest) -> str:
         return "it needs 'from' (an input) and 'to' (an output)"
     if issubclass(metric, LoopMetric) and request.open_at is None:
         return "it needs 'open_at': where the loop is cut open"
+    number = request.options.lacking(metric.options)
+    if number:
+        return f"it needs '{number}': {MEANINGS[number]}"
     if metric.mask and request.mask is None:
         return f"it needs 'bounds': the {metric.mask} that the curve is held against"
     return ""
@@ -225,12 +237,13 @@ def _lacking(metric: type[Metric], request: MetricRequest) -> str:
 
 def unit_of(diagram: Diagram, request: MetricRequest) -> str:
     """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
-    unit = metric_named(request.metric).unit
+    metric = metric_named(request.metric)
+    unit = metric.unit
     if unit == "output/input":
         return named_unit(diagram, request.target)
     if "output" not in unit:
         return unit
-    own = named_unit(diagram, request.output)
+    own = named_unit(diagram, request.target if issubclass(metric, PathMetric) else request.output)
     if own == "1":
         return unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
     base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own

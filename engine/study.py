@@ -32,6 +32,7 @@ from engine.measuring import (
     named_unit,
     unit_of,
 )
+from engine.metric_options import USUAL, Options
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
 from engine.verdicts import Measured, Verdict
@@ -71,6 +72,7 @@ def simulate(
     samples: int = 1000,
     metrics: Sequence[str] | None = None,
     band: tuple[float, float] | None = None,
+    options: Options = USUAL,
 ) -> Simulation:
     """Return sampled curves, and metrics of the continuous response (they do not depend on ``samples``).
 
@@ -91,18 +93,20 @@ def simulate(
         Time metrics; by default all that have a value or a telling verdict for each output.
     band : (low, high), optional
         What a metric of the spectrum looks at, rad/s.
+    options : Options, optional
+        Numbers that some metrics take.
     """
     names = tuple(diagram.outputs if outputs is None else outputs)
     evaluation = Evaluation(diagram, overrides)
     if diagram.nonlinear:
         return _simulate_nonlinear(
-            evaluation, signals, names, duration=duration, samples=samples, metrics=metrics, band=band
+            evaluation, signals, names, duration=duration, samples=samples, metrics=metrics, band=band, options=options
         )
     response = evaluation.time_response(signals, names)
     length = duration if duration is not None else _length(evaluation, signals, names)
     time = np.linspace(0.0, length, samples)
     curves = _curves(evaluation, signals, names, time)
-    found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band)
+    found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band, options=options)
     remarks = (*diagram.warnings, *_hidden(response.hidden))
     return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
 
@@ -115,13 +119,17 @@ def _metrics(
     duration: float | None,
     metrics: Sequence[str] | None,
     band: tuple[float, float] | None,
+    options: Options,
 ) -> dict[str, dict[str, Measured]]:
     """Return the metrics of every output; by default those that have a value or a telling verdict."""
     diagram = evaluation.diagram
     found: dict[str, dict[str, Measured]] = {}
     for name in names:
         wanted = _fitting(named_unit(diagram, name)) if metrics is None else metrics
-        requests = [MetricRequest(metric=m, signals=signals, output=name, duration=duration, band=band) for m in wanted]
+        requests = [
+            MetricRequest(metric=m, signals=signals, output=name, duration=duration, band=band, options=options)
+            for m in wanted
+        ]
         together = {command_of(r): names for r in requests}
         found[name] = {r.metric: measured_of(diagram, r, find(evaluation, r, together)) for r in requests}
         if metrics is None:
@@ -138,6 +146,7 @@ def _simulate_nonlinear(
     samples: int,
     metrics: Sequence[str] | None,
     band: tuple[float, float] | None,
+    options: Options,
 ) -> Simulation:
     """Return curves and metrics of a system with nonlinear blocks; curves are NaN beyond where it could be followed."""
     for name in names:
@@ -167,7 +176,7 @@ def _simulate_nonlinear(
     return Simulation(
         time=time,
         curves=curves,
-        metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band),
+        metrics=_metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band, options=options),
         verdict=verdict,
         warnings=(*evaluation.diagram.warnings, *(Remark(at=("blocks",), detail=detail) for detail in advice)),
         error=outcome.error,

@@ -27,6 +27,8 @@ class Studies:
         samples: int | None = None,
         metrics: Sequence[str] | None = None,
         band: Sequence[float] | None = None,
+        settling_band: Any = None,
+        recovery_band: Any = None,
         variants: Sequence[Document] | None = None,
     ) -> Simulation:
         """Return the response to a command: curves and metrics, one set for each variant of the parameters.
@@ -45,6 +47,10 @@ class Studies:
             Points of each curve. Metrics do not depend on it.
         band : (low, high), optional
             What `band_energy` looks at, rad/s.
+        settling_band : float or quantity, optional
+            Half of the band of `settling_time`, a part of the way; 0.02 by default.
+        recovery_band : float or quantity, optional
+            Half of the band of `recovery_time`, in the unit of the output.
         variants : sequence of mappings, optional
             Parameter values to compare, `[{"kp": 50}, {"kp": 200}]`.
         """
@@ -56,6 +62,8 @@ class Studies:
             samples=samples,
             metrics=metrics,
             band=band,
+            settling_band=settling_band,
+            recovery_band=recovery_band,
             variants=variants,
         )
         return cast("Simulation", self._transport.post("/v1/simulations", body))
@@ -70,12 +78,14 @@ class Studies:
         frequencies: Sequence[float] | None = None,
         metrics: Sequence[str] | None = None,
         operating_point: Document | None = None,
+        noise_density: Any = None,
         variants: Sequence[Document] | None = None,
     ) -> FrequencyResponse:
         """Return the frequency response from an input to an output, or, with `open_at`, of the loop cut at that block.
 
         Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
         linearised where it rests under the constant inputs of `operating_point`, `{"reference": 0.1}`; 0 by default.
+        `noise_density` is the one-sided power spectral density of the noise of `noise_rms`, (unit of the input)² per Hz.
         """
         body = given(
             system=system,
@@ -84,6 +94,7 @@ class Studies:
             frequencies=frequencies,
             metrics=metrics,
             operating_point=operating_point,
+            noise_density=noise_density,
             variants=variants,
         ) | given(**{"from": from_})
         return cast("FrequencyResponse", self._transport.post("/v1/frequency-responses", body))
@@ -101,6 +112,9 @@ class Studies:
         from_: str | None = None,
         to: str | None = None,
         signal: Document | None = None,
+        settling_band: Any = None,
+        recovery_band: Any = None,
+        noise_density: Any = None,
         predict: Sequence[Document] | None = None,
     ) -> Influence:
         """Return how strongly each parameter moves each metric: exact elasticities, and eq. (4) at a finite change.
@@ -108,7 +122,8 @@ class Studies:
         `parameters` are paths of the system's, and `signals.<input>.<parameter>` of the command's. Where a nonlinear
         response cannot be differentiated, an elasticity comes from differences (`method`) with its estimated `error`.
         For each set of changes in `predict`, parameter -> new value or `{"change": 0.1}`, the reply tells what the
-        elasticities predict for every metric, what it really becomes, and the error.
+        elasticities predict for every metric, what it really becomes, and the error. The bands and the density are those of
+        `settling_time`, `recovery_time` and `noise_rms`.
         """
         body = given(
             system=system,
@@ -120,6 +135,9 @@ class Studies:
             open_at=open_at,
             to=to,
             signal=signal,
+            settling_band=settling_band,
+            recovery_band=recovery_band,
+            noise_density=noise_density,
             predict=predict,
         ) | given(**{"from": from_})
         return cast("Influence", self._transport.post("/v1/influence", body))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from api.convert.values import band_from_wire, optional_si, si
+from api.convert.values import band_from_wire, optional_si, options_from_wire, si
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.optimizations import BoundsDocument, GoalDocument, RationalDocument
@@ -43,6 +43,7 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, ex
         target=document.target,
         open_at=document.open_at,
         band=band_from_wire(document.band, place=(*place, "band")),
+        options=options_from_wire(document, diagram.output_units.get(document.output or "") or "", place=place),
         mask=_mask(document, diagram, metric.domain if metric is not None else "", place),
         sense=Sense(document.sense) if document.sense else None,
         lower=lower,
@@ -56,8 +57,9 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, ex
 
 def _bound_unit(unit: str, document: GoalDocument, diagram: Diagram) -> str:
     """Return the unit of a goal's bounds: the metric's own, or that of the output where the metric takes it from there."""
-    if unit == "output" and document.output is not None:
-        return diagram.output_units.get(document.output, "")
+    output = document.output or document.target
+    if unit == "output" and output is not None:
+        return diagram.output_units.get(output) or ""
     # Products with the output's unit, and gains of a path, are reduced to SI base units.
     return "" if "output" in unit else unit
 

@@ -12,6 +12,8 @@ from api.pointers import Place
 from api.problems import invalid
 from api.units import UnitError, declared, known, to_si
 from engine.diagram import Diagram
+from engine.errors import EngineError
+from engine.metric_options import Options
 from engine.names import no_parameter
 from engine.verdicts import Measured
 
@@ -62,6 +64,28 @@ def band_from_wire(given: Any, *, place: Place) -> tuple[float, float] | None:
     if not 0.0 <= low < high:
         raise invalid(f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", *place)
     return low, high
+
+
+def options_from_wire(given: Any, unit: str, *, place: Place) -> Options:
+    """Return the numbers that some metrics take, SI; ``unit`` is that of the output, "" reduces to base units.
+
+    Raises
+    ------
+    Problem
+        422 at the number that is out of its range.
+    """
+    units = {"settling_band": "1", "recovery_band": unit, "noise_density": ""}
+    values: dict[str, float] = {}
+    for name, expected in units.items():
+        value = getattr(given, name, None)
+        if name == "noise_density" and isinstance(value, Mapping):  # a density per Hz is one per cycle in a second
+            value = {**value, "unit": value["unit"].replace("/Hz", "*s")}
+        if value is not None:
+            values[name] = si(value, expected, name=name, place=(*place, name))
+    try:
+        return Options(**values)
+    except EngineError as error:
+        raise invalid(error.message, *place, *error.at) from error
 
 
 def nested_si(value: Any, unit: str, *, name: str, place: Place) -> Any:

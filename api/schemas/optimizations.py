@@ -15,6 +15,8 @@ from api.schemas.values import (
     Band,
     Document,
     Name,
+    OfPaths,
+    OfResponses,
     Overrides,
     Path,
     Port,
@@ -88,7 +90,7 @@ class ExperimentDocument(Document):
     duration: AutoOrQuantity = "auto"
 
 
-class GoalDocument(Document):
+class GoalDocument(OfResponses, OfPaths):
     """A metric as objective (`sense`), as constraint (`lower`, `upper` or `target`), or as both.
 
     On the scale of all goals, `score`, a constraint is met at 1. A goal that names no experiment, input or output takes

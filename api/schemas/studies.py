@@ -8,12 +8,22 @@ from pydantic import Field
 
 from api.schemas.signals import Inputs, SignalDocument
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Band, Change, Document, Overrides, Path, Port
+from api.schemas.values import (
+    AutoOrQuantities,
+    AutoOrQuantity,
+    Band,
+    Change,
+    OfPaths,
+    OfResponses,
+    Overrides,
+    Path,
+    Port,
+)
 
 Names = Annotated[list[str], Field(max_length=100)]
 
 
-class SimulationRequest(Document):
+class SimulationRequest(OfResponses):
     """A command on one or more inputs; the answers of the outputs and their metrics."""
 
     system: SystemRef
@@ -27,7 +37,7 @@ class SimulationRequest(Document):
     keep: bool = Field(default=False, description="remember the reply under /v1/results")
 
 
-class FrequencyRequest(Document):
+class FrequencyRequest(OfPaths):
     """A path from an input to an output, or the loop opened at a block's output."""
 
     system: SystemRef
@@ -46,7 +56,7 @@ class FrequencyRequest(Document):
     keep: bool = False
 
 
-class InfluenceRequest(Document):
+class InfluenceRequest(OfResponses, OfPaths):
     """How much each metric changes with each parameter."""
 
     system: SystemRef

@@ -12,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchem
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
+from engine.metric_options import MEANINGS
+
 NAME = "^[A-Za-z][A-Za-z0-9_]*$"
 PATH = "^[A-Za-z][A-Za-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"
 
@@ -170,3 +172,16 @@ AutoOrQuantities = TypeAliasType(
 """A list of quantities, or "auto"."""
 
 Band = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[low, high] in rad/s")]
+
+
+class OfResponses(Document):
+    """Numbers that metrics of a response take."""
+
+    settling_band: Quantity | None = Field(default=None, description=f"{MEANINGS['settling_band']}; default 0.02")
+    recovery_band: Quantity | None = Field(default=None, description=MEANINGS["recovery_band"])
+
+
+class OfPaths(Document):
+    """Numbers that metrics of a path take."""
+
+    noise_density: Quantity | None = Field(default=None, description=MEANINGS["noise_density"])

@@ -26,7 +26,7 @@ from api.convert.studies import (
     simulation_to_wire,
     warnings_to_wire,
 )
-from api.convert.values import band_from_wire, changes_from_wire, overrides_from_wire, si
+from api.convert.values import band_from_wire, changes_from_wire, options_from_wire, overrides_from_wire, si
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
@@ -97,6 +97,7 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
     metrics = check_metrics(request.metrics)
     duration = duration_from_wire(request.duration, place=("duration",))
     band = band_from_wire(request.band, place=("band",))
+    options = options_from_wire(request, "", place=())
     variants = variants_of(request.variants, diagram, signals)
     service.computing.check_size(samples=request.samples, curves=len(outputs) + 1, variants=len(variants))
 
@@ -110,6 +111,7 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
             samples=request.samples,
             metrics=metrics,
             band=band,
+            options=options,
         )
         return simulation_to_wire(found), found.warnings
 
@@ -147,6 +149,7 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
     _check_path(request, diagram)
     metrics = check_metrics(request.metrics)
     frequencies = frequencies_of(request.frequencies)
+    options = options_from_wire(request, "", place=())
     if request.operating_point:
         diagram = diagram.about(constants_from_wire(request.operating_point, diagram))
     variants = variants_of(request.variants, diagram)
@@ -162,6 +165,7 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
             open_at=request.open_at,
             frequencies=frequencies,
             metrics=metrics,
+            options=options,
         )
         return frequency_to_wire(found), found.warnings
 
@@ -247,6 +251,7 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
             target=target,
             duration=duration,
             band=band_from_wire(request.band, place=("band",)),
+            options=options_from_wire(request, diagram.output_units.get(request.output) or "", place=()),
         )
         for name in metrics
     }
@@ -285,11 +290,12 @@ def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> Metri
             output=request.output,
             duration=given["duration"],
             band=given["band"],
+            options=given["options"],
         )
     if domain == "loop":
         return MetricRequest(metric=name, open_at=request.open_at)
     if domain == "path":
-        return MetricRequest(metric=name, source=given["source"], target=given["target"])
+        return MetricRequest(metric=name, source=given["source"], target=given["target"], options=given["options"])
     return MetricRequest(metric=name)
 
 

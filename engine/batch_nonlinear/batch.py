@@ -246,7 +246,7 @@ class NonlinearBatch:
             for column, number in enumerate(experiment.requests):
                 request = self.requests[number]
                 own = curves[self._diagram.outputs.index(str(request.output))]
-                values[:, column], doubtful[:, column] = read(request.metric, own)
+                values[:, column], doubtful[:, column] = read(request.metric, own, request.options.settling_band)
                 floors[:, column] = floor(request.metric, own)
                 integral = request.metric in INTEGRALS and experiment.duration is None
                 settled &= own.still if integral else own.settled

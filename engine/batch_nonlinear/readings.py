@@ -320,7 +320,9 @@ def _rise_time(curves: Curves) -> Reading:
     return high - low, doubt | unsure_low | unsure_high
 
 
-def _entry(band: float) -> Callable[[Curves], Reading]:
+def settled_within(band: float) -> Callable[[Curves], Reading]:
+    """Return what reads the last entry into ± band of the way around the final value."""
+
     def read(curves: Curves) -> Reading:
         way, doubt = _way(curves)
         half = band * np.abs(way)
@@ -392,15 +394,15 @@ def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
     return read
 
 
-def read(metric: str, curves: Curves) -> Reading:
-    """Return a metric of `METRICS`."""
+def read(metric: str, curves: Curves, band: float) -> Reading:
+    """Return a metric of `METRICS`; ``band`` is that of a settling time."""
     with np.errstate(all="ignore"):  # what has no value is NaN
-        return METRICS[metric](curves)
+        return settled_within(band)(curves) if metric == "settling_time" else METRICS[metric](curves)
 
 
 METRICS: Mapping[str, Callable[[Curves], Reading]] = MappingProxyType(
     {
-        "rise_time": _rise_time, "settling_time": _entry(0.02), "response_time": _entry(0.05),
+        "rise_time": _rise_time, "settling_time": settled_within(0.02), "response_time": settled_within(0.05),
         "overshoot": _overshoot, "undershoot": _undershoot, "peak": _peak, "peak_time": _peak_time,
         "max_velocity": _peak, "max_acceleration": _peak, "control_effort": _peak,
         "steady_state_error": _steady_state_error,

@@ -123,7 +123,11 @@ class Batch:
         outputs: list[int] = []
         references: list[float] = []
         for index, request in enumerate(self.requests):
-            if request.metric not in TIME_READINGS or (command := _steps(request.signals, diagram)) is None:
+            if (
+                not request.usual
+                or request.metric not in TIME_READINGS
+                or (command := _steps(request.signals, diagram)) is None
+            ):
                 continue
             key = tuple(sorted(command.items()))
             if key not in known:

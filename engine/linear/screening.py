@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,13 +23,12 @@ from engine.linear.screening_frequency import LOOP_METRICS, PATH_METRICS, Path, 
 from engine.linear.screening_march import Lanes, Mesh, Responses, balance, march
 from engine.linear.screening_masks import LOOP_MASKS, PATH_MASKS, TIME_MASKS, ratio
 from engine.linear.screening_time import METRICS as TIME_METRICS
-from engine.linear.screening_time import Readings
+from engine.linear.screening_time import Readings, last_entry
 from engine.linear.screening_trace import Trace
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.system import Array, StackedSystem
-    from engine.masks import Mask
     from engine.signals import Signal
     from engine.study import MetricRequest
 
@@ -225,13 +225,13 @@ class Screening:
         if not which.any():
             return
         part, rows = run.take(which), index[which]
-        known: dict[tuple[int, int, str, Mask | None], Readings] = {}
+        known: dict[tuple[object, ...], Readings] = {}
         for column, experiment in self._experiment.items():
             request = self._requests[column]
             assert request.output is not None
             output = self._outputs.index(self._diagram.outputs.index(request.output))
             metric = _reading(request)
-            key = (experiment, output, request.metric, request.mask)
+            key = (experiment, output, request.metric, request.mask, request.options)
             if key not in known:
                 command = self._commands[experiment]
                 roles = self._diagram.input_roles
@@ -280,6 +280,8 @@ class Screening:
 
 def _reading(request: MetricRequest) -> Callable[[Trace], Readings]:
     """Return what reads a time metric off a response."""
+    if not request.usual:  # of another band
+        return partial(last_entry, band=request.options.settling_band)
     if request.mask is None:
         return TIME_METRICS[request.metric]
     mask, held = request.mask, TIME_MASKS[request.metric]

@@ -61,7 +61,7 @@ def rise_time(trace: Trace) -> Readings:
     return _readings(trace, _absent(_passage(trace, 0.9) - _passage(trace, 0.1), _relative(trace)))
 
 
-def _last_entry(trace: Trace, band: float) -> Readings:
+def last_entry(trace: Trace, band: float) -> Readings:
     """Return the last entry into ± band of the way around the final value."""
     batch = len(trace.values)
     size = np.abs(trace.final.real)
@@ -113,12 +113,12 @@ def _last_entry(trace: Trace, band: float) -> Readings:
 
 def settling_time(trace: Trace) -> Readings:
     """Last entry into ±2 % of the way."""
-    return _last_entry(trace, 0.02)
+    return last_entry(trace, 0.02)
 
 
 def response_time(trace: Trace) -> Readings:
     """Last entry into ±5 % of the way."""
-    return _last_entry(trace, 0.05)
+    return last_entry(trace, 0.05)
 
 
 def _excess(trace: Trace, sign: float) -> Readings:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.linear.curve import Curve
 from engine.linear.tangent import INFINITESIMAL
+from engine.metric_options import USUAL, Options
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -98,6 +99,10 @@ class TimeSubject:
         What the curve is held against.
     moving_start, moving_end : ndarray or None
         Start and end of the command with what the lanes carry; None where no lane moves them.
+    loading : ndarray, shape (lanes,) or (1,)
+        When the last command begins, that of a load say, s.
+    options : Options
+        Numbers that some metrics take.
     fading : callable
         Returns y - final from the end of the command on, with the digits of what is left of it; None where it is not known.
     """
@@ -116,6 +121,8 @@ class TimeSubject:
     mask: Mask | None = None
     moving_start: Array | None = None
     moving_end: Array | None = None
+    loading: Array = field(default_factory=lambda: np.zeros(1))
+    options: Options = USUAL
     fading: Callable[[], Curve | None] = _unknown
 
     @property
@@ -143,6 +150,7 @@ class PathSubject:
     own: Poles
     verdict: Verdict
     mask: Mask | None = None
+    options: Options = USUAL
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,6 +191,10 @@ class Metric(abc.ABC):
     """Units of the outputs that it is shown for by default; empty for any."""
     mask: ClassVar[MaskKind] = ""
     """What a request must bring besides, for a metric that holds a whole curve against something."""
+    options: ClassVar[tuple[str, ...]] = ()
+    """Names of the numbers that it takes; see :class:`Options`."""
+    by_default: ClassVar[bool] = True
+    """Whether it is among the metrics of a study that names none; those that take a number are where it is given."""
     absent_is_infinite: ClassVar[bool] = False
     """``never_crosses`` or ``not_oscillatory`` means that it is as large as can be: no finite margin or bandwidth, no pole."""
 
@@ -296,7 +308,7 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
     assert subject.final is not None
     _, way, sign = span(subject)
     half = band * way * sign
-    away = _away(subject, float(half[0].real))
+    away = away_from(subject, subject.final, float(half[0].real))
     candidates = []
     for edge in (half, -half):
         last = next((instant for instant, _ in away.crossings(edge, backwards=True)), None)
@@ -304,20 +316,20 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
             candidates.append(last)
     zero = subject.curve.edges[0]
     entry = max(candidates, key=lambda instant: float(instant[0].real)) if candidates else zero
-    return Found(value=subject.since_start(entry), at=float(entry[0].real), one_sided=_grazes(away, half))
+    return Found(value=subject.since_start(entry), at=float(entry[0].real), one_sided=grazes(away, half))
 
 
-def _away(subject: TimeSubject, reach: float) -> Curve:
-    """Return how far the output is from its final value, with the digits that leaving a band of ± ``reach`` asks for."""
+def away_from(subject: TimeSubject, level: Array, reach: float) -> Curve:
+    """Return how far the output is from a level near its final value, with the digits that leaving ± ``reach`` asks for."""
     assert subject.final is not None
     largest = float(np.abs(subject.curve.values[:, :, 0].real).max())
     left = subject.fading() if reach < _THIN * largest else None
     if left is not None and float(np.abs(left.values[:, :, 0].real).max()) > reach:
-        return left
-    return subject.curve + (-subject.final)
+        return left + (subject.final - level)
+    return subject.curve + (-level)
 
 
-def _grazes(away: Curve, half: Array) -> bool:
+def grazes(away: Curve, half: Array) -> bool:
     """Return whether a turning point just touches the band: a little more or less, and the last entry jumps there."""
     reach = float(half[0].real)
     _, turns = away.turnings(0.9 * reach)

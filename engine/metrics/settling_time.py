@@ -1,6 +1,6 @@
-"""When the output enters the ±2 % band for the last time.
+"""When the output enters the band around its final value for the last time.
 
-t_s = min t such that |y(t') - y∞| <= 0.02 |y∞ - y0| for all t' >= t
+t_s = min t such that |y(t') - y∞| <= b |y∞ - y0| for all t' >= t;   b = 0.02 unless `settling_band` says otherwise
 """
 
 from __future__ import annotations
@@ -15,19 +15,21 @@ if TYPE_CHECKING:
 
 @final
 class SettlingTime(TimeMetric):
-    """When the output enters the ±2 % band for the last time."""
+    """When the output enters the band around its final value for the last time."""
 
     kind: ClassVar[str] = "settling_time"
     title: ClassVar[str] = "Settling time"
     unit: ClassVar[str] = "s"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = (
-        "Time from the command's start to the last entry into the band of ±2 % of the way around the final value."
+        "Time from the command's start to the last entry into the band of ±2 % of the way around the final value, "
+        "or of ± `settling_band` of it."
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[int] = 1
+    options: ClassVar[tuple[str, ...]] = ("settling_band",)
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:
         """Return the value or the reason why there is none."""
-        return last_entry(subject, 0.02)
+        return last_entry(subject, subject.options.settling_band)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from engine.errors import EngineError, Path
 from engine.masks import Envelope, FrequencyBounds, Mask, Polyline
+from engine.metric_options import MEANINGS, USUAL, Options
 from engine.metrics import catalogue as metric_catalogue
 from engine.study import MetricRequest
 from optimizers.problem.errors import ProblemError, listed
@@ -56,6 +57,8 @@ class Goal:
         upper bound.
     aim : float, optional
         Value to be hit, within ``tolerance`` (1 % of it by default); becomes ``lower`` and ``upper``.
+    options : Options
+        Numbers that some metrics take: the band of a recovery time, say.
     hard : bool
         Whether the bounds must hold. Soft ones are approached: beside an objective an excess counts ``weight`` times, without
         one the worst weighted excess is made as small as possible.
@@ -76,6 +79,7 @@ class Goal:
     aim: float | None = None
     tolerance: float | None = None
     hard: bool = True
+    options: Options = USUAL
 
     def __post_init__(self) -> None:
         if self.aim is not None and self.lower is None and self.upper is None:
@@ -139,6 +143,7 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
     _check_bounds(goal, at)
     metric = metrics[goal.metric]
     _check_mask(goal, metric.mask, at)
+    _check_options(goal, metric.options, at)
     for name in _NEEDS.get(metric.domain, ()):
         if getattr(goal, name) is None:
             key = _WIRE.get(name, name)
@@ -172,6 +177,7 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
         duration=experiment.duration if experiment is not None else None,
         band=goal.band,
         mask=goal.mask,
+        options=goal.options,
     )
 
 
@@ -205,7 +211,8 @@ def check_together(goals: Sequence[Goal]) -> None:
 
 def _place(goal: Goal) -> tuple[object, ...]:
     return (
-        goal.metric, goal.experiment, goal.output, goal.source, goal.target, goal.open_at, goal.band, goal.mask
+        goal.metric, goal.experiment, goal.output, goal.source, goal.target, goal.open_at, goal.band, goal.mask,
+        goal.options,
     )  # fmt: skip
 
 
@@ -243,6 +250,15 @@ def _check_aim(goal: Goal, at: Path) -> None:
     reach = ON_AIM * abs(goal.aim) if goal.tolerance is None else goal.tolerance
     if (goal.lower, goal.upper) != (goal.aim - reach, goal.aim + reach):
         raise ProblemError("target must be given without lower and upper, got both", at=(*at, "target"))
+
+
+def _check_options(goal: Goal, takes: tuple[str, ...], at: Path) -> None:
+    name = goal.options.lacking(takes)
+    if name:
+        raise ProblemError(f"{name} must be given for {goal.metric} ({MEANINGS[name]}), got nothing", at=(*at, name))
+    name = goal.options.needless(takes)
+    if name:
+        raise ProblemError(f"{name} must be left out for {goal.metric}: it takes no such number", at=(*at, name))
 
 
 def _check_mask(goal: Goal, needs: str, at: Path) -> None:

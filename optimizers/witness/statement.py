@@ -147,8 +147,14 @@ class _Bench:
         elif name == "residual_vibration" and settles and None not in ends:
             end = max(float(end or 0.0) for end in ends)
             value = timing.residual_vibration(self._trace(request, signals, None), end)
+        elif name == "recovery_time" and settles and request.options.recovery_band is not None:
+            loads = max(signal.breakpoints()[0] for signal in signals.values())
+            value = timing.recovery_time(self._trace(request, signals, None), request.options.recovery_band, loads)
         elif name in _OF_TRACES and settles:
-            value = _OF_TRACES[name](self._trace(request, signals, None))
+            trace = self._trace(request, signals, None)
+            value = (
+                _OF_TRACES[name](trace) if request.usual else timing.last_entry(trace, request.options.settling_band)
+            )
         return value
 
     def _held(self, request: MetricRequest, signals: Mapping[str, Signal], *, settles: bool) -> float | None:

@@ -157,6 +157,23 @@ def last_entry(trace: Trace, band: float) -> float:
     return max(found) - trace.begin if found else float(trace.starts[0]) - trace.begin
 
 
+def recovery_time(trace: Trace, band: float, start: float) -> float:
+    """Last passage of either edge of an absolute band around where the output was just before a load, since the load.
+
+    Raises
+    ------
+    ValueError
+        Where the output does not come back.
+    """
+    first = float(trace.starts[0])
+    before = trace.initial if start <= first else float(trace.cut(first, start).values[-1, -1])
+    if trace.final is None or abs(trace.final - before) > band:
+        raise ValueError("not back")
+    after = trace.cut(start, trace.end)
+    found = [t for edge in (band, -band) for t in after.crossings(before + edge)]
+    return max(found) - start if found else 0.0
+
+
 def overshoot(trace: Trace) -> float:
     """(max - final) / way, of an output that rises."""
     way = _way(trace)
