@@ -105,13 +105,15 @@ def _bound_memory(limit: int) -> int:
 def _optimization(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any] | Parts:
     watch = _Watch(reporter, kept=job.state, given=spreading.grid_state(job.parts))
     return optimizations.run(
-        job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts
+        job.body, database=database, workspace=job.workspace_id, monitor=watch, parts=job.parts, seconds=job.seconds
     )  # fmt: skip
 
 
 def _identification(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:
     watch = _Watch(reporter, kept=job.state)
-    return identifications.run(job.body, database=database, workspace=job.workspace_id, monitor=watch)
+    return identifications.run(
+        job.body, database=database, workspace=job.workspace_id, monitor=watch, seconds=job.seconds
+    )  # fmt: skip
 
 
 def _validation(job: ComputeJob, database: Database, reporter: Reporter) -> Mapping[str, Any]:

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from optimizers.evaluate import Assessment, Matrix
 from optimizers.search import Tracker
 
-_FIRST = 128
+_FIRST, _FIRST_SIMULATED = 128, 8
+"""Points of the first block, and where each is simulated by itself: there a single one may take a second."""
 _LARGEST = 16_384
 _SHORT, _LONG = 0.15, 0.4
 """Seconds: blocks that take less grow, those that take more shrink."""
@@ -36,7 +37,7 @@ def in_blocks(tracker: Tracker, positions: Matrix, *, roughly: bool = False) -> 
     Stopped
         When cancelled or out of budget.
     """
-    size, first = _FIRST, 0
+    size, first = _FIRST_SIMULATED if tracker.evaluator.problem.diagram.nonlinear else _FIRST, 0
     while first < len(positions):
         left = tracker.budget - tracker.evaluator.evaluations
         rows = slice(first, min(first + size, len(positions), first + max(left, 1)))

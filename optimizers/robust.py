@@ -87,7 +87,9 @@ def solve_robust(problem: Problem, minimize: Callable[[Problem, Monitor], Result
         rounds=rounds, evaluations=spent,
     )  # fmt: skip
     status, advice = result.status, result.advice
-    if status is Status.CONVERGED and threat.violation > TOLERANCE:
+    if status is Status.CONVERGED and monitor.cancelled():
+        status, advice = Status.CANCELLED, "cancelled: this is the best point until then."
+    elif status is Status.CONVERGED and threat.violation > TOLERANCE:
         status = Status.STALLED
         advice = (
             f"somewhere in the ranges a goal is still broken by {threat.violation:.3g}: "

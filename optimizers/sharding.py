@@ -12,6 +12,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from optimizers.expectation import Draws, drawn, draws_of
 from optimizers.methods.grid import Design, Grid, design_of, first_look
 from optimizers.problem import Problem
 from optimizers.result import Monitor, share_name
-from optimizers.search import Tracker
+from optimizers.search import Stopped, Tracker
 from optimizers.solving import yield_randomness
 from optimizers.turned import turned
 
@@ -54,15 +55,20 @@ def cut_grid(kind: str, problem: Problem, options: Mapping[str, Any]) -> list[St
 
 
 def look_at(problem: Problem, options: Mapping[str, Any], stretch: Stretch, *, monitor: Monitor) -> dict[str, Any]:
-    """Return what the first look at a stretch of a grid finds: arrays of ``objective``, ``violation``, ``doubtful``."""
+    """Return what the first look at a stretch of a grid finds: arrays of ``objective``, ``violation``, ``doubtful``.
+
+    Stopped, it returns what it found until then; points that it did not come to have neither number.
+    """
     first, last = stretch
     tracker = Tracker(Evaluator(problem), monitor, budget=10**9)
-    found = list(first_look(tracker, _design(problem, options), first, last))
-    return {
-        **{name: np.concatenate([getattr(part, name) for _, part in found]) for name in ("objective", "violation")},
-        "doubtful": np.concatenate([part.doubtful for _, part in found]).astype(float),
-        "evaluations": tracker.evaluator.evaluations,
-    }
+    found = {name: np.full(last - first, np.nan) for name in ("objective", "violation")}
+    doubtful = np.zeros(last - first)
+    with suppress(Stopped):
+        for rows, block in first_look(tracker, _design(problem, options), first, last):
+            here = slice(rows.start - first, rows.stop - first)
+            found["objective"][here], found["violation"][here] = block.objective, block.violation
+            doubtful[here] = block.doubtful
+    return {**found, "doubtful": doubtful, "evaluations": tracker.evaluator.evaluations}
 
 
 def looked_at(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -20,10 +20,11 @@ from optimizers.certificate import TOLERANCE
 from optimizers.compared import numbers_of
 from optimizers.evaluate import Evaluator
 from optimizers.expectation import expected
+from optimizers.limits import Limited
 from optimizers.measuring import measured
 from optimizers.neighbours import settle
 from optimizers.problem import Problem, ProblemError
-from optimizers.result import Gap, Monitor, Result, Share, Status, Unwatched
+from optimizers.result import Gap, Monitor, Result, Share, Unwatched
 from optimizers.robust import solve_robust
 
 MOST_SAMPLES = 100_000
@@ -84,6 +85,7 @@ def solve(
     monitor: Monitor | None = None,
     checks: Sequence[str] = (),
     samples: int = 0,
+    seconds: float | None = None,
 ) -> Result:
     """Solve a problem with everything around it.
 
@@ -99,21 +101,23 @@ def solve(
         Kinds of methods that solve the same problem with their defaults, to show how far apart they end.
     samples : int
         Draws of the uncertain parameters for the yield; 0 for none.
+    seconds : float, optional
+        How long it may take; the search ends before, and its best point until then is the result.
 
     Raises
     ------
     ProblemError
         An unknown method or option, a goal that does not exist under its experiment, a yield without uncertain parameters.
     """
-    watch = monitor or Unwatched()
+    watch = Limited(monitor or Unwatched(), _time_of(options, seconds))
     check_applicable(problem)
     check_request(problem, checks=checks, samples=samples)
     parts = 1 + len(checks)
-    result = _solved(kind, problem, options or {}, Share(watch, 0.0, 0.9 / parts))
-    if checks and result.status is not Status.CANCELLED:
+    result = watch.told(_solved(kind, problem, options or {}, Share(watch, 0.0, 0.9 / parts)))
+    if checks and not watch.cancelled():
         gaps = []
         for number, other in enumerate(checks, start=1):
-            found = _solved(other, problem, {}, Share(watch, 0.9 * number / parts, 0.9 / parts))
+            found = watch.told(_solved(other, problem, {}, Share(watch, 0.9 * number / parts, 0.9 / parts)))
             gaps.append(_gap(other, result, found))
         result = replace(result, gaps=tuple(gaps))
     if samples and not watch.cancelled():
@@ -159,6 +163,7 @@ def compare(
     monitor: Monitor | None = None,
     checks: Sequence[str] = (),
     samples: int = 0,
+    seconds: float | None = None,
 ) -> Comparison:
     """Solve problems that differ in their structure, with the same goals, and say which is the best.
 
@@ -171,13 +176,13 @@ def compare(
     """
     if len(problems) < 2:
         raise ProblemError(f"alternatives must be at least two systems, got {len(problems)}", at=("alternatives",))
-    watch = monitor or Unwatched()
+    watch = Limited(monitor or Unwatched(), seconds)
     first, *_ = problems.values()
     results: dict[str, Result] = {}
     for number, (name, problem) in enumerate(problems.items()):
         share = Share(watch, number / len(problems), 1 / len(problems))
         share.progress(0.0, f"{name}: {number + 1} of {len(problems)}")
-        results[name] = solve(kind, problem, options, monitor=share, checks=checks, samples=samples)
+        results[name] = watch.told(solve(kind, problem, options, monitor=share, checks=checks, samples=samples))
     scale = Evaluator(first)
     objectives = {name: _comparable(scale, result) for name, result in results.items()}
 
@@ -193,6 +198,12 @@ def _comparable(scale: Evaluator, result: Result) -> float:
     values = numbers_of(scale.problem.goals, [[report.after for report in result.goals]])
     wanted = [g for g in scale.problem.objectives if np.isnan(values[0, g])]
     return float("nan") if wanted else float(scale.objectives(np.nan_to_num(values)).max())
+
+
+def _time_of(options: Mapping[str, Any] | None, seconds: float | None) -> float | None:
+    """Return the shorter of the time that the caller gives and the ``max_seconds`` of the method; None without either."""
+    own = (options or {}).get("max_seconds") or None
+    return min((limit for limit in (own, seconds) if limit is not None), default=None)
 
 
 def _solved(kind: str, problem: Problem, options: Mapping[str, Any], monitor: Monitor) -> Result:

@@ -16,8 +16,11 @@ class QueueDocument(Document):
         default="normal", description="among the jobs of the workspace; workspaces take turns"
     )
     time_limit: float | None = Field(
-        default=None, gt=0, le=31_536_000, description="longest time of the computation, s; it fails after that"
+        default=None,
+        gt=0,
+        le=31_536_000,
+        description="longest time of the computation, s; a search returns its best point until then, anything else fails",
     )
     deadline: Annotated[AwareDatetime, Field(strict=False)] | None = Field(
-        default=None, description="when it must have ended; it fails after that"
+        default=None, description="when it must have ended; as with `time_limit`"
     )

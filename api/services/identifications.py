@@ -18,6 +18,7 @@ from api.services.recordings import recording_of
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
 from optimizers.identification import identify
+from optimizers.limits import Limited
 from optimizers.recording import Recording
 from optimizers.result import Monitor
 from storage.session import Database
@@ -57,14 +58,16 @@ def submit(
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
-def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:
-    """Compute an identification (in a worker) and return what is remembered of it."""
+def run(
+    body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor, seconds: float | None = None
+) -> dict[str, Any]:
+    """Compute an identification (in a worker), within so many ``seconds``, and return what is remembered of it."""
     if body["request"].get("method", "grey_box") != "grey_box":
         return direct_identifications.run(body, database=database, workspace=workspace, monitor=monitor)
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
     problem = identification_from_wire(request, diagram, _recordings(request, diagram, database, workspace))
-    found = identify(problem, rng=np.random.default_rng(_SEED), monitor=monitor)
+    found = identify(problem, rng=np.random.default_rng(_SEED), monitor=Limited(monitor, seconds))
     reference = body["system_reference"]
     result = identified_to_wire(found, problem, system=reference)
     place = ("system",) if reference is None else None

@@ -28,6 +28,7 @@ from engine.errors import EngineError
 from engine.study import simulate
 from optimizers import methods
 from optimizers.expectation import expected
+from optimizers.limits import Limited
 from optimizers.problem import Problem
 from optimizers.result import Monitor, Result, Share
 from optimizers.sharding import Stretch, cut_draws
@@ -147,6 +148,7 @@ def run(
     workspace: str,
     monitor: Monitor,
     parts: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
+    seconds: float | None = None,
 ) -> dict[str, Any] | Parts:
     """Compute an optimisation (in a worker) and return what is remembered of it, or the parts that are to be computed first.
 
@@ -154,6 +156,8 @@ def run(
     ----------
     parts : mapping
         What the parts found that were asked for before, see `api.services.spreading`.
+    seconds : float, optional
+        How long it may take: a search that does not end before is stopped, and its best point is the result.
     """
     finished = spreading.with_yield(parts)
     if finished is not None:
@@ -168,11 +172,13 @@ def run(
         diagram = compiled(body["request"]["system"], place=("system",))
         problem = problem_from_wire(request, diagram, read_channel=read_channel)
         if "part" in body:
-            return spreading.compute_part(body["part"], problem, options, samples=samples, monitor=monitor)
+            return spreading.compute_part(
+                body["part"], problem, options, samples=samples, monitor=Limited(monitor, seconds)
+            )
         cut = None if parts else spreading.cut_grid(kind, problem, options)
         if cut is not None:
             return cut
-        result = solve(kind, problem, options, monitor=monitor, checks=request.cross_check)
+        result = solve(kind, problem, options, monitor=monitor, checks=request.cross_check, seconds=seconds)
         if samples:
             result, stretches = _with_yield(problem, result, options, samples, monitor)
     else:
@@ -184,7 +190,7 @@ def run(
             for i, alternative in enumerate(body["request"]["alternatives"])
         }  # fmt: skip
         compared = compare(
-            kind, problems, options, monitor=monitor, checks=request.cross_check, samples=samples
+            kind, problems, options, monitor=monitor, checks=request.cross_check, samples=samples, seconds=seconds
         )  # fmt: skip
         problem, result = problems[compared.best], compared.results[compared.best]
         diagram = problem.diagram

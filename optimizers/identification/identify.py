@@ -17,6 +17,7 @@ from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
 from optimizers.identification.result import Fits, Identified, Judged
 from optimizers.identification.search import CancelledError, Search
+from optimizers.limits import Limited
 from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
 from optimizers.noise import fitted
 from optimizers.result import Keeper, Monitor, Status, Unwatched, kept_by
@@ -100,7 +101,8 @@ def _searched(search: Search, rng: np.random.Generator) -> tuple[Minimum | None,
             least_gain=LEAST_GAIN, reached=_reached(kept), tell=tell,
         )  # fmt: skip
     except CancelledError:
-        return search.best, Status.CANCELLED
+        over = isinstance(search.monitor, Limited) and search.monitor.over
+        return search.best, Status.BUDGET if over else Status.CANCELLED
     if found is None:
         return None, Status.STALLED
     return found, Status.CONVERGED if found.converged else Status.BUDGET

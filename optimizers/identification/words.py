@@ -73,7 +73,9 @@ def advice(status: Status, unknowns: Sequence[Unknown], x: Samples, indistinguis
     if status is Status.CANCELLED:
         said.append("Cancelled: these are the best values met before.")
     if status is Status.BUDGET:
-        said.append("The search had not settled when its evaluations were used up: start nearer, or narrow the bounds.")
+        said.append(
+            "The search had not settled when its evaluations or its time were used up: start nearer, or narrow the bounds."
+        )
     for unknown, c in zip(unknowns, x, strict=False):
         value = unknown.value(float(c))
         for side, bound in (("lower", unknown.lower), ("upper", unknown.upper)):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from optimizers.limits import Limited
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Monitor, Result, Unwatched
@@ -57,4 +58,5 @@ def minimize(
         raise ProblemError(f"kind must be one of {', '.join(methods)}, got {kind!r}", at=("method", "kind"))
     resolved = methods[kind].resolve(options or {})
     rng = np.random.default_rng(resolved.get("seed", 0))
-    return methods[kind]().minimize(problem, resolved, rng=rng, monitor=monitor or Unwatched())
+    watch = Limited(monitor or Unwatched(), resolved["max_seconds"] or None)
+    return watch.told(methods[kind]().minimize(problem, resolved, rng=rng, monitor=watch))

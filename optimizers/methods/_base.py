@@ -13,6 +13,12 @@ from engine.parameters import Param
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Monitor, Result
 
+MAX_SECONDS = Param(
+    name="max_seconds", symbol="", unit="s", doc="how long it may take, the proof included; 0 is no limit", default=0,
+    lower=0, upper=1e8,
+)  # fmt: skip
+"""An option of every method: its best point until then is the result."""
+
 
 class Method(abc.ABC):
     """A way to choose the variables. One subclass in one file; the catalogue finds it there.

@@ -19,7 +19,7 @@ from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.evaluate import Evaluator
 from optimizers.evenly import sobol_sequence
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem
 from optimizers.result import Monitor, Quiet, Result
 from optimizers.search import Stopped, Tracker
@@ -45,6 +45,7 @@ class Auto(Method):
     options: ClassVar[tuple[Param, ...]] = (
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
         Param(name="max_evaluations", symbol="", unit="1", doc="evaluations of all goals in all scenarios; 0 leaves it to the method", default=0, lower=0, upper=1e7),
+        MAX_SECONDS,
     )  # fmt: skip
 
     def minimize(

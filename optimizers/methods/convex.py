@@ -23,7 +23,7 @@ from optimizers.convex.ratios import INTEGRATED_ERROR, ratios_of
 from optimizers.convex.youla import best_linear
 from optimizers.evaluate import Evaluator
 from optimizers.evenly import sobol_sequence
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Monitor, Result, Status
@@ -63,6 +63,7 @@ class Convex(Method):
             doc="linear: also a bound that no linear controller can beat, of whatever order, in the place of this one",
         ),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
+        MAX_SECONDS,
     )
 
     def minimize(

@@ -23,7 +23,7 @@ from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
@@ -65,6 +65,7 @@ class Global(Method):
         Param(name="restarts", symbol="", unit="1", doc="further runs, each with twice the population", default=3, lower=0, upper=20),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
         Param(name="max_evaluations", symbol="", unit="1", doc="evaluations of all goals in all scenarios", default=30_000, lower=0, upper=1e8),
+        MAX_SECONDS,
     )  # fmt: skip
 
     def minimize(

@@ -21,7 +21,7 @@ from optimizers.certificate import TOLERANCE
 from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
 from optimizers.proving import descend_to_proof
 from optimizers.report import conclude, unstable_advice
@@ -63,6 +63,7 @@ class Gradient(Method):
             lower=0,
             upper=1e7,
         ),
+        MAX_SECONDS,
     )
 
     def minimize(

@@ -17,7 +17,7 @@ from optimizers.blocks import in_blocks
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.maps import Combinations, around, places, sample
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import GridMap, Monitor, Result, Status, kept_by
@@ -52,6 +52,7 @@ class Grid(Method):
         Param(name="shards", symbol="", unit="1", doc="parts into which a full grid is cut along its first variable", default=1, lower=1, upper=1e6),
         Param(name="shard", symbol="", unit="1", doc="which part this run evaluates, from 0", default=0, lower=0, upper=1e6),
         Param(name="seed", symbol="", unit="1", doc="makes a sample repeatable", default=0, lower=0, upper=2**32 - 1),
+        MAX_SECONDS,
     )  # fmt: skip
 
     def minimize(
@@ -206,11 +207,19 @@ def _evaluate(
 def _take_over(
     tracker: Tracker, design: Design, objective: Vector, violation: Vector, doubtful: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> None:  # fmt: skip
-    """Go on from the scores of a first look that was taken elsewhere."""
+    """Go on from the scores of a first look that was taken elsewhere.
+
+    Raises
+    ------
+    Stopped
+        When cancelled, or when that look was.
+    """
     order = _order(objective, violation)
     sure = order[~doubtful[order]] if not doubtful.all() else order
     index = int(sure[0])
     tracker.offer(design.rows(index, index + 1)[0], float(objective[index]), float(violation[index]))
+    if np.isnan(violation).any():  # whoever looked was stopped
+        raise Stopped(cancelled=True)
     _look_again(tracker, design, objective, violation, doubtful)
 
 

@@ -27,7 +27,7 @@ from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
 from optimizers.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
 from optimizers.fronts import hypervolume, knee, undominated
-from optimizers.methods._base import Method
+from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Sense, Vector
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Front, FrontPoint, Keeper, Monitor, Result, Status, kept_by
@@ -58,6 +58,7 @@ class Pareto(Method):
         Param(name="generations", symbol="", unit="1", doc="generations of the evolution", default=60, lower=1, upper=10_000),
         Param(name="seed", symbol="", unit="1", doc="makes the run repeatable", default=0, lower=0, upper=2**32 - 1),
         Param(name="max_evaluations", symbol="", unit="1", doc="evaluations of all goals in all scenarios", default=100_000, lower=0, upper=1e8),
+        MAX_SECONDS,
     )  # fmt: skip
 
     def minimize(

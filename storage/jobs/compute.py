@@ -45,7 +45,7 @@ class ComputeJob:
 
     ``state`` is what the computation last kept (`Reporter.keep`) before it was cut off. ``parts`` has the results of the
     parts into which it was cut, by their numbers, and under -1 what it knew then. ``request_id`` is the request that asked for
-    it, for the log.
+    it, for the log. After ``seconds`` it is cut off and has failed: whoever has anything to show ends before.
     """
 
     id: str
@@ -56,6 +56,7 @@ class ComputeJob:
     state: dict[str, Any] | None = None
     parts: Mapping[int, dict[str, Any]] = field(default_factory=dict)
     request_id: str | None = None
+    seconds: float | None = None
 
 
 class Refusal(Exception):  # noqa: N818 - it is no error of the software

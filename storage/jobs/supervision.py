@@ -145,6 +145,7 @@ class Supervisor:
                 state=None if warm.state is None else warm.state.state,
                 parts=warm.parts,
                 request_id=job.request_id,
+                seconds=warm.seconds,
             )
         )
         try:

@@ -217,3 +217,15 @@ def test_a_scenario_that_is_unstable_is_named(client) -> None:
     _, result = solved(client, system=system, scenarios=[{}, {"k": -1}])
     assert result["status"] == "infeasible"
     assert "scenario 1" in result["advice"]
+
+
+def test_a_search_that_would_take_longer_returns_its_best_point_when_its_time_is_over(client) -> None:
+    # 10⁸ points are evaluated by no machine within a second
+    _, result = solved(
+        client,
+        variables=[{"parameter": "c"}, {"parameter": "k", "lower": 0.5, "upper": 2}, {"parameter": "m", "lower": 0.5, "upper": 2}],
+        method={"kind": "global", "population": 10_000, "restarts": 20, "max_evaluations": 10**8, "max_seconds": 1},
+    )  # fmt: skip
+    assert result["status"] == "budget"
+    assert "the time of 1 s is used up" in result["advice"]
+    assert len(result["certificate"]["goals"]) == 2

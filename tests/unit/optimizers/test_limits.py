@@ -1,0 +1,93 @@
+"""A limited time: the search ends before it is over, at its best point, which is measured and proven like any other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optimizers.limits import Limited
+from optimizers.methods import minimize
+from optimizers.methods.grid import Grid
+from optimizers.problem import Goal, Sense, Uncertain, Variable
+from optimizers.result import Status, Unwatched
+from optimizers.sharding import look_at, looked_at
+from optimizers.solving import compare, solve
+from tests.unit.optimizers.oscillator import problem
+
+
+class Clock:
+    """Every look at it takes a second."""
+
+    def __init__(self, step: float = 1.0) -> None:
+        self.now, self.step = 0.0, step
+
+    def __call__(self) -> float:
+        self.now += self.step
+        return self.now
+
+
+def looks(limited: Limited) -> int:
+    count = 0
+    while not limited.cancelled():
+        count += 1
+    return count
+
+
+def test_a_fifth_of_the_time_is_left_for_the_proof() -> None:
+    assert looks(Limited(Unwatched(), 1000.0, clock=Clock())) == 799
+    assert not Limited(Unwatched(), None, clock=Clock()).cancelled()
+
+
+def test_what_takes_long_to_evaluate_takes_long_to_prove() -> None:
+    clock = Clock(10.0)
+    limited = Limited(Unwatched(), 100.0, clock=clock)
+    assert looks(limited) == 5  # 100 s less four times 10 s
+    clock.step = 50.0
+    assert not Limited(Unwatched(), 200.0, clock=clock).cancelled()  # a search has three tenths of its time
+
+
+@pytest.mark.parametrize("kind", ["auto", "global", "gradient"])
+def test_a_method_ends_with_its_best_point(kind: str) -> None:
+    clock = Clock()
+    limited = Limited(Unwatched(), 10.0, clock=clock)
+    asked = problem(
+        variables=(Variable(parameter="c", lower=0.1, upper=10.0), Variable(parameter="m", lower=0.5, upper=2.0))
+    )
+    found = limited.told(minimize(kind, asked, {}, monitor=limited))
+    assert found.status is Status.BUDGET
+    assert "the time of 10 s is used up" in found.advice
+    assert len(found.certificate.goals) == 2
+    assert found.goals[0].after.value is not None
+    assert clock.now < 20.0
+
+
+def test_a_time_that_is_over_at_once_is_the_start_measured_and_proven() -> None:
+    found = solve("auto", problem(uncertain=(Uncertain(parameter="m", lower=0.5, upper=2.0),)), {}, seconds=1e-9)
+    assert found.status is Status.BUDGET
+    assert found.best["c"] == 1.0
+    assert not found.certificate.valid
+    assert "it does not meet every goal" in found.advice
+
+
+def test_structures_are_compared_as_far_as_the_time_went() -> None:
+    found = compare("gradient", {"one": problem(), "two": problem()}, {}, seconds=1e-9)
+    assert {result.status for result in found.results.values()} == {Status.BUDGET}
+
+
+def test_parts_of_a_grid_that_were_not_looked_at_are_told() -> None:
+    asked = problem(goals=(Goal(metric="bandwidth", source="force", target="x", sense=Sense.MAXIMIZE),))
+    options = {"points": 5}
+    seen = look_at(asked, options, (0, 3), monitor=Unwatched())
+    missed = look_at(asked, options, (3, 5), monitor=Limited(Unwatched(), 1e-9))
+    assert np.isnan(missed["violation"]).all()
+
+    class Found(Unwatched):
+        def keep(self, state) -> None: ...
+
+        def kept(self):
+            return looked_at([seen, missed])["0"]
+
+    resolved = Grid.resolve(options)
+    result = Grid().minimize(asked, resolved, rng=np.random.default_rng(0), monitor=Found())
+    assert result.status is Status.CANCELLED
+    assert "the map is incomplete" in result.advice
