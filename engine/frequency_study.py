@@ -15,7 +15,7 @@ from engine.evaluation import Evaluation
 from engine.failures import numerical
 from engine.frequency_range import shown
 from engine.limit_cycles import PredictedCycle, predicted
-from engine.linear.frequency import SMALLEST_LOOP_GAIN, FrequencyResponse
+from engine.linear.frequency import FrequencyResponse
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
 from engine.measuring import MetricRequest, find, measured_of
 from engine.metric_options import USUAL, Options
@@ -140,11 +140,12 @@ def frequency_response(
         curve, static, own = loop.response, loop.static, loop.opened
         nyquist = nyquist_count(curve, loop.opened, loop.closed)
         remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
+        gains, smallest = gain_margins(curve, loop.static)
         margins = Margins(
-            smallest_loop_gain=SMALLEST_LOOP_GAIN,
-            gain=_listed(gain_margins(curve, loop.static)),
+            smallest_loop_gain=smallest,
+            gain=_listed(gains),
             phase=_listed(phase_margins(curve)),
-            delay=_listed(delay_margins(curve)),
+            delay=_listed(delay_margins(curve, loop.verdict)),
         )
     else:
         assert source is not None
@@ -247,4 +248,5 @@ def _unwrapped(
 def _listed(
     crossings: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
 ) -> tuple[tuple[float, float], ...]:
-    return tuple((float(frequency[0].real), float(value[0].real)) for frequency, value in crossings)
+    found = ((float(frequency[0].real), float(value[0].real)) for frequency, value in crossings)
+    return tuple(one for one in found if np.isfinite(one[0]))

@@ -37,6 +37,8 @@ from engine.kernels.spectrum_program import (
     COMPLEMENTARY,
     DELAY,
     DOUBT,
+    FAINT,
+    FAINTEST,
     FALL,
     GAIN,
     GAIN_AT,
@@ -123,6 +125,12 @@ def spectrum(
         for slot in range(counts[lane], most):
             kinds[slot, lane], at[slot, lane], of[slot, lane] = NO_EVENT, 2.0, 0.0
     polish(program, registers, store_re, store_im, readings, levels, events, most, omega, points, slots, bracket)
+    for c in range(curves):
+        for lane in range(LANES):
+            # only fainter crossings: the exact path finds the nearest of them
+            if readings[c, GAIN_AT, lane] == FAINT:
+                readings[c, GAIN_MARGIN, lane] = math.nan
+                suspect(readings, c, lane, float(GAIN))
 
 
 @compiled
@@ -211,7 +219,13 @@ def _look(
                 full |= _note(kinds, at, counts, of, lanes_of(passes), CROSS_UNIT, k, c)
             if wants & GAIN:
                 above, left, large = y > 0.0, x < 0.0, m > SMALLEST * SMALLEST
-                changes = (above ^ above1) & (left | left1) & (large | counts1)
+                passes_left = (above ^ above1) & (left | left1)
+                changes = passes_left & (large | counts1)
+                faint = (
+                    passes_left & (m <= SMALLEST * SMALLEST) & (m1 > FAINTEST * FAINTEST) & (m1 <= SMALLEST * SMALLEST)
+                )
+                if 1 < k < last and anywhere(faint):
+                    store2(readings, select(faint, FAINT, load2(readings, c, GAIN_AT)), c, GAIN_AT)
                 above1, left1, counts1 = above, left, large
                 if k in (1, last):
                     doubt = select(changes & (magnitude(y1) > 1e-3 * magnitude(x1)), ALL, doubt)
@@ -280,14 +294,16 @@ def _look(
     for lane in range(LANES):
         if (full >> lane) & 1:
             readings[c, DOUBT, lane] = ALL
-        if (
-            wants & GAIN
-            and store_re[c, 0, lane] < -SMALLEST
-            and store_re[c, 0, lane] > 2.0 * store_re[c, 1, lane]  # it is finite at rest
-            and abs(store_im[c, 0, lane]) < 1e-3 * abs(store_re[c, 0, lane])
-        ):
-            readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, 0, lane]
-            readings[c, GAIN_AT, lane] = program.frequencies[0]
+        for end, beside in ((0, 1), (last, last - 1)):
+            if (
+                wants & GAIN
+                and store_re[c, end, lane] < -SMALLEST
+                and store_re[c, end, lane] > 2.0 * store_re[c, beside, lane]  # it is finite there
+                and abs(store_im[c, end, lane]) < 1e-3 * abs(store_re[c, end, lane])
+                and not abs(math.log(-store_re[c, end, lane])) > abs(math.log(readings[c, GAIN_MARGIN, lane]))
+            ):
+                readings[c, GAIN_MARGIN, lane] = -1.0 / store_re[c, end, lane]
+                readings[c, GAIN_AT, lane] = program.frequencies[end]
         for p in range(3):
             if not wants & (SENSITIVITY << p if p < 2 else PEAK):
                 continue

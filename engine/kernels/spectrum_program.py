@@ -32,7 +32,11 @@ CHUNK: Final = 16
 """Frequencies are done so many at a time, so that all functions of a program stay in the nearest cache."""
 FALL: Final = 10.0**-0.3
 SMALLEST: Final = 1e-3
-"""A loop that is smaller than this passes no axis that counts."""
+"""A loop that is smaller than this passes no axis that is polished."""
+FAINTEST: Final = 1e-9
+"""A loop that is smaller than this passes no axis at all."""
+FAINT: Final = -1.0
+"""Stands for the place of a gain margin that only a loop below SMALLEST has: the exact path finds it."""
 
 
 class SpectrumProgram(NamedTuple):

@@ -57,6 +57,11 @@ def squared_sensitivity(re: Array, im: Array) -> Array:
     return np.asarray(1 / ((1 + re) * (1 + re) + im * im))
 
 
+def squared_balanced_sensitivity(re: Array, im: Array) -> Array:
+    """|1 / (1 + L) - 1/2|², of which the symmetric disk margin is the inverse."""
+    return np.asarray(0.25 * ((1 - re) * (1 - re) + im * im) * squared_sensitivity(re, im))
+
+
 def squared_complementary(re: Array, im: Array) -> Array:
     """|L / (1 + L)|²."""
     return squared_magnitude(re, im) * squared_sensitivity(re, im)

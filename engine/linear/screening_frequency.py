@@ -18,8 +18,12 @@ import numpy as np
 from engine.linear.screening_time import Readings
 from engine.linear.system import Array
 
-SMALLEST_LOOP_GAIN = 1e-3
+SMALLEST_LOOP_GAIN = 1e-9
 """Crossings of a loop gain below this are not counted."""
+_ON_THE_AXIS = 1e-6
+_FLAT = 1e-3
+_ASIDE, _REACHED = 1e-4, 0.02
+"""How far to the side of a peak its slope is looked at, and how far off the scan may see it, as parts of its frequency."""
 _PER_DECADE = 32
 _TURNS = 120
 _REACH = 1e-7, 1e5
@@ -256,12 +260,27 @@ def _dual(value: Array, tangent: Array) -> Array:
 
 def _peak(path: Path, scan: Scan, shape: Callable[[Array], Array], slope: Callable[[Array], Array]) -> Readings:
     """Return max |shape(G)|; ``slope`` is the derivative of the shape by G."""
-    omega = scan.peak(lambda g, _: np.abs(shape(g)))
-    value, tangent, _ = solved(path, np.arange(path.batch), omega)
+    everyone = np.arange(path.batch)
+    omega = _summit(path, scan.peak(lambda g, _: np.abs(shape(g))), shape, slope)
+    value, tangent, _ = solved(path, everyone, omega)
     shaped = shape(value)
     size = np.abs(shaped)
     moved = (np.conj(shaped) * slope(value) * tangent).real / np.where(size > 0, size, 1.0)
     return Readings(value=_dual(size, moved), doubtful=~np.isfinite(size))
+
+
+def _summit(path: Path, omega: Array, shape: Callable[[Array], Array], slope: Callable[[Array], Array]) -> Array:
+    """Return peaks after a secant step on the system itself: the scan may be that of a neighbour with distinct poles."""
+
+    def tilt(at: Array) -> Array:
+        value, _, moved = solved(path, np.arange(path.batch), at)
+        return (np.conj(shape(value)) * slope(value) * moved).real
+
+    beside = omega * (1 + _ASIDE)
+    first, second = tilt(omega), tilt(beside)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = -first * (beside - omega) / (second - first)
+    return np.where((second < first) & (np.abs(shift) < _REACHED * omega), omega + shift, omega)
 
 
 def path_peak(path: Path, scan: Scan) -> Readings:
@@ -313,21 +332,55 @@ def _nearest(batch: int, rows: Array, value: Array, order: Array) -> Readings:
     return Readings(value=result, doubtful=np.zeros(batch, dtype=bool))
 
 
-def gain_margin(path: Path, scan: Scan) -> Readings:
-    """-1 / L where L is real and negative, nearest 1 on a logarithmic scale."""
+def balanced_peak(path: Path, scan: Scan) -> Readings:
+    """Return 1 / max |S - 1/2|, the symmetric disk margin."""
+    found = _peak(path, scan, lambda g: 0.5 * (1 - g) / (1 + g), lambda g: -1 / (1 + g) ** 2)
+    return Readings(value=1 / found.value, doubtful=found.doubtful)
+
+
+def _gain_margins(path: Path, scan: Scan) -> tuple[Array, Array]:
+    """Return (systems, -1 / L with infinitesimals) wherever L is real and negative, both ends of the axis included."""
     rows, omega = scan.crossings(lambda g, _: g.imag)
     omega = _newton(path, rows, omega, lambda g: g.imag, lambda _, slope: slope.imag)
     value, moved, slope = solved(path, rows, omega)
     shift = -moved.imag / np.where(slope.imag == 0, np.inf, slope.imag)
     real = _dual(value.real, moved.real + slope.real * shift)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        margin = -1 / real
-    counts = value.real < -SMALLEST_LOOP_GAIN
-    rows, margin = rows[counts], margin[counts]
+    counts = (value.real < -SMALLEST_LOOP_GAIN) & (np.abs(value.imag) < _ON_THE_AXIS * np.abs(value.real))
+    everyone, (first, second) = np.arange(path.batch), scan.response[:, :2].T
+    flat = (np.abs(second - first) < _FLAT * np.abs(first)) & (np.abs(first.imag) < _FLAT * np.abs(first.real))
+    resting = everyone[flat & (first.real < -SMALLEST_LOOP_GAIN)]
+    value, moved, _ = solved(path, resting, scan.frequencies[resting, 0])
+    direct = path.d[:, 0, 0] + 0j
+    passing = everyone[(direct.real < -SMALLEST_LOOP_GAIN) & (path.delays.shape[1] == 0)]
+    gains = np.concatenate([real[counts], _dual(value.real, moved.real), direct[passing]])
+    return np.concatenate([rows[counts], resting, passing]), -1 / gains
+
+
+def gain_margin(path: Path, scan: Scan) -> Readings:
+    """-1 / L where L is real and negative, nearest 1 on a logarithmic scale."""
+    rows, margin = _gain_margins(path, scan)
     found = _nearest(path.batch, rows, margin, np.abs(np.log(margin.real)))
     # a crossing that the scan steps over is nearer to 1 only where |L| is
     nearest = np.minimum(np.abs(found.value.real), 1 / np.abs(found.value.real))
     return Readings(value=found.value, doubtful=scan.hidden(np.maximum(nearest, SMALLEST_LOOP_GAIN)))
+
+
+def gain_margin_up(path: Path, scan: Scan) -> Readings:
+    """The smallest gain margin above 1."""
+    rows, margin = _gain_margins(path, scan)
+    rows, margin = rows[margin.real > 1], margin[margin.real > 1]
+    found = _nearest(path.batch, rows, margin, margin.real)
+    return Readings(value=found.value, doubtful=scan.hidden(np.maximum(1 / found.value.real, SMALLEST_LOOP_GAIN)))
+
+
+def gain_margin_down(path: Path, scan: Scan) -> Readings:
+    """The largest gain margin below 1, 0 where there is none."""
+    rows, margin = _gain_margins(path, scan)
+    rows, margin = rows[margin.real < 1], margin[margin.real < 1]
+    found = _nearest(path.batch, rows, margin, -margin.real).value
+    return _unless_hidden(
+        scan, Readings(value=np.where(np.isinf(found), 0.0, found), doubtful=np.zeros(path.batch, bool))
+    )
 
 
 def _phase_margins(path: Path, scan: Scan) -> tuple[Array, Array, Array]:
@@ -372,7 +425,10 @@ LOOP_METRICS: Mapping[str, Callable[[Path, Scan], Readings]] = MappingProxyType(
     {
         "sensitivity_peak": sensitivity_peak,
         "complementary_peak": complementary_peak,
+        "disk_margin": balanced_peak,
         "gain_margin": gain_margin,
+        "gain_margin_down": gain_margin_down,
+        "gain_margin_up": gain_margin_up,
         "phase_margin": phase_margin,
         "delay_margin": delay_margin,
     }

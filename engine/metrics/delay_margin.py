@@ -34,7 +34,7 @@ class DelayMargin(LoopMetric):
         refusal = unclosed(subject)
         if refusal is not None:
             return refusal
-        margins = delay_margins(subject.response)
+        margins = delay_margins(subject.response, subject.verdict)
         if not margins:
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the loop gain never passes 1: any delay is borne")
         frequency, value = min(margins, key=lambda pair: float(pair[1][0].real))

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.linear.frequency import SMALLEST_LOOP_GAIN
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
-from engine.metrics._loop import gain_distance, gain_margins, rivals
+from engine.metrics._loop import NO_LIMIT_ABOVE, finite, gain_distance, gain_margins, rivals
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -45,13 +44,9 @@ class GainMargin(LoopMetric):
         refusal = unclosed(subject)
         if refusal is not None:
             return refusal
-        margins = gain_margins(subject.response, subject.static)
+        margins, _ = gain_margins(subject.response, subject.static)
         if not margins:
-            return Absent(
-                verdict=Verdict.NEVER_CROSSES,
-                advice=f"the phase reaches -180° nowhere that |L| is {SMALLEST_LOOP_GAIN:g} or more: the gain may rise by "
-                f"the factor {1 / SMALLEST_LOOP_GAIN:g} at least",
-            )
+            return Absent(verdict=Verdict.NEVER_CROSSES, advice=NO_LIMIT_ABOVE)
         frequency, value = min(margins, key=lambda pair: abs(float(np.log(pair[1][0].real))))
         jumps = rivals([float(np.log(margin[0].real)) for _, margin in margins])
-        return Found(value=value, at=float(frequency[0].real), verdict=subject.verdict, one_sided=jumps)
+        return Found(value=value, at=finite(frequency), verdict=subject.verdict, one_sided=jumps)

@@ -146,7 +146,7 @@ def _integrated(problem: Problem, index: int, goal: Goal) -> Ratio:
 
 
 def _instead(metric: str) -> str:
-    if metric in {"gain_margin", "phase_margin", "delay_margin"}:
+    if metric in {"gain_margin", "gain_margin_up", "gain_margin_down", "phase_margin", "delay_margin", "disk_margin"}:
         return (
             "a bound Ms on sensitivity_peak guarantees a gain margin of Ms/(Ms - 1) and a phase margin of "
             "2 asin(1/(2 Ms)); or use the method gradient"

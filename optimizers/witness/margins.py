@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from engine.masks import FrequencyBounds, Magnitude
     from optimizers.witness.march import Real
 
-_QUIET = 1e-3
+_QUIET = 1e-9
 """Crossings of a loop gain below this do not count."""
 
 
@@ -74,15 +74,37 @@ def bandwidth(sweep: Sweep) -> float:
     return min(sweep.crossings(lambda g, _: np.abs(g) - level), default=np.inf)
 
 
-def gain_margin(sweep: Sweep) -> float:
-    """Return the factor nearest to 1, on a logarithmic scale, that brings L through -1."""
+def _gain_margins(sweep: Sweep) -> list[float]:
+    """Return every factor that brings L through -1."""
     places = sweep.crossings(lambda g, _: g.imag)
     gains = [sweep(np.array([w]))[0].real for w in places]
     margins = [-1 / g for g in gains if g < -_QUIET]
-    first, below = sweep.gains[0], sweep(sweep.frequencies[:1] / 10)[0]
-    if first.real < -_QUIET and abs(below - first) < 1e-3 * abs(first):
-        margins.append(float(-1 / below.real))  # finite and negative at rest
-    return min(margins, key=lambda margin: abs(np.log(margin)), default=np.inf)
+    first, last = sweep.frequencies[[0, -1]]
+    for inside, end in ((first, first / 10), (last, 10 * last)):
+        near, limit = sweep(np.array([inside, end]))
+        if limit.real < -_QUIET and abs(limit - near) < 1e-3 * abs(near):
+            margins.append(float(-1 / limit.real))  # finite and negative at an end of the axis
+    return [float(margin) for margin in margins]
+
+
+def gain_margin(sweep: Sweep) -> float:
+    """Return the factor nearest to 1, on a logarithmic scale, that brings L through -1."""
+    return min(_gain_margins(sweep), key=lambda margin: abs(np.log(margin)), default=np.inf)
+
+
+def gain_margin_up(sweep: Sweep) -> float:
+    """Return the least factor above 1 that brings L through -1."""
+    return min((margin for margin in _gain_margins(sweep) if margin >= 1), default=np.inf)
+
+
+def gain_margin_down(sweep: Sweep) -> float:
+    """Return the largest factor below 1 that brings L through -1."""
+    return max((margin for margin in _gain_margins(sweep) if margin <= 1), default=0.0)
+
+
+def disk_margin(sweep: Sweep) -> float:
+    """Return 1 / max |S - 1/2|; where L vanishes or is infinite, at an end of the axis, that is 2."""
+    return 1 / sweep.highest(lambda g, _: np.asarray(np.abs(0.5 * (1 - g) / (1 + g))))
 
 
 def _phases(sweep: Sweep) -> list[tuple[float, float]]:

@@ -35,7 +35,10 @@ _OF_TRACES: Mapping[str, Callable[[Trace], float]] = {
     "peak_time": timing.peak_time,
 }
 _OF_LOOPS: Mapping[str, Callable[[Sweep], float]] = {
+    "disk_margin": margins.disk_margin,
     "gain_margin": margins.gain_margin,
+    "gain_margin_down": margins.gain_margin_down,
+    "gain_margin_up": margins.gain_margin_up,
     "phase_margin": margins.phase_margin,
     "delay_margin": margins.delay_margin,
 }

@@ -39,7 +39,16 @@ REQUESTS = {
     "control_sensitivity_peak": MetricRequest(metric="control_sensitivity_peak", source="r", target="control"),
     **{
         name: MetricRequest(metric=name, open_at="error")
-        for name in ("gain_margin", "phase_margin", "delay_margin", "sensitivity_peak", "complementary_peak")
+        for name in (
+            "gain_margin",
+            "gain_margin_up",
+            "gain_margin_down",
+            "phase_margin",
+            "delay_margin",
+            "disk_margin",
+            "sensitivity_peak",
+            "complementary_peak",
+        )
     },
     "critical_frequency": MetricRequest(metric="critical_frequency"),
     "damping_ratio": MetricRequest(metric="damping_ratio"),

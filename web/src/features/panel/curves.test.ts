@@ -68,5 +68,7 @@ describe("goals", () => {
     expect(holds(goals[0]!, 0.04)).toBe(true);
     expect(holds(goals[7]!, 0.7)).toBe(false);
     expect(holds(goals[7]!, null)).toBeNull();
+    expect(holds({ metric: "gain_margin", bound: "lower", value: 2 }, 0.12)).toBe(true);
+    expect(holds({ metric: "phase_margin", bound: "lower", value: 0.8 }, -0.9)).toBe(true);
   });
 });

@@ -34,8 +34,15 @@ export function writeGoal({ metric, bound, value }: PanelGoal): string {
   return `${metric}${bound === "upper" ? "<" : ">"}${Number(value.toPrecision(6))}`;
 }
 
-export function holds(goal: PanelGoal, value: number | null | undefined): boolean | null {
-  if (value == null) return null;
+/** What goals compare: of margins the distance from instability, in either direction. */
+function compared(metric: string, value: number): number {
+  if (metric === "gain_margin") return Math.max(value, 1 / value);
+  return metric === "phase_margin" ? Math.abs(value) : value;
+}
+
+export function holds(goal: PanelGoal, shown: number | null | undefined): boolean | null {
+  if (shown == null) return null;
+  const value = compared(goal.metric, shown);
   return goal.bound === "upper" ? value <= goal.value * (1 + 1e-9) : value >= goal.value * (1 - 1e-9);
 }
 

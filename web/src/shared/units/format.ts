@@ -50,9 +50,7 @@ const PERCENT = new Set(["overshoot", "undershoot"]);
 export function formatMetric(kind: string, value: number, unit: string): Shown {
   if (PERCENT.has(kind)) return { text: formatNumber(value * 100), unit: "%" };
   if (kind === "phase_margin") return { text: formatNumber((value * 180) / Math.PI), unit: "°" };
-  if (kind === "gain_margin" || kind.endsWith("_peak")) {
-    if (unit === "1" && kind === "gain_margin") return { text: formatNumber(20 * Math.log10(value)), unit: "dB" };
-  }
+  if (kind.startsWith("gain_margin") && unit === "1" && value > 0) return { text: formatNumber(20 * Math.log10(value)), unit: "dB" };
   return formatQuantity(value, unit);
 }
 
