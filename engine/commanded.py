@@ -155,8 +155,8 @@ class Motions:
 
     def _lane(self, response: Trajectory, at_rest: LaneSystem, lane: CommandParameter) -> tuple[Array, Array, Array]:
         """Return edges, inputs and outputs of one lane."""
-        changes = [_Change.of(signal, lane) for signal in self.signals.values()]
         horizon = float(response.edges[-1, 0])
+        changes = [_Change.of(signal, lane, horizon) for signal in self.signals.values()]
 
         def answer(signals: Sequence[Signal]) -> Trajectory:
             return respond(at_rest, signals, horizon, plan=response.plan, propagators=response.propagators)
@@ -201,11 +201,11 @@ class _Change:
     jumps: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, signal: Signal, lane: CommandParameter) -> Self:
+    def of(cls, signal: Signal, lane: CommandParameter, horizon: float) -> Self:
         if signal is not lane.signal:
             return cls(signal=signal, perturbed=None, unit=1.0, motions=(), jumps=())
         perturbed, unit = lane.perturbed(), INFINITESIMAL * lane.scale
-        instants = np.array(perturbed.breakpoints(), dtype=np.complex128)
+        instants = np.array(perturbed.breaks(horizon), dtype=np.complex128)
         real, moves = instants.real, instants.imag / unit
         beside = _BESIDE * max(float(real[-1]), 1e-9)
         after = signal.value(real)
@@ -242,6 +242,10 @@ class _Tangent(Signal):
     def breakpoints(self) -> tuple[float, ...]:
         """Return those of the command."""
         return self.change.signal.breakpoints()
+
+    def breaks(self, horizon: float) -> tuple[float, ...]:
+        """Return those of the command."""
+        return self.change.signal.breaks(horizon)
 
     def final(self) -> float | None:
         """Return None: it is not asked for."""

@@ -62,6 +62,6 @@ def _horizon(system: LaneSystem, signals: Mapping[str, Signal], lifetime: float)
     """Return when nothing moves any more, s."""
     last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
     delays = float(system.delays[0].real.sum()) if system.m else 0.0
-    periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+    periods = max((signal.repeats_after() or 0.0 for signal in signals.values()), default=0.0)
     horizon = last + delays + lifetime + 3 * periods
     return horizon if horizon > last else last + 1.0

@@ -157,7 +157,7 @@ def _simulate_nonlinear(
         last = max(
             (t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0
         )
-        periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+        periods = max((signal.repeats_after() or 0.0 for signal in signals.values()), default=0.0)
         ends = [last + 5 * periods] + [_moves_until(response.output(name), last) for name in names if not periods]
         longest = max(ends)
         length = min(_rounded(longest) if longest > 0 else 1.0, response.outcome.end)
@@ -227,7 +227,7 @@ def _length(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequen
     """Return how much of the response is worth looking at, s."""
     response = evaluation.time_response(signals, names)
     last = max((t for signal in signals.values() for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
-    periods = max((signal.period() or 0.0 for signal in signals.values()), default=0.0)
+    periods = max((signal.repeats_after() or 0.0 for signal in signals.values()), default=0.0)
     ends = [last + 5 * periods]
     if response.joint is not None:
         y = response.joint.y[:, :, 0].real

@@ -86,7 +86,7 @@ def _stepped(given: SteppedSineSignal, place: Place) -> dict[str, Any]:
 def _sampled(signal: Signal, duration: float, rate: float) -> dict[str, Any]:
     """Return a signal that the agent does not know as straight lines between its samples, breakpoints among them."""
     count = int(min(np.ceil(duration * rate), _MOST_POINTS - 1)) + 1
-    breaks = [t for t in signal.breakpoints() if 0.0 <= t <= duration]
+    breaks = [t for t in signal.breaks(duration) if 0.0 <= t <= duration]
     time = np.unique(np.concatenate([np.linspace(0.0, duration, count), breaks]))[:_MOST_POINTS]
     return {"kind": "sampled", "time": time.tolist(), "values": signal.value(time).tolist()}
 

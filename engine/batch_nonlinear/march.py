@@ -82,7 +82,7 @@ class Pieces:
         most : int
             About so many samples at most, but never fewer than ``steps``.
         """
-        breaks = {t for signal in signals if signal is not None for t in signal.breakpoints() if 0 < t < end}
+        breaks = {t for signal in signals if signal is not None for t in signal.breaks(end) if 0 < t < end}
         edges = np.array([0.0, *sorted(breaks), end])
         counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
         if graded:

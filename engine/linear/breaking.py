@@ -37,7 +37,7 @@ def gaps(system: LaneSystem, signals: Sequence[Signal], horizon: float, most: in
     """
     m = system.m
     basis = np.concatenate([[1.0], system.delays[0].real])
-    starts = sorted({0.0, *(t for signal in signals for t in signal.breakpoints() if 0 <= t < horizon)})
+    starts = sorted({0.0, *(t for signal in signals for t in signal.breaks(horizon) if 0 <= t < horizon)})
     points = [np.array([t, *([0.0] * m)]) for t in starts]
     if m:
         echoed = _with_echoes(system, points, basis, horizon, most)

@@ -44,9 +44,9 @@ class Driving:
         """Whether every command consists of straight lines."""
         self._last_seen: tuple[Array, float, tuple[Array, Array, Array]] | None = None
 
-    def breakpoints(self) -> list[float]:
-        """Return 0 and all instants at which a command jumps or bends, s, rising."""
-        return sorted({0.0, *(t for s in self._signals if s is not None for t in s.breakpoints())})
+    def breaks(self, horizon: float) -> list[float]:
+        """Return 0 and the instants at which a command jumps or bends, up to ``horizon`` (s) at least, rising."""
+        return sorted({0.0, *(t for s in self._signals if s is not None for t in s.breaks(horizon))})
 
     def command(self, now: float, width: float) -> Command:
         """Return the commands of a step of ``width`` (s) from ``now`` (s)."""

@@ -101,8 +101,7 @@ class Integration:
         self._loosened = -math.inf
         self._refused = 0
         self._horizon = 0.0
-        for t in self._driving.breakpoints():
-            self._note(t, generation=0)
+        self._noted = -math.inf
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
                 self._note(0.0, law=number)
@@ -138,6 +137,7 @@ class Integration:
         verdict, advice = Verdict.OK, ""
         self._horizon = max(self._horizon, horizon)
         try:
+            self._note_breaks(horizon)
             # what overflows is found at the end of each step, as a state that is not finite
             with np.errstate(all="ignore"), numerical("the response"):
                 self._advance(horizon)
@@ -172,6 +172,13 @@ class Integration:
             self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
 
     # instants known beforehand
+
+    def _note_breaks(self, horizon: float) -> None:
+        """Note where the commands break up to ``horizon`` (s), each once."""
+        found = [t for t in self._driving.breaks(horizon) if t > self._noted]
+        for t in found:
+            self._note(t, generation=0)
+        self._noted = max([self._noted, *found])
 
     def _note(self, time: Any, **what: Any) -> None:
         """Note a stop at ``time``, a number or (lanes,)."""

@@ -108,7 +108,7 @@ def respond(
     if duration is not None:
         outcome = run.advance(duration)
         return _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.TOO_SHORT)
-    periods = max((s.period() or 0.0 for s in signals.values()), default=0.0)
+    periods = max((s.repeats_after() or 0.0 for s in signals.values()), default=0.0)
     length = max(pace, 3 * periods, 1e-9)
     endless = any(s.final() is None for s in signals.values())
     sampled = any(law.element.period(law.values) is not None for law in system.laws)

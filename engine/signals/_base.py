@@ -42,7 +42,10 @@ class Signal(ABC):
 
     @abstractmethod
     def breakpoints(self) -> tuple[float, ...]:
-        """Return the times (s, >= 0, increasing) where u or one of its derivatives jumps, its start included."""
+        """Return the times (s, >= 0, increasing) where u or one of its derivatives jumps, its start included.
+
+        Of a command that repeats for ever those of its first period; :meth:`breaks` has the others.
+        """
 
     @abstractmethod
     def final(self) -> float | None:
@@ -56,9 +59,13 @@ class Signal(ABC):
     def degree(self) -> int | None:
         """Return the polynomial degree of u between breakpoints, None where it is smooth but no polynomial."""
 
-    def period(self) -> float | None:
+    def repeats_after(self) -> float | None:
         """Return the period (s) of a command that repeats for ever, None for all others."""
         return None
+
+    def breaks(self, horizon: float) -> tuple[float, ...]:  # noqa: ARG002 - only what repeats needs it
+        """Return the breakpoints up to ``horizon`` (s) at least; of a command that repeats, those of every period."""
+        return self.breakpoints()
 
 
 def checked(params: tuple[Param, ...], kind: str, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -85,6 +85,13 @@ class Copies:
         found: tuple[float, ...] = tuple(instants[first].tolist())
         return found
 
+    def breaks(self, horizon: float) -> tuple[float, ...]:
+        """Return those instants up to ``horizon`` (s), of a command that repeats in all its periods."""
+        if self.command.breaks(horizon) == self.command.breakpoints():
+            return self.breakpoints()
+        found = {time + t for time in self.times.tolist() for t in self.command.breaks(horizon)}
+        return tuple(sorted(found, key=np.real))
+
     def end(self) -> float | None:
         """Return when the last copy has ended, None if the command does not end."""
         last = self.command.end()
@@ -107,6 +114,10 @@ class Copied(Signal):
         """Return those of the command, once for each copy."""
         return self.copies.breakpoints()
 
+    def breaks(self, horizon: float) -> tuple[float, ...]:
+        """Return those of the command, once for each copy."""
+        return self.copies.breaks(horizon)
+
     def final(self) -> float | None:
         """Return where the command settles."""
         return self.command.final()
@@ -119,6 +130,6 @@ class Copied(Signal):
         """Return the degree of the command."""
         return self.command.degree()
 
-    def period(self) -> float | None:
+    def repeats_after(self) -> float | None:
         """Return the period of the command."""
-        return self.command.period()
+        return self.command.repeats_after()

@@ -61,6 +61,6 @@ class Sine(Signal):
         """Return None: smooth, no polynomial."""
         return 0 if self.amplitude == 0 else None
 
-    def period(self) -> float | None:
+    def repeats_after(self) -> float | None:
         """Return 2π / frequency."""
         return None if self.amplitude == 0 else 2 * np.pi / self.frequency

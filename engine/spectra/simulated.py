@@ -210,7 +210,7 @@ def steady_harmonics(
         If the output does not become steady, or a command does not repeat with the fundamental.
     """
     for signal in signals.values():
-        period = signal.period()
+        period = signal.repeats_after()
         times = 0.0 if period is None else 2 * np.pi / (fundamental * period)
         if times < 0.5 or abs(times - round(times)) > 1e-9 * times:
             msg = f"fundamental must be that of the commands to look at a steady state, got {fundamental:g} rad/s"

@@ -215,7 +215,8 @@ class Marcher:
 
     def _breaks(self, until: float | None) -> list[float]:
         """Return the instants at which a command breaks, and their first echoes."""
-        found = {0.0, *(t for signal in self._signals for t in signal.breakpoints())}
+        end = 0.0 if until is None else until
+        found = {0.0, *(t for signal in self._signals for t in signal.breaks(end))}
         newest = set(found)
         for _ in range(_ECHOES):
             newest = {round(t + delay, 15) for t in newest for delay in self._delays} - found

@@ -88,10 +88,10 @@ def test_no_distance_is_no_movement(kind):
 
 def test_multisine_excites_its_lines_equally_and_no_others():
     signal = make("multisine", {"amplitude": 0.5, "fundamental": 2.0, "harmonics": [1, 3, 4]})
-    t = np.arange(64) * signal.period() / 64
+    t = np.arange(64) * signal.repeats_after() / 64
     lines = np.abs(np.fft.rfft(signal.value(t))) / 32
     np.testing.assert_allclose(lines[:8], [0, 0.5, 0, 0.5, 0.5, 0, 0, 0], atol=1e-14)
-    assert (signal.period(), signal.final(), signal.end()) == (pytest.approx(math.pi), None, None)
+    assert (signal.repeats_after(), signal.final(), signal.end()) == (pytest.approx(math.pi), None, None)
 
 
 def test_multisine_of_many_lines_keeps_a_low_peak():
@@ -164,7 +164,7 @@ def test_shaped_step_is_a_staircase():
     signal = make("shaped", {"shaper": "zvd", "frequency": math.pi, "command": {"kind": "step", "start": 1.0}})
     assert signal.breakpoints() == pytest.approx((1.0, 2.0, 3.0))
     assert signal.value(np.array([0.5, 1.0, 1.5, 2.0, 3.0, 9.0])).tolist() == [0, 0.25, 0.25, 0.75, 1, 1]
-    assert (signal.end(), signal.final(), signal.degree(), signal.period()) == (3.0, 1.0, 0, None)
+    assert (signal.end(), signal.final(), signal.degree(), signal.repeats_after()) == (3.0, 1.0, 0, None)
 
 
 def test_shaped_for_two_modes_has_every_sum_of_their_impulses():
@@ -193,7 +193,7 @@ def test_a_sampled_command_is_at_rest_before_its_copy_begins():
 def test_commands_without_end_stay_so():
     signal = make("shaped", {"frequency": 1.0, "command": {"kind": "sine", "frequency": 2.0}})
     assert (signal.end(), signal.final(), signal.degree()) == (None, None, None)
-    assert signal.period() == pytest.approx(math.pi)
+    assert signal.repeats_after() == pytest.approx(math.pi)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_commands_without_end_stay_so():
         ("multisine", {"fundamental": 1, "harmonics": [2, 2]}, ("harmonics", 1), "above the one before, got 2"),
         ("shaped", {"frequency": 1}, ("command",), "command must be given"),
         ("shaped", {"frequency": 1, "command": 3}, ("command",), "command must be a signal"),
-        ("shaped", {"frequency": 1, "command": {"kind": "square"}}, ("command", "kind"), "kind must be one of"),
+        ("shaped", {"frequency": 1, "command": {"kind": "sawtooth"}}, ("command", "kind"), "kind must be one of"),
         ("shaped", {"frequency": 1, "command": {"start": 1}}, ("command", "kind"), "command must have a kind"),
         ("shaped", {"frequency": 1, "command": {"kind": "step", "start": -1}}, ("command", "start"), "must be >= 0 s"),
         ("shaped", {"frequency": 1, "shaper": "zvddd", "command": {"kind": "step"}}, ("shaper",), "one of zv, zvd"),
