@@ -86,7 +86,11 @@ class Rest:
     rests: bool
 
 
-PATH_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, PathMetric) and not metric.mask)
+PATH_METRICS = tuple(
+    name
+    for name, metric in catalogue().items()
+    if issubclass(metric, PathMetric) and not metric.mask and metric.by_default
+)
 LOOP_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, LoopMetric) and not metric.mask)
 SYSTEM_METRICS = tuple(name for name, metric in catalogue().items() if issubclass(metric, SystemMetric))
 
@@ -160,6 +164,8 @@ def frequency_response(
     wanted = metrics
     if wanted is None:
         wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
+    if metrics is None:  # one that takes a number is shown where that is given
+        wanted = [m for m in wanted if not options.lacking(catalogue()[m].options)]
     requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at, options=options) for m in wanted]
     found = {r.metric: measured_of(diagram, r, find(evaluation, r, {})) for r in requests}
     return FrequencyStudy(

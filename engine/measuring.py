@@ -239,8 +239,8 @@ def unit_of(diagram: Diagram, request: MetricRequest) -> str:
     """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
     metric = metric_named(request.metric)
     unit = metric.unit
-    if unit == "output/input":
-        return named_unit(diagram, request.target)
+    if unit.startswith("output/input"):
+        return unit.replace("output/input", named_unit(diagram, request.target))
     if "output" not in unit:
         return unit
     own = named_unit(diagram, request.target if issubclass(metric, PathMetric) else request.output)

@@ -106,7 +106,7 @@ def _minimal(system: LaneSystem, poles_of: Callable[[LaneSystem], Poles]) -> Lan
     derivatives' sake. Where it never comes to rest, only if it is the parameter's own, as the integral of a gain of 0 is;
     a pole and a zero that happen to coincide cancel, however they may move.
     """
-    balanced = _evenly_scaled(system)
+    balanced = evenly_scaled(system)
     found = _without_hidden(balanced)
     if found.n < balanced.n and system.dtype is np.complex128:
         moving = _without_hidden(balanced, now_only=False)
@@ -162,7 +162,7 @@ def _transfer(system: LaneSystem, s: complex) -> tuple[npt.NDArray[np.complex128
     return watched @ states, np.abs(watched) @ np.abs(states)
 
 
-def _evenly_scaled(system: LaneSystem) -> LaneSystem:
+def evenly_scaled(system: LaneSystem) -> LaneSystem:
     """Return the system with states scaled so that each is driven as strongly as it drives others.
 
     Balancing A alone leaves a state without a scale that only listens, as the position of an opened loop does. Inputs

@@ -185,7 +185,7 @@ class Metric(abc.ABC):
     source: ClassVar[str]
     amplitude_power: ClassVar[int] = 0
     """The metric grows with this power of the command's amplitude."""
-    time_power: ClassVar[int] = 0
+    time_power: ClassVar[float] = 0
     """The metric grows with this power of the time scale."""
     belongs_to: ClassVar[tuple[str, ...]] = ()
     """Units of the outputs that it is shown for by default; empty for any."""
@@ -194,7 +194,7 @@ class Metric(abc.ABC):
     options: ClassVar[tuple[str, ...]] = ()
     """Names of the numbers that it takes; see :class:`Options`."""
     by_default: ClassVar[bool] = True
-    """Whether it is among the metrics of a study that names none; those that take a number are where it is given."""
+    """Whether it is among the metrics of a frequency response that names none; one that takes a number is where it is given."""
     absent_is_infinite: ClassVar[bool] = False
     """``never_crosses`` or ``not_oscillatory`` means that it is as large as can be: no finite margin or bandwidth, no pole."""
 

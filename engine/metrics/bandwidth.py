@@ -29,7 +29,7 @@ class Bandwidth(PathMetric):
     source: ClassVar[str] = (
         "G. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynamic Systems, section 6.1"
     )
-    time_power: ClassVar[int] = -1
+    time_power: ClassVar[float] = -1
     absent_is_infinite: ClassVar[bool] = True
 
     @classmethod

@@ -28,7 +28,7 @@ class CriticalFrequency(SystemMetric):
     source: ClassVar[str] = (
         "the critical frequency of the influence-coefficient method; natural frequency of the dominant oscillatory pair"
     )
-    time_power: ClassVar[int] = -1
+    time_power: ClassVar[float] = -1
 
     @classmethod
     def measure(cls, subject: SystemSubject) -> Finding:

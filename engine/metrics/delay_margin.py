@@ -25,7 +25,7 @@ class DelayMargin(LoopMetric):
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "Smallest additional delay in the loop that makes it unstable."
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
     absent_is_infinite: ClassVar[bool] = True
 
     @classmethod

@@ -25,7 +25,7 @@ class Iae(TimeMetric):
     definition: ClassVar[str] = "Integral of absolute error from the command's start to the duration, or to infinity."
     source: ClassVar[str] = "D. Graham, R. C. Lathrop, Trans. AIEE 72 (1953) 273-288"
     amplitude_power: ClassVar[int] = 1
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

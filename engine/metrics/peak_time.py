@@ -27,7 +27,7 @@ class PeakTime(TimeMetric):
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = "Time from the command's start to the largest absolute value of the output."
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

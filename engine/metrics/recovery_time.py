@@ -30,6 +30,7 @@ class RecoveryTime(TimeMetric):
         "was just before, for good; 0 if it never leaves."
     )
     source: ClassVar[str] = "G. Ellis, Control System Design Guide, 4th ed., chapter 7: the response to a disturbance"
+    time_power: ClassVar[float] = 1
     options: ClassVar[tuple[str, ...]] = ("recovery_band",)
 
     @classmethod

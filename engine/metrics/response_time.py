@@ -25,7 +25,7 @@ class ResponseTime(TimeMetric):
         "Time from the command's start to the last entry into the band of ±5 % of the way around the final value."
     )
     source: ClassVar[str] = "the response time t_r of the influence-coefficient method; band of 5 %"
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -26,7 +26,7 @@ class RiseTime(TimeMetric):
         "Time from 10 % to 90 % of the way from the value before the command to the final value, first crossings."
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -26,7 +26,7 @@ class SettlingTime(TimeMetric):
         "or of ± `settling_band` of it."
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
-    time_power: ClassVar[int] = 1
+    time_power: ClassVar[float] = 1
     options: ClassVar[tuple[str, ...]] = ("settling_band",)
 
     @classmethod

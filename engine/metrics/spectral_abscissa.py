@@ -33,7 +33,7 @@ class SpectralAbscissa(SystemMetric):
         "L. N. Trefethen, M. Embree, Spectra and Pseudospectra, chapter 14; with delays W. Michiels, S.-I. Niculescu, "
         "Stability, Control, and Computation for Time-Delay Systems, 2nd ed., section 1.2"
     )
-    time_power: ClassVar[int] = -1
+    time_power: ClassVar[float] = -1
 
     @classmethod
     def measure(cls, subject: SystemSubject) -> Finding:

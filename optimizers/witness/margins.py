@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from engine.masks import FrequencyBounds, Magnitude
     from optimizers.witness.march import Real
 
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _QUIET = 1e-9
 """Crossings of a loop gain below this do not count."""
 
@@ -65,6 +66,16 @@ def _ratio(quantity: Height, line: Magnitude, power: float) -> Height:
         return np.asarray((quantity(g, w) / line(w)) ** power)
 
     return height
+
+
+def h2_norm(sweep: Sweep) -> float:
+    """Return √((1/π) ∫ |G|² dω), by Gauss in each interval of ln ω; below all corners |G| stands, above it falls with 1/ω."""
+    w = sweep.frequencies
+    middles, halves = 0.5 * np.log(w[1:] * w[:-1]), 0.5 * np.log(w[1:] / w[:-1])
+    places = np.exp(middles[:, None] + halves[:, None] * _POINTS)
+    sizes = np.abs(sweep(places.ravel()).reshape(places.shape)) ** 2
+    ends = np.abs(sweep.gains[[0, -1]]) ** 2 * w[[0, -1]]
+    return float(np.sqrt((halves @ ((sizes * places) @ _WEIGHTS) + ends.sum()) / np.pi))
 
 
 def bandwidth(sweep: Sweep) -> float:

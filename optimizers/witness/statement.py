@@ -34,7 +34,8 @@ _OF_TRACES: Mapping[str, Callable[[Trace], float]] = {
     "control_effort": timing.peak,
     "peak_time": timing.peak_time,
 }
-_OF_LOOPS: Mapping[str, Callable[[Sweep], float]] = {
+_OF_SWEEPS: Mapping[str, Callable[[Sweep], float]] = {
+    "bandwidth": margins.bandwidth,
     "disk_margin": margins.disk_margin,
     "gain_margin": margins.gain_margin,
     "gain_margin_down": margins.gain_margin_down,
@@ -124,15 +125,22 @@ class _Bench:
             return sweep.highest(margins.PEAKS[name])
         if name in margins.BOUNDED and isinstance(mask, FrequencyBounds):
             return margins.ratio(self._sweep(request), margins.BOUNDED[name], mask)
-        if name == "bandwidth":
-            return margins.bandwidth(self._sweep(request))
-        if name in _OF_LOOPS:
-            return _OF_LOOPS[name](self._sweep(request))
+        if name in ("h2_norm", "noise_rms"):
+            return self._noise(request)
+        if name in _OF_SWEEPS:
+            return _OF_SWEEPS[name](self._sweep(request))
         if name in _OF_MODES:
             return (
                 None if len(self._system.delays) else _OF_MODES[name](np.linalg.eigvals(self._system.a).astype(complex))
             )
         return self._timed(request, signals) if signals else None
+
+    def _noise(self, request: MetricRequest) -> float | None:
+        """Return what a path makes of white noise; None behind delays, whose gain turns without end."""
+        density = request.options.noise_density if request.metric == "noise_rms" else 2.0
+        if len(self._system.delays) or density is None:
+            return None
+        return margins.h2_norm(self._sweep(request)) * float(np.sqrt(density / 2))
 
     def _timed(self, request: MetricRequest, signals: Mapping[str, Signal]) -> float | None:
         """Return the value of a metric of a response, None where the command does not settle or it has no reading here."""

@@ -46,8 +46,8 @@ def assert_scaled(
 @pytest.mark.parametrize("kind", catalogue())
 def test_the_declared_powers_are_those_of_the_unit(kind: str) -> None:
     metric = catalogue()[kind]
-    factors = re.findall(r"(output|rad/s|s)(?:\*\*(\d))?", metric.unit)
-    powers = {name: int(power or 1) for name, power in factors}
+    factors = re.findall(r"(/?)(output|rad/s|s)(?:\*\*([\d.]+))?", metric.unit)
+    powers = {name: float(power or 1) * (-1 if over else 1) for over, name, power in factors}
     ratio = metric.domain == "path"  # the gain of a path does not know the command
     assert metric.amplitude_power == (0 if ratio else powers.get("output", 0))
     assert metric.time_power == powers.get("s", 0) - powers.get("rad/s", 0)

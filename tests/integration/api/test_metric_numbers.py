@@ -96,3 +96,17 @@ def test_a_goal_takes_its_band_in_the_unit_of_the_output_and_is_refused_without(
     assert refused.json()["errors"][0]["pointer"] == "/goals/0/recovery_band"
     taken = client.post("/v1/optimizations", json=body | {"goals": [goal | {"recovery_band": 0.05}]})
     assert taken.status_code == 202, taken.text
+
+
+def test_a_frequency_response_takes_the_density_of_a_noise(client) -> None:
+    path = {"system": LAG, "from": "u", "to": "y"}
+    norm = client.post("/v1/frequency-responses", json=path | {"metrics": ["h2_norm"]}).json()
+    h2 = norm["variants"][0]["metrics"]["h2_norm"]
+    assert h2["unit"].endswith("/s**0.5")
+    for density in (4e-6, {"value": 4e-6, "unit": "V**2/Hz"}):
+        reply = client.post("/v1/frequency-responses", json=path | {"noise_density": density})
+        assert reply.status_code == 200, reply.text
+        found = reply.json()["variants"][0]["metrics"]["noise_rms"]
+        assert found["value"] == pytest.approx(math.sqrt(2e-6) * h2["value"], rel=1e-12)
+    refused = client.post("/v1/frequency-responses", json=path | {"noise_density": 0})
+    assert refused.json()["errors"][0]["pointer"] == "/noise_density"

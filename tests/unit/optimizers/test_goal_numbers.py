@@ -41,6 +41,9 @@ def lag(goal: Goal, *, most: float = 30.0) -> Problem:
         # a load of 3 leaves 3 e^(-a t)
         (Goal(metric="recovery_time", experiment="load", output="y", upper=0.5, options=Options(recovery_band=0.06)), math.log(50) / 0.5),
         (Goal(metric="spectral_abscissa", upper=-7.0), 7.0),
+        # ∫ g² = a/2;  σ² = S a/4
+        (Goal(metric="h2_norm", source="r", target="y", lower=3.0), 18.0),
+        (Goal(metric="noise_rms", source="r", target="y", lower=0.3, options=Options(noise_density=0.04)), 9.0),
     ],
 )  # fmt: skip
 def test_the_least_that_meets_it_is_found_and_proven(goal: Goal, least: float) -> None:

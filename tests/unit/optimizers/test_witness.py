@@ -10,6 +10,7 @@ import pytest
 
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
+from engine.metric_options import Options
 from engine.signals import make
 from engine.verdicts import Measured
 from optimizers.certificate import certificate_of, certify
@@ -74,9 +75,18 @@ def test_an_oscillators_gains_are_those_of_the_textbooks() -> None:
     assert measured(oscillator(), "c", STEP, metric="path_bound", mask=own, **path) == pytest.approx(1.0, rel=1e-12)
 
 
+def test_noise_through_an_oscillator_is_that_of_the_textbooks() -> None:
+    path = {"source": "force", "target": "x"}
+    energy = W / (4 * Z)  # ∫ g² of w²/(s² + 2 z w s + w²)
+    assert measured(oscillator(), "c", STEP, metric="h2_norm", **path) == pytest.approx(math.sqrt(energy), rel=1e-9)
+    given = {"metric": "noise_rms", "options": Options(noise_density=8.0)}
+    assert measured(oscillator(), "c", STEP, **given, **path) == pytest.approx(2 * math.sqrt(energy), rel=1e-9)
+
+
 def test_modes_are_those_of_the_textbooks() -> None:
     assert measured(oscillator(), "c", STEP, metric="damping_ratio") == pytest.approx(Z, rel=1e-12)
     assert measured(oscillator(), "c", STEP, metric="critical_frequency") == pytest.approx(W, rel=1e-12)
+    assert measured(oscillator(), "c", STEP, metric="spectral_abscissa") == pytest.approx(-Z * W, rel=1e-12)
 
 
 def test_what_is_left_when_a_command_has_ended() -> None:

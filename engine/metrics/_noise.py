@@ -1,0 +1,37 @@
+"""What a path makes of white noise: the root of the energy of its impulse response."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.linear.h2 import passes_impulses, squared_norm
+from engine.metrics._base import Absent, Found, unsettled
+from engine.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.metrics._base import Finding, PathSubject
+
+_FEEDS_THROUGH = (
+    "the path has a direct gain, which passes white noise of infinite power on: put a lag or a filter into it"
+)
+_LASTS = "what an impulse leaves does not decay: the path has poles on the imaginary axis"
+
+
+def h2_norm(subject: PathSubject) -> Finding:
+    """Return ‖G‖₂ of a path, or why it has none."""
+    refusal = unsettled(subject.verdict)
+    if refusal is not None:
+        if subject.verdict in (Verdict.UNSTABLE, Verdict.DOUBTFUL):
+            return refusal
+        return Absent(verdict=Verdict.DIVERGES, advice=_LASTS)
+    system = subject.response.system
+    if passes_impulses(system):
+        return Absent(verdict=Verdict.DIVERGES, advice=_FEEDS_THROUGH)
+    assert subject.static is not None
+    square = squared_norm(system, subject.static)
+    if not square[0].real > 0:
+        return Found(value=np.zeros(system.lanes))
+    through = np.iscomplexobj(system.d11) and bool(np.any(system.d11.imag != 0))
+    return Found(value=np.sqrt(square), one_sided=through)
