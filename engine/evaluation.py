@@ -26,6 +26,7 @@ from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
 from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
+from engine.metrics._window import still_to_go
 from engine.names import no_parameter
 from engine.nonlinear import response as nonlinear
 from engine.resting import Resting, without_digits
@@ -255,6 +256,7 @@ class Evaluation:
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
             error_final=error_final, duration=duration, verdict=verdict, incomplete=_cut_short(response.outcome, duration),
             loading=_last_start(signals),
+            to_go=_to_go(response, output, y, end),
         )  # fmt: skip
 
     def time_response(self, signals: Mapping[str, Signal], outputs: Sequence[str]) -> TimeResponse:
@@ -388,6 +390,12 @@ def _cut_short(outcome: Outcome, duration: float | None) -> Absent | None:
         return None
     wanted = "before it has settled" if duration is None else f"of {duration:g} s"
     return Absent(verdict=outcome.verdict, advice=f"the run ends at {outcome.end:.6g} s {wanted}: {outcome.advice}")
+
+
+def _to_go(response: nonlinear.Response, output: str, y: Curve, end: float | None) -> tuple[float, float] | None:
+    """Return how far an output that has not settled may still go, where its run shows that and goes on behind the commands."""
+    unsettled = response.verdicts[output] is Verdict.NOT_SETTLED and not response.on_its_way
+    return still_to_go(y, end) if unsettled and end is not None and end < y.end else None
 
 
 def _span(signals: Mapping[str, Signal]) -> tuple[float, float | None]:

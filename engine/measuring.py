@@ -14,7 +14,8 @@ from engine.evaluation import Evaluation
 from engine.failures import numerical
 from engine.metric_options import MEANINGS, USUAL, USUAL_BAND, Options
 from engine.metrics import Absent, Finding, Found, catalogue
-from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric
+from engine.metrics import _window as window
+from engine.metrics._base import LoopMetric, PathMetric, SystemMetric, TimeMetric, TimeSubject, unsettled
 from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ class MetricRequest:
 
     ``signals`` and ``output`` serve time metrics, ``source`` and ``target`` path metrics, ``open_at`` loop metrics; poles
     need none. ``duration`` limits integrals, s (None: infinity); ``band`` is what a metric of the spectrum looks at, rad/s;
-    ``mask`` is what a whole curve is held against; ``options`` are the numbers that some metrics take.
+    ``mask`` is what a whole curve is held against; ``options`` are the numbers that some metrics take; ``unsettled`` says whether a
+    value will do that a window has of an output which has not settled in it.
     """
 
     metric: str
@@ -51,6 +53,7 @@ class MetricRequest:
     band: tuple[float, float] | None = None
     mask: Mask | None = None
     options: Options = USUAL
+    unsettled: bool = True
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1] < np.inf:
@@ -206,10 +209,8 @@ def _found(
     if issubclass(metric, TimeMetric):
         outputs = together.get(command_of(request), [str(request.output)])
         subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
-        # a part of a run says nothing: its integrals are those of another, shorter one
-        return subject.incomplete or metric.measure(
-            replace(subject, band=request.band, mask=request.mask, options=request.options)
-        )
+        subject = replace(subject, band=request.band, mask=request.mask, options=request.options)
+        return _in_time(metric, subject, accepts_unsettled=request.unsettled)
     if issubclass(metric, PathMetric):
         path = evaluation.path(str(request.source), str(request.target))
         return metric.measure(replace(path, mask=request.mask, options=request.options))
@@ -217,6 +218,16 @@ def _found(
         return metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
     assert issubclass(metric, SystemMetric)
     return metric.measure(evaluation.system_subject)
+
+
+def _in_time(metric: type[TimeMetric], subject: TimeSubject, *, accepts_unsettled: bool) -> Finding:
+    """Return a metric of a response; of a part of a run none: its integrals are those of another, shorter one."""
+    if subject.incomplete is not None:
+        return subject.incomplete
+    finding = window.measured(metric, subject) if window.applies(metric, subject) else metric.measure(subject)
+    if isinstance(finding, Found) and finding.verdict is Verdict.NOT_SETTLED and not accepts_unsettled:
+        return unsettled(finding.verdict) or finding
+    return finding
 
 
 def _lacking(metric: type[Metric], request: MetricRequest) -> str:
@@ -264,4 +275,7 @@ def measured_of(diagram: Diagram, request: MetricRequest, finding: Finding) -> M
     if not np.isfinite(value):
         return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
     advice = _JUMPS if finding.one_sided else ""
-    return Measured(value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at)
+    return Measured(
+        value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at, doubt=finding.doubt,
+        settled_from=finding.settled_from,
+    )  # fmt: skip

@@ -32,6 +32,8 @@ class Measured:
 
     ``value`` is None unless the metric exists; ``at`` is the time (s) or angular
     frequency (rad/s) where it is found; ``advice`` is a sentence for the user.
+    Where the output has not settled, ``settled_from`` is what was taken for where it settles,
+    and ``doubt`` how far the rest may change the value (in its unit; None where that is not known).
     """
 
     value: float | None
@@ -39,3 +41,5 @@ class Measured:
     verdict: Verdict = Verdict.OK
     advice: str = ""
     at: float | None = None
+    doubt: float | None = None
+    settled_from: str = ""

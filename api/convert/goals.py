@@ -13,6 +13,7 @@ from engine.diagram import Diagram
 from engine.errors import MaskError
 from engine.masks import Corners, Envelope, FrequencyBounds, Magnitude, Mask, Polyline, Rational
 from engine.metrics import catalogue
+from engine.verdicts import Verdict
 from optimizers.problem import Goal, Sense
 from optimizers.problem.goals import only_places
 
@@ -52,6 +53,7 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, ex
         tolerance=tolerance,
         hard=document.hard,
         weight=document.weight,
+        accept=Verdict(document.accept),
     )
 
 

@@ -118,6 +118,10 @@ class GoalDocument(OfResponses, OfPaths):
         default=True, description="false: the bounds are approached, beside an objective weighted with `weight`"
     )
     weight: float = 1.0
+    accept: Literal["ok", "not_settled"] = Field(
+        default="not_settled",
+        description="not_settled takes also what a given duration says of a nonlinear output that has not settled within it",
+    )
 
 
 class UncertainDocument(Document):

@@ -123,7 +123,8 @@ def _sampled(request: SpectrumRequest, diagram: Diagram, variant: Variant) -> tu
     values = found.curves[output][:-1]
     rate = request.samples / float(found.time[-1])
     if not np.isfinite(values).all():
-        msg = f"output must stay finite to have a spectrum, got {output}, which grows beyond 1e100"
+        why = "it grows beyond 1e100" if found.error is None else found.warnings[-1].detail
+        msg = f"output must be followed to the end to have a spectrum, got {output}: {why}"
         raise SpectrumError(msg, verdict=str(found.verdict))
     return _part(request, values, rate), rate, str(found.verdict)
 

@@ -246,7 +246,9 @@ class NonlinearBatch:
             for column, number in enumerate(experiment.requests):
                 request = self.requests[number]
                 own = curves[self._diagram.outputs.index(str(request.output))]
-                values[:, column], doubtful[:, column] = read(request.metric, own, request.options.settling_band)
+                values[:, column], doubtful[:, column] = read(
+                    request.metric, own, request.options.settling_band, unsettled=request.unsettled
+                )
                 floors[:, column] = floor(request.metric, own)
                 integral = request.metric in INTEGRALS and experiment.duration is None
                 settled &= own.still if integral else own.settled

@@ -16,6 +16,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.metric_options import USUAL_BAND
+from engine.metrics import catalogue
+
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Reading = tuple[Real, Flags]
@@ -146,8 +149,13 @@ class Curves:
         return np.asarray(~self.still & (~self.slow | (self._away > (1 + _BETWEEN) * NEAR)))
 
     @cached_property
+    def ended(self) -> Flags:
+        """Who has settled, or shows by any standard that it has not and moves unevenly: its last value is then its end, (B,)."""
+        return np.asarray(self.settled | (self.restless & ~self.steady))
+
+    @cached_property
     def final(self) -> Real:
-        """Where the settled ones rest, (B,)."""
+        """Where the settled ones rest, and the others have come to, (B,)."""
         if self.rest is None:
             return np.asarray(self.values[-1])
         return np.where(self.settled & ~np.isnan(self.rest), self.rest, self.values[-1])
@@ -306,10 +314,10 @@ def middle_of(curves: Curves) -> Real:
 
 
 def _way(curves: Curves) -> Reading:
-    """Return the way from the beginning to the end, NaN where there is none to speak of, and who may or may not settle."""
+    """Return the way from the beginning to the end, NaN where there is none to speak of, and whose end is not known here."""
     way = curves.final - curves.initial
     real = np.abs(way) > NEGLIGIBLE * curves.size
-    return np.where(curves.settled & real, way, np.nan), ~curves.settled & ~curves.restless
+    return np.where(curves.ended & real, way, np.nan), ~curves.ended
 
 
 def _rise_time(curves: Curves) -> Reading:
@@ -379,8 +387,7 @@ def _peak_time(curves: Curves) -> Reading:
 def _steady_state_error(curves: Curves) -> Reading:
     if curves.target is None:
         return np.full(len(curves.size), np.nan), np.ones(len(curves.size), dtype=bool)
-    value = np.where(curves.settled, curves.target - curves.final, np.nan)
-    return value, ~curves.settled & ~curves.restless
+    return np.where(curves.ended, curves.target - curves.final, np.nan), ~curves.ended
 
 
 def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
@@ -394,10 +401,17 @@ def _integral(of: Callable[[Real, Real], Real]) -> Callable[[Curves], Reading]:
     return read
 
 
-def read(metric: str, curves: Curves, band: float) -> Reading:
-    """Return a metric of `METRICS`; ``band`` is that of a settling time."""
+def read(metric: str, curves: Curves, band: float = USUAL_BAND, *, unsettled: bool = True) -> Reading:
+    """Return a metric of `METRICS`.
+
+    ``band`` is that of a settling time; ``unsettled`` says whether the values will do of who has not settled in the time asked for.
+    """
     with np.errstate(all="ignore"):  # what has no value is NaN
-        return settled_within(band)(curves) if metric == "settling_time" else METRICS[metric](curves)
+        value, doubt = settled_within(band)(curves) if metric == "settling_time" else METRICS[metric](curves)
+    if unsettled or metric not in OF_THE_END:
+        return value, doubt
+    moving = curves.ended & ~curves.settled
+    return np.where(moving, np.nan, value), doubt & ~moving
 
 
 METRICS: Mapping[str, Callable[[Curves], Reading]] = MappingProxyType(
@@ -410,6 +424,7 @@ METRICS: Mapping[str, Callable[[Curves], Reading]] = MappingProxyType(
         "itae": _integral(lambda e, t: t * np.abs(e)),
     }
 )  # fmt: skip
+OF_THE_END: Final = frozenset(kind for kind in METRICS if getattr(catalogue()[kind], "of_the_end", False))
 TIMES: Final = frozenset({"rise_time", "settling_time", "response_time", "peak_time"})
 RATIOS: Final = frozenset({"overshoot", "undershoot"})
 INTEGRALS: Final = frozenset({"iae", "ise", "itae"})

@@ -44,7 +44,8 @@ class Found:
 
     ``value`` has shape (lanes,) and carries its derivatives; ``at`` is the instant (s) or frequency (rad/s) where it is
     found; ``one_sided`` says that the metric jumps here, so that its derivative holds on one side only; ``kinked`` that its
-    derivative does, as that of the larger of two equal peaks.
+    derivative does, as that of the larger of two equal peaks. ``settled_from`` says what a value that is relative to where the
+    output settles took for that, if it has not settled; ``doubt`` how far the rest may change it, None where that is not known.
     """
 
     value: Array
@@ -52,6 +53,8 @@ class Found:
     one_sided: bool = False
     kinked: bool = False
     verdict: Verdict = Verdict.OK
+    doubt: float | None = None
+    settled_from: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +96,9 @@ class TimeSubject:
         Of the path from the input to this output.
     incomplete : Absent or None
         Why nothing is measured on it: it ends before its time. None for one that was followed to its end.
+    to_go : (float, float) or None
+        Of one that has not settled within its duration: how far it may still go down and up from its last value; None where that is
+        not known.
     band : (float, float) or None
         Angular frequencies between which a spectrum is looked at, rad/s.
     mask : Mask or None
@@ -117,6 +123,7 @@ class TimeSubject:
     duration: float | None
     verdict: Verdict
     incomplete: Absent | None = None
+    to_go: tuple[float, float] | None = None
     band: tuple[float, float] | None = None
     mask: Mask | None = None
     moving_start: Array | None = None
@@ -208,6 +215,8 @@ class TimeMetric(Metric):
     """A metric of one output's response."""
 
     domain: ClassVar[Domain] = "time"
+    of_the_end: ClassVar[bool] = False
+    """It is relative to where the output settles: of a window in which it does not, it is told from the last value."""
 
     @classmethod
     @abc.abstractmethod
@@ -253,8 +262,7 @@ _ADVICE = {
     Verdict.MARGINAL: "the path oscillates without decay: lower the loop gain slightly",
     Verdict.INTEGRATING: "the output goes on moving under a constant command: look at its velocity, or close the loop",
     Verdict.ILL_POSED: "an algebraic loop has no solution at these values",
-    Verdict.TOO_SHORT: "the simulation ends before the output has rested for a tenth of it: give it a longer duration, or none to follow it until it settles",
-    Verdict.NOT_SETTLED: "the output goes on moving, as in a limit cycle: look at it over a given duration",
+    Verdict.NOT_SETTLED: "the output goes on moving: follow it for longer, or look at a limit cycle over a given duration",
     Verdict.DOUBTFUL: "the simulation could not be followed to its end, or rounding leaves what lasts no digits: see the warnings",
 }
 
@@ -309,6 +317,8 @@ def last_entry(subject: TimeSubject, band: float) -> Finding:
     _, way, sign = span(subject)
     half = band * way * sign
     away = away_from(subject, subject.final, float(half[0].real))
+    if abs(away.values[-1, -1, 0].real) > half[0].real:
+        return Absent(verdict=Verdict.NOT_SETTLED, advice=_ADVICE[Verdict.NOT_SETTLED])
     candidates = []
     for edge in (half, -half):
         last = next((instant for instant, _ in away.crossings(edge, backwards=True)), None)

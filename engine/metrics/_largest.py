@@ -22,14 +22,11 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.metrics._base import Finding, PathSubject, TimeSubject
 
-_WITHIN_REACH = frozenset({Verdict.TOO_SHORT, Verdict.NOT_SETTLED})
-"""A nonlinear response that has not settled still has a largest value and integrals as far as it was followed."""
-
 
 def largest_magnitude(subject: TimeSubject) -> Finding:
     """Return the largest absolute value of the output; its final value where it is only approached."""
     refusal = unsettled(subject.verdict)
-    if refusal is not None and (subject.verdict not in _WITHIN_REACH or subject.y is None):
+    if refusal is not None and subject.verdict is not Verdict.NOT_SETTLED:
         return refusal
     if refusal is None and subject.final is None and subject.end is None and _grows(subject):
         return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")

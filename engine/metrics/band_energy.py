@@ -31,6 +31,7 @@ class BandEnergy(TimeMetric):
     source: ClassVar[str] = "Parseval's theorem: A. Oppenheim, A. Willsky, Signals and Systems, 2nd ed., section 4.3.7"
     amplitude_power: ClassVar[int] = 2
     time_power: ClassVar[float] = 1
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -28,6 +28,7 @@ class Overshoot(TimeMetric):
         "How far the output goes beyond its final value, as a ratio of its way; 0 when it does not."
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -32,6 +32,7 @@ class RecoveryTime(TimeMetric):
     source: ClassVar[str] = "G. Ellis, Control System Design Guide, 4th ed., chapter 7: the response to a disturbance"
     time_power: ClassVar[float] = 1
     options: ClassVar[tuple[str, ...]] = ("recovery_band",)
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -29,6 +29,7 @@ class ResidualVibration(TimeMetric):
     definition: ClassVar[str] = "Half the difference of the largest and the smallest value after the command ends."
     source: ClassVar[str] = "N. Singer, W. Seering, ASME J. Dyn. Syst. Meas. Control 112 (1990) 76-82"
     amplitude_power: ClassVar[int] = 1
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:
@@ -40,6 +41,9 @@ class ResidualVibration(TimeMetric):
             return Absent(verdict=Verdict.NOT_APPLICABLE, advice="it needs a command that ends")
         rest = subject.curve.since(subject.end)
         highest, lowest = (_of_rest(subject, rest, found) for found in (rest.largest(), rest.smallest()))
+        if subject.final is not None:  # what is only approached counts as well
+            highest = subject.final if subject.final[0].real > highest[0].real else highest
+            lowest = subject.final if subject.final[0].real < lowest[0].real else lowest
         return Found(value=(highest - lowest) / 2, at=subject.end)
 
 

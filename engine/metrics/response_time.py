@@ -26,6 +26,7 @@ class ResponseTime(TimeMetric):
     )
     source: ClassVar[str] = "the response time t_r of the influence-coefficient method; band of 5 %"
     time_power: ClassVar[float] = 1
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

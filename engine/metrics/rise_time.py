@@ -27,6 +27,7 @@ class RiseTime(TimeMetric):
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[float] = 1
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -28,6 +28,7 @@ class SettlingTime(TimeMetric):
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[float] = 1
     options: ClassVar[tuple[str, ...]] = ("settling_band",)
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

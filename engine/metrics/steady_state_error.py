@@ -25,6 +25,7 @@ class SteadyStateError(TimeMetric):
     definition: ClassVar[str] = "What remains of the error reference minus output, signed."
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     amplitude_power: ClassVar[int] = 1
+    of_the_end: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

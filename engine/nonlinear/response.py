@@ -107,7 +107,7 @@ def respond(
     last = max((t for s in signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
     if duration is not None:
         outcome = run.advance(duration)
-        return _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.TOO_SHORT)
+        return _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.NOT_SETTLED)
     periods = max((s.repeats_after() or 0.0 for s in signals.values()), default=0.0)
     length = max(pace, 3 * periods, 1e-9)
     endless = any(s.final() is None for s in signals.values())

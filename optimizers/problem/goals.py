@@ -16,6 +16,7 @@ from engine.masks import Envelope, FrequencyBounds, Mask, Polyline
 from engine.metric_options import MEANINGS, USUAL, Options
 from engine.metrics import catalogue as metric_catalogue
 from engine.study import MetricRequest
+from engine.verdicts import Verdict
 from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 ON_AIM = 0.01
 """A goal with a target is met within this part of it, unless its tolerance says otherwise."""
 
+_ACCEPTED = (Verdict.OK, Verdict.NOT_SETTLED)
 _WIRE = {"source": "from", "target": "to"}
 _NEEDS = {"time": ("experiment", "output"), "path": ("source", "target"), "loop": ("open_at",)}
 _MASKS: Mapping[str, type[Mask]] = {"envelope": Envelope, "reference": Polyline, "frequency bounds": FrequencyBounds}
@@ -59,6 +61,8 @@ class Goal:
         Value to be hit, within ``tolerance`` (1 % of it by default); becomes ``lower`` and ``upper``.
     options : Options
         Numbers that some metrics take: the band of a recovery time, say.
+    accept : Verdict
+        ``not_settled`` takes also what a window says of an output that has not settled in it; ``ok`` only what has.
     hard : bool
         Whether the bounds must hold. Soft ones are approached: beside an objective an excess counts ``weight`` times, without
         one the worst weighted excess is made as small as possible.
@@ -80,6 +84,7 @@ class Goal:
     tolerance: float | None = None
     hard: bool = True
     options: Options = USUAL
+    accept: Verdict = Verdict.NOT_SETTLED
 
     def __post_init__(self) -> None:
         if self.aim is not None and self.lower is None and self.upper is None:
@@ -178,6 +183,7 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
         band=goal.band,
         mask=goal.mask,
         options=goal.options,
+        unsettled=goal.accept is Verdict.NOT_SETTLED,
     )
 
 
@@ -217,6 +223,8 @@ def _place(goal: Goal) -> tuple[object, ...]:
 
 
 def _check_bounds(goal: Goal, at: Path) -> None:
+    if goal.accept not in _ACCEPTED:
+        raise ProblemError(f"accept must be one of {listed(_ACCEPTED)}, got {goal.accept}", at=(*at, "accept"))
     if goal.sense is None and not goal.bounded:
         raise ProblemError(
             f"goal {goal.metric} must have a sense, a target, a lower or an upper bound, got none", at=at

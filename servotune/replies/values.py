@@ -13,6 +13,8 @@ class Metric(TypedDict):
     verdict: str
     advice: NotRequired[str | None]
     at: NotRequired[float | None]
+    doubt: NotRequired[float | None]
+    settled_from: NotRequired[str | None]
 
 
 class Warned(TypedDict):

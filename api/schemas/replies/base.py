@@ -62,12 +62,22 @@ VerdictWord = Literal[
 
 
 class MetricReply(Reply):
-    """A metric; without a value the verdict says why, and `advice` what to do."""
+    """A metric; without a value the verdict says why, and `advice` what to do.
+
+    What a window says of an output that has not settled in it is relative to its last value, with the verdict `not_settled`.
+    """
 
     value: Number
     unit: str
     verdict: VerdictWord
     advice: str | None = None
+    doubt: Number | None = Field(
+        default=None,
+        description="of `not_settled`: how far the rest may change the value; null where that is not known",
+    )
+    settled_from: Literal["last_sample"] | None = Field(
+        default=None, description="of `not_settled`: what was taken for where the output settles"
+    )
 
 
 class StudyReply(Reply):

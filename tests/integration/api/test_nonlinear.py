@@ -50,10 +50,15 @@ def test_variants_and_a_duration(client) -> None:
     )
     slow, fast = reply.json()["variants"]
     assert slow["outputs"]["y"][-1] == pytest.approx(0.5, abs=1e-12)
+    # 2 t up to t = 1/2, then 3 - 2 e^(1/2 - t): 10 and 90 % of the way to the last value, of the error e^-1/2 of which 2 are left
+    last = 3 - 2 * math.exp(-0.5)
     assert fast["metrics"]["y"]["rise_time"] == {
-        "value": None, "unit": "s", "verdict": "too_short",
-        "advice": "the simulation ends before the output has rested for a tenth of it: give it a longer duration, or none to follow it until it settles",
+        "value": pytest.approx(0.5 + math.log(2 / (3 - 0.9 * last)) - 0.05 * last, abs=1e-9), "unit": "s",
+        "verdict": "not_settled", "settled_from": "last_sample", "doubt": None,
     }  # fmt: skip
+    error = fast["metrics"]["y"]["steady_state_error"]
+    assert error["value"] == pytest.approx(2 * math.exp(-0.5), abs=1e-9)
+    assert error["doubt"] == pytest.approx(2 * math.exp(-0.5), abs=1e-9)
 
 
 def test_a_frequency_response_is_linearised_and_says_so(client) -> None:

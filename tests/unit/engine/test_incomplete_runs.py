@@ -9,6 +9,7 @@ import pytest
 from engine.diagram import Diagram, compile_system
 from engine.masks import Envelope, Polyline
 from engine.measuring import MetricRequest, measure
+from engine.metric_options import Options
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
 from engine.nonlinear import bounds
@@ -52,7 +53,13 @@ def every(diagram: Diagram, duration: float | None) -> dict[str, Measured]:
     """Return every metric in time of the output."""
     requests = [
         MetricRequest(
-            metric=kind, signals=STEP, output="y", duration=duration, band=(0.1, 10.0), mask=MASKS.get(metric.mask)
+            metric=kind,
+            signals=STEP,
+            output="y",
+            duration=duration,
+            band=(0.1, 10.0),
+            mask=MASKS.get(metric.mask),
+            options=Options(recovery_band=0.1),
         )
         for kind, metric in catalogue().items()
         if issubclass(metric, TimeMetric)

@@ -40,16 +40,16 @@ def test_a_drive_at_its_limit_is_followed_until_it_arrives():
     assert found.metrics["x"]["overshoot"].value == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_is_on_its_way_is_too_short_and_no_integrator():
+def test_what_is_on_its_way_has_not_settled_and_is_no_integrator():
     """Position and velocity alike: the constant velocity is not where it ends."""
     made = limited_drive(kind="p", kp=10.0)
-    assert ends(made, 500.0) == {"x": Verdict.TOO_SHORT, "u": Verdict.TOO_SHORT}
+    assert ends(made, 500.0) == {"x": Verdict.NOT_SETTLED, "u": Verdict.NOT_SETTLED}
     assert ends(made, 1200.0) == {"x": Verdict.OK, "u": Verdict.OK}
 
 
 def test_a_sampled_drive_at_its_limit_is_no_integrator():
     made = limited_drive(kind="sampled_pid", kp=4.0, sample_time=0.1)
-    assert ends(made, 5.0, amplitude=20.0) == {"x": Verdict.TOO_SHORT, "u": Verdict.TOO_SHORT}
+    assert ends(made, 5.0, amplitude=20.0) == {"x": Verdict.NOT_SETTLED, "u": Verdict.NOT_SETTLED}
     assert ends(made, 25.0, amplitude=20.0) == {"x": Verdict.OK, "u": Verdict.OK}
 
 
@@ -95,7 +95,7 @@ def test_a_controller_that_winds_up_until_the_drive_breaks_away_is_not_at_rest()
             {"x": "x"},
         )
     )  # fmt: skip
-    assert ends(made, 20.0, 1.0) == {"x": Verdict.TOO_SHORT}
+    assert ends(made, 20.0, 1.0) == {"x": Verdict.NOT_SETTLED}
     response = Evaluation(made).simulated({"r": make("step", {})}, 60.0)
     position = response.output("x").sample(np.array([39.9, 50.0]))
     assert position[0] == 0.0

@@ -83,9 +83,12 @@ def test_what_has_not_settled_is_doubtful_or_absent_where_the_time_was_given():
     value, doubt = read("settling_time", curves(400, end=4.0))
     assert np.isnan(value).all()
     assert doubt.all()
-    value, doubt = read("settling_time", curves(400, end=4.0, duration=4.0))
+    value, doubt = read("settling_time", curves(400, end=4.0, duration=4.0), unsettled=False)
     assert np.isnan(value[0])
     assert not doubt[0]  # it swings by more than the exact path would call settled
+    value, doubt = read("settling_time", curves(400, end=4.0, duration=4.0))
+    assert 0 < value[0] < 4.0
+    assert not doubt[0]  # its last value counts
     peak, unsure = read("peak", curves(4000, end=4.0, duration=4.0))
     np.testing.assert_allclose(peak, 1 + OVERSHOOT, rtol=1e-6)
     assert not unsure.any()
