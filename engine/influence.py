@@ -6,7 +6,7 @@
 The elasticity is the limit of C for a vanishing change and has no step size. Read by rows a table of them tells which
 metric a parameter moves most; read by columns, which parameter is the strongest lever on a metric.
 
-Where a nonlinear response cannot be differentiated exactly (a limit is only touched, a law slides along a curved surface,
+Where a nonlinear response cannot be differentiated exactly (a limit is only touched, a law is about to become another one,
 a number of the command is varied), differences take the place of the limit, and the table says so.
 """
 

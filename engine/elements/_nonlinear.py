@@ -75,8 +75,6 @@ class NonlinearElement(Element):
     states: ClassVar[tuple[str, ...]] = ()
     modes: ClassVar[tuple[Mode, ...]] = (0,)
     """The modes; one stands for all others where they are numbered through (intervals, levels)."""
-    curved: ClassVar[bool] = False
-    """Whether :meth:`surface` is no linear function, so that it may lose its slope while it is held."""
     continuous: ClassVar[bool] = False
     """Whether the output does not jump between modes, and all guards are distances in the unit of the only input."""
     note: ClassVar[str] = ""
@@ -145,16 +143,21 @@ class NonlinearElement(Element):
 
     @classmethod
     def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
-        """Return what a mode that holds keeps at 0: a function of the inputs, by default the first of them."""
+        """Return what a mode that holds keeps at 0: a linear function of the inputs, by default the first of them."""
         return m.z[0]
 
     @classmethod
-    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return what follows where the output of :meth:`held` has no influence on the rate of the surface.
+    def unheld(cls, m: Moment, mode: Mode, values: Values, *, before: Mode) -> Change:
+        """Return what follows where in ``mode`` the output of :meth:`held` has no influence on the rate of the surface.
 
-        ``mode`` is the one before the law began to hold.
+        ``before`` is the mode before the law began to hold; ``mode`` itself where it has held until now.
         """
-        return Change(mode=mode)
+        return Change(mode=before)
+
+    @classmethod
+    def jumps(cls, values: Values) -> bool:
+        """Return whether an infinitesimal would make it another law, whose response has no derivative here that could be carried along."""
+        return False
 
     @classmethod
     def period(cls, values: Values) -> Scalar | None:

@@ -27,15 +27,19 @@ def transition(unit: str) -> Param:
     )  # fmt: skip
 
 
-_SLIDES = 2
+_SLIDES = 4
+"""From this mode on one factor is held at 0: 4 + 2 k + (the other one is positive) holds factor k; the modes below are two bits, the
+signs of both factors."""
 
 
 class SwitchedCurrent(NonlinearElement):
-    """A current that follows the sign of a product; each law says of which."""
+    """A current that follows the sign of a product of two factors; each law says of which.
+
+    The current switches where one of the factors passes through 0; where it drives this factor back from either side, the factor stays 0.
+    """
 
     note = "a law that switches has no slope: its current is taken as constant"
-    modes: ClassVar[tuple[Mode, ...]] = (0, 1, _SLIDES)
-    curved = True
+    modes: ClassVar[tuple[Mode, ...]] = tuple(range(8))
     entering: ClassVar[tuple[str, str]]
     example = {"off": 0.1, "transition": 0.4}
 
@@ -52,65 +56,113 @@ class SwitchedCurrent(NonlinearElement):
 
     @classmethod
     @abstractmethod
-    def product(cls, m: Moment) -> Any:
-        """Return what decides by its sign."""
+    def factors(cls, m: Moment) -> tuple[Any, Any]:
+        """Return the two signals whose product decides by its sign, linear in the inputs."""
 
     @classmethod
     def start(cls, m: Moment, values: Values) -> Mode:
-        """Return on (1) or off (0)."""
-        return 1 if first(cls.product(m)) > 0 else 0
+        """Return the signs of both factors; where one is 0, the signs for which the current is off."""
+        if _smooth(values):
+            return 0
+        a, b = (first(factor) for factor in cls.factors(m))
+        if a * b > 0:
+            return _signs(a > 0, b > 0)
+        return _signs(a > 0, a <= 0) if a else _signs(b <= 0, b > 0)
 
     @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the current."""
         off, on = values["off"], values["on"]
-        if np.any(values["transition"]):
-            return [off + (on - off) * 0.5 * (1 + np.tanh(cls.product(m) / values["transition"]))]
-        return [0.0 * m.z[0] + (on if mode == 1 else off)]
+        if _smooth(values):
+            a, b = cls.factors(m)
+            return [off + (on - off) * 0.5 * (1 + np.tanh(a * b / values["transition"]))]
+        return [0.0 * m.z[0] + (on if mode in {_signs(False, False), _signs(True, True)} else off)]
 
     @classmethod
     def feed_through(cls, values: Values) -> Pattern:
         """Return none for a law that switches: inside a mode the current does not follow the signals."""
-        return np.full((1, 2), bool(np.any(values["transition"])))
+        return np.full((1, 2), _smooth(values))
 
     @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:
-        """Return that a current that switches is constant until it does."""
-        return mode != _SLIDES and not np.any(values["transition"])
+        """Return that a current that switches is constant until it does, or held."""
+        return not _smooth(values)
+
+    @classmethod
+    def jumps(cls, values: Values) -> bool:
+        """Return whether the transition is about to begin: from then on the law is another one."""
+        return not _smooth(values) and bool(np.any(values["transition"]))
 
     @classmethod
     def held(cls, mode: Mode) -> int | None:
-        """Return that sliding holds the product."""
-        return 0 if mode == _SLIDES else None
+        """Return that sliding holds a factor."""
+        return 0 if mode >= _SLIDES else None
 
     @classmethod
     def surface(cls, m: Moment, mode: Mode, values: Values) -> Any:
-        """Return the product."""
-        return cls.product(m)
+        """Return the factor that is held, with the sign of the other one: positive where the current is on."""
+        factor, other = _slide(mode)
+        own = cls.factors(m)[factor]
+        return own if other else -own
 
     @classmethod
-    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return the other current, as the product passes through 0; off where sliding has lost its direction."""
-        return Change(mode=1 if mode == 0 else 0)
+    def unheld(cls, m: Moment, mode: Mode, values: Values, *, before: Mode) -> Change:
+        """Return that the factor passes through 0, or the current off where it had been held."""
+        factor, other = _slide(mode)
+        if before >= _SLIDES:
+            return Change(mode=_with(factor, positive=not other, other=other))
+        return Change(mode=before ^ (1 << factor))
 
     @classmethod
     def release(cls, m: Moment, mode: Mode, values: Values) -> Change:
         """Return that sliding ends where a signal jumps."""
-        return Change(mode=0 if mode == _SLIDES else mode)
+        if mode < _SLIDES:
+            return Change(mode=mode)
+        factor, other = _slide(mode)
+        return Change(mode=_with(factor, positive=not other, other=other))
 
     @classmethod
     def guards(cls, m: Moment, mode: Mode, values: Values) -> Signals:
-        """Return how far the product has changed its sign, or the mean current is beyond the two currents."""
-        if np.any(values["transition"]):
+        """Return how far a factor has changed its sign; or how far the mean current is beyond the two currents, or the other factor is."""
+        if _smooth(values):
             return []
-        if mode == _SLIDES:
-            return [m.y[0] - values["on"], values["off"] - m.y[0]] if m.y else []
-        return [-cls.product(m) if mode else cls.product(m)]
+        if mode < _SLIDES:
+            return [-f if mode >> k & 1 else f for k, f in enumerate(cls.factors(m))]
+        factor, other = _slide(mode)
+        signal = cls.factors(m)[1 - factor]
+        return [m.y[0] - values["on"], values["off"] - m.y[0], -signal if other else signal] if m.y else []
 
     @classmethod
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return sliding, which shows where the product goes; from it to one of the currents."""
-        return Change(mode=(1, 0)[guard] if mode == _SLIDES else _SLIDES)
+        """Return sliding, which shows where the factor goes; from it to one of the currents."""
+        if mode < _SLIDES:
+            return Change(mode=_SLIDES + 2 * guard + (mode >> (1 - guard) & 1))
+        factor, other = _slide(mode)
+        if guard < _PASSES:
+            return Change(mode=_with(factor, positive=other == (guard == 0), other=other))
+        return Change(mode=_with(factor, positive=other, other=not other))
+
+
+_PASSES = 2  # the guard of sliding that tells that the other factor passes through 0
+
+
+def _smooth(values: Values) -> bool:
+    return first(values["transition"]) > 0
+
+
+def _signs(a: bool, b: bool) -> Mode:  # noqa: FBT001 - two signs
+    """Return the mode in which the factors are positive or not."""
+    return int(a) + 2 * int(b)
+
+
+def _slide(mode: Mode) -> tuple[int, bool]:
+    """Return which factor a mode holds, and whether the other one is positive."""
+    return (mode - _SLIDES) // 2, bool((mode - _SLIDES) % 2)
+
+
+def _with(factor: int, *, positive: bool, other: bool) -> Mode:
+    """Return the mode in which ``factor`` is positive or not, and the other one is."""
+    return _signs(positive, other) if factor == 0 else _signs(other, positive)
 
 
 class ConstantCurrent(NonlinearElement):

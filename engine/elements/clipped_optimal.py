@@ -22,6 +22,6 @@ class ClippedOptimal(SwitchedCurrent):
     entering = ("wanted_force", "force")
 
     @classmethod
-    def product(cls, m: Moment) -> Any:
-        """Return what is missing of the force, times the force."""
-        return (m.z[0] - m.z[1]) * m.z[1]
+    def factors(cls, m: Moment) -> tuple[Any, Any]:
+        """Return what is missing of the force, and the force."""
+        return m.z[0] - m.z[1], m.z[1]

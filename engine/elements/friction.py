@@ -110,9 +110,9 @@ class Friction(NonlinearElement):
         return mode == _IDLE
 
     @classmethod
-    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
+    def unheld(cls, m: Moment, mode: Mode, values: Values, *, before: Mode) -> Change:
         """Return the opposite direction: the velocity is given and passes through 0; or none where it rests."""
-        return Change(mode=-mode if abs(mode) == _SLIDE else _IDLE)
+        return Change(mode=-before if abs(before) == _SLIDE else _IDLE)
 
     @classmethod
     def release(cls, m: Moment, mode: Mode, values: Values) -> Change:

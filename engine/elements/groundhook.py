@@ -22,6 +22,6 @@ class Groundhook(SwitchedCurrent):
     entering = ("base_velocity", "relative_velocity")
 
     @classmethod
-    def product(cls, m: Moment) -> Any:
-        """Return base velocity times relative velocity (body against base), negative."""
-        return -m.z[0] * m.z[1]
+    def factors(cls, m: Moment) -> tuple[Any, Any]:
+        """Return the negative base velocity, and the relative velocity (body against base)."""
+        return -m.z[0], m.z[1]

@@ -70,9 +70,9 @@ class Quantizer(NonlinearElement):
         return m.z[0] - values["step"] * (0.5 * mode)
 
     @classmethod
-    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
-        """Return the level on the other side: the input passes the edge."""
-        return Change(mode=mode + 2 if first(m.z[0]) > first(values["step"]) * (0.5 * mode) else mode - 2)
+    def unheld(cls, m: Moment, mode: Mode, values: Values, *, before: Mode) -> Change:
+        """Return the level on the other side: the input passes the edge; the one below where it had been held."""
+        return Change(mode=mode - 1 if before > mode or before == mode else mode + 1)
 
     @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:

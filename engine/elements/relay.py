@@ -69,9 +69,14 @@ class Relay(NonlinearElement):
         return 0 if mode == 0 else None
 
     @classmethod
-    def unheld(cls, m: Moment, mode: Mode, values: Values) -> Change:
+    def unheld(cls, m: Moment, mode: Mode, values: Values, *, before: Mode) -> Change:
         """Return to the other value: the input passes through 0 and the output cannot keep it there."""
-        return Change(mode=-1 if mode >= 0 else 1)
+        return Change(mode=-1 if before >= 0 else 1)
+
+    @classmethod
+    def jumps(cls, values: Values) -> bool:
+        """Return whether hysteresis is about to begin, where the input slides without it."""
+        return first(values["hysteresis"]) == 0 and bool(np.any(values["hysteresis"]))
 
     @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:

@@ -22,6 +22,6 @@ class Skyhook(SwitchedCurrent):
     entering = ("velocity", "relative_velocity")
 
     @classmethod
-    def product(cls, m: Moment) -> Any:
-        """Return body velocity times relative velocity (body against base)."""
-        return m.z[0] * m.z[1]
+    def factors(cls, m: Moment) -> tuple[Any, Any]:
+        """Return body velocity and relative velocity (body against base)."""
+        return m.z[0], m.z[1]

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from engine.elements._nonlinear import Mode
 from engine.errors import EngineError
 from engine.failures import numerical
-from engine.linear.chebyshev import NODES
+from engine.linear.chebyshev import NODES, tail
 from engine.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.nonlinear.bounds import Bounds
 from engine.nonlinear.driving import Driving
@@ -53,6 +53,8 @@ _FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; aft
 _ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
 _RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
 _EARLY = 1e-3
+_PUNCTUAL, _ROUNDED = 1e-12, 1e-14
+"""By how much the polynomial of a guard may move an event, in parts of the time simulated; what it misses by rounding alone."""
 
 
 class Integration:
@@ -92,14 +94,13 @@ class Integration:
         self._driving = Driving(system, signals, constants, self.record)
         self._stepper = Stepper(system, self.record, tolerance)
         self._bounds = Bounds(clock, wall_limit)
-        self.smooth = True
+        self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
         self.error = 0.0
         self._agenda = Agenda()
         self._first_scale = np.zeros(system.states)
         self._width = math.inf
         self._chain, self._pause = _FEWEST, 0
-        self._loosened = -math.inf
-        self._refused = 0
+        self._refused = self._vague = 0
         self._horizon = 0.0
         self._noted = -math.inf
         for number, law in enumerate(system.laws):
@@ -150,7 +151,7 @@ class Integration:
         return Outcome(
             record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
             error=self.error, events=self._bounds.events, steps=self._bounds.steps,
-            smooth=self.smooth and not self._board.curved, limits=self.system.limits,
+            smooth=self.smooth, limits=self.system.limits,
         )  # fmt: skip
 
     def _stand(self) -> None:
@@ -240,10 +241,7 @@ class Integration:
             width = 0.5 * gap if width < 0.99 * gap else gap
         if width == gap and self._many():
             return
-        solved = self._solved(width, gap)
-        if solved is None:
-            return
-        step, width = solved
+        step, width = self._solved(width, gap)
         whole = width >= gap
         grown = width * self._growth(step)
         # a step cut short by a stop says nothing about those after it, unless it was hard all the same
@@ -253,6 +251,7 @@ class Integration:
         if crossing is not None and crossing.theta * width <= gap:
             event = self._placed(step, crossing)
             if event is not None:
+                self._vague = 0
                 self._note_guards(step, until(event.theta) if event.theta <= _EARLY else None)
                 self._event(step, event)
             return
@@ -269,10 +268,16 @@ class Integration:
             self._board.note(number, guard, values if part is None else part @ values)
 
     def _placed(self, step: Step, event: Crossing) -> Crossing | None:
-        """Return an event of a step; None where the step went so far beyond that its rounding is seen there: a shorter one follows.
+        """Return an event of a step; None where a shorter one has to follow.
 
-        An event that comes sooner than steps can be short happens at once.
+        That is where the step went so far beyond that its rounding is seen there, and where its polynomials do not tell the time of the
+        event. An event that comes sooner than steps can be short happens at once.
         """
+        if self._vague < _PATIENCE and not self._punctual(step, event):
+            self._vague += 1
+            self._width = step.width * min(0.5, 1.5 * max(event.theta, _EARLY))
+            self._stepper.forget()
+            return None
         if event.theta > _EARLY or not self._stepper.blown(step, event.theta):
             return event
         width = 1.5 * event.theta * step.width
@@ -282,6 +287,14 @@ class Integration:
         self._stepper.forget()
         return None
 
+    def _punctual(self, step: Step, event: Crossing) -> bool:
+        """Return whether what the polynomial of a guard misses moves the event by no more than its time may be wrong."""
+        values = step.guards[event.index][2]
+        missed = float(tail(values))
+        if missed <= _ROUNDED * float(np.abs(values).max()):
+            return True
+        return missed <= _PUNCTUAL * max(self._horizon, self.now) * abs(step.slope_of(event.index, event.theta))
+
     def _growth(self, step: Step) -> float:
         """Return by how much the next step may be longer."""
         if step.straight is None:
@@ -290,18 +303,12 @@ class Integration:
         self._refused -= 1
         return 2.0 if step.miss <= _ALMOST_NOTHING and self._refused < 0 else 1.0
 
-    def _solved(self, width: float, gap: float) -> tuple[Step, float] | None:
-        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good.
-
-        None where there is none before a law is let go that has held a curved surface.
-        """
+    def _solved(self, width: float, gap: float) -> tuple[Step, float]:
+        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good."""
         straight, cause = self._straight(), ""
         longest = self._width
         while True:
             if width < 1e-14 * max(self._horizon, self.now):
-                if self.now > self._loosened and self._board.loosen():
-                    self._loosened, self._width = self.now, math.inf
-                    return None
                 self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause)
             self._bounds.step(self.now)
             step: Step | None = None
@@ -361,7 +368,7 @@ class Integration:
         lanes, board = self.system.lanes, self._board
         linear = chain.x[None, :, :, : self.system.linear_states]
         parts = np.concatenate([linear[0], chain.u[0], chain.v[0]], axis=2).real
-        sums = np.concatenate([chain.y[0], chain.e[0]], axis=2).real
+        sums = np.concatenate([chain.y[0], chain.e[0], chain.v[0]], axis=2).real
         self._stepper.remember(*(np.concatenate(part) for part in (chain.x, parts, sums)))
         self._stepper.forget()
         self.error = max(self.error, chain.error)

@@ -33,7 +33,7 @@ _FEEBLE = 1e-13
 _NOISE = 1e-12
 _BLOWN = 1e4
 _MADE_OF = (("c1", "d11", "d13"), ("c2", "d21", "d23"), ("c3", "d31", "d33"))
-"""What outputs, delayed signals and laws' inputs are made of."""
+"""What outputs, delayed signals and laws' inputs are made of; laws' outputs follow them, made of themselves."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,10 +99,12 @@ class Stepper:
         self.scale = np.zeros(system.states)
         m = {name: np.abs(matrix[0]) for name, matrix in self.real.matrices.items()}
         rows = [np.concatenate([m[name] for name in of], axis=1) for of in _MADE_OF]
+        own = rows[0].shape[1]
+        rows.append(np.eye(own)[own - m["d13"].shape[1] :])
         self._made_of = np.concatenate(rows)
         ends = np.cumsum([0, *(len(part) for part in rows)])
         self._groups = [slice(*pair) for pair in pairwise(ends) if pair[1] > pair[0]]
-        self._laws = slice(int(ends[-2]), int(ends[-1]))
+        self._laws = slice(int(ends[-3]), int(ends[-2]))
         self._parts, self._sums = np.zeros(self._made_of.shape[1]), np.zeros(len(self._made_of))
         self._last: tuple[Real, float] | None = None
 
@@ -222,13 +224,13 @@ class Stepper:
             found = law.element.guards(seen, modes[number], law.real)
             guards.extend((number, k, _row(g)) for k, g in enumerate(found))
         parts, sums = _watched(nodes)
-        missed = self._missed_sums(parts, sums)
+        missed = self._missed_sums(parts, sums, modes)
         worst = max(states, self.share * float(np.max(missed, initial=0.0)))
-        if worst > self.tolerance and straight is None:  # perhaps no more than what rounding leaves of large parts
+        if worst > self.tolerance:  # perhaps no more than what rounding leaves of large parts
             rates, outputs = magnitudes(self.real, nodes.at, nodes.flow)
             states = min(states, self._missed_states(path, nodes, drive.width, rates))
             parts = np.concatenate([parts[:, : -outputs.shape[1] or None], outputs], axis=1)
-            missed = np.minimum(missed, self._missed_sums(parts, sums))
+            missed = np.minimum(missed, self._missed_sums(parts, sums, modes))
             worst = max(states, self.share * float(np.max(missed, initial=0.0)))
         seen_of_it = float(np.max(missed[: nodes.y.shape[2]], initial=0.0))
         return Step(
@@ -241,10 +243,17 @@ class Stepper:
         f = nodes.flow.f if rates is None else rates[None]
         return float(self.missed_by(path[None], nodes.at.x, f, np.array([width]), self.method)[0])
 
-    def _missed_sums(self, parts: Real, sums: Real) -> Real:
-        """Return what the polynomials miss of outputs, delayed signals and laws' inputs, relative to their loudness."""
+    def _missed_sums(self, parts: Real, sums: Real, modes: Sequence[Mode]) -> Real:
+        """Return what the polynomials miss of outputs, delayed signals, laws' inputs and held outputs, relative to their loudness."""
         loud = self.loudness(np.abs(parts).max(axis=0, initial=0.0), np.abs(sums).max(axis=0, initial=0.0))
-        return np.asarray(np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=0) / loud)
+        return self.heard(np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=0) / loud, modes)
+
+    def heard(self, missed: Real, modes: Sequence[Mode]) -> Real:
+        """Return what is missed, (..., sums), with 0 for those laws' outputs that no guard looks at: all but the held ones."""
+        deaf = np.ones(missed.shape[-1], dtype=bool)
+        deaf[: self._laws.stop] = False
+        deaf[[self._laws.stop + output for output, _ in self.system.holds(modes)]] = False
+        return np.where(deaf, 0.0, missed)
 
     def missed_by(self, path: Real, x: Real, f: Real, widths: Real, method: Scheme) -> Real:
         """Return what the polynomials of K steps miss of their states, (K,), relative to the largest values.
@@ -292,7 +301,7 @@ class Stepper:
         """Note how large states and signals are, arrays (N, ·).
 
         ``parts`` are linear states, inputs and laws' outputs; ``sums`` what is made of them: outputs, delayed signals, laws'
-        inputs.
+        inputs and outputs.
         """
         self.scale = np.maximum(self.scale, np.abs(x).max(axis=0, initial=0.0))
         self._parts = np.maximum(self._parts, np.abs(parts).max(axis=0, initial=0.0))
@@ -352,5 +361,5 @@ def _row(guard: Any) -> Real:
 def _watched(nodes: Nodes) -> tuple[Real, Real]:
     """Return the parts and the sums of a step at its nodes, (17, ·) each; see `Stepper.remember`."""
     parts = (nodes.at.x[0, :, : nodes.linear], nodes.at.u[0], nodes.flow.v[0])
-    sums = (nodes.y[0], nodes.z[0], nodes.flow.e[0])
+    sums = (nodes.y[0], nodes.z[0], nodes.flow.e[0], nodes.flow.v[0])
     return np.concatenate(parts, axis=1).real, np.concatenate(sums, axis=1).real

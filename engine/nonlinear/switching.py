@@ -70,8 +70,6 @@ class Switchboard:
         self.modes: list[Mode] = list(modes or ())
         self.started = modes is not None
         self.switches = 0
-        self.curved = False
-        """Whether a law has held a curved surface, whose infinitesimals are followed to first order only."""
         self._reopened = False
         self._around = around
         self._before: tuple[Array, Array, Array | None] | None = None
@@ -175,19 +173,9 @@ class Switchboard:
                 self.modes[number] = law.element.release(Moment(t=at.t), mode, law.values).mode
             elif law.element.held(mode) is not None and not self.real.holdable(number, at.real):
                 e, v = self.system.channels(at)
-                self._adopt(number, law.element.unheld(self.system.seen(number, at, e, v), mode, law.values))
-
-    def loosen(self) -> bool:
-        """Let laws go that hold a curved surface, which has lost its slope here; return whether there were some."""
-        found = False
-        for number, law in enumerate(self.system.laws):
-            mode = self.modes[number]
-            if law.element.curved and law.element.held(mode) is not None:
-                at = self.instant()
-                e, v = self.system.channels(at)
-                change = law.element.unheld(self.system.seen(number, at, e, v), mode, law.values)
-                self.modes[number], found = change.mode, True
-        return found
+                self._adopt(
+                    number, law.element.unheld(self.system.seen(number, at, e, v), mode, law.values, before=mode)
+                )
 
     def _put(self, number: int, states: Sequence[Any] | None) -> None:
         law = self.system.laws[number]
@@ -204,7 +192,8 @@ class Switchboard:
     def _change(self, number: int, guard: int, seen: Moment) -> None:
         law, before = self.system.laws[number], self.modes[number]
         self._adopt(number, law.element.switch(guard, seen, before, law.values))
-        if law.element.held(before) is None and law.element.held(self.modes[number]) is None:
+        after = self.modes[number]
+        if not law.element.idle(after) and law.element.held(before) is law.element.held(after) is None:
             self._reopened = True
         self.switches += 1
         if self.switches > MAX_SWITCHES:
@@ -248,24 +237,33 @@ class Switchboard:
         output = law.element.held(self.modes[number])
         if output is None:
             return
-        at = self.instant()
-        moved = self._impulse(number, at) if self.real.holdable(number, at.real) else None
-        if moved is None:
-            e, v = self.system.channels(at)
-            change = law.element.unheld(self.system.seen(number, at, e, v), before, law.values)
-            self.modes[number] = change.mode
-            self._put(number, change.x)
-            return
-        self.x = moved
-        self.curved = self.curved or law.element.curved
-        tangent = self.real.tangent(at.real)
+        free, at = self.x, self.instant()
+        if self.real.holdable(number, at.real):
+            moved = self._impulse(number, at)
+            if moved is not None:
+                self.x = self._resting(number, output, at, moved)
+                at = self.instant()
+                if self.real.holdable(number, at.real):  # exactly at rest, too: a damper has no force there
+                    return
+        self.x, at = free, replace(at, x=free[:, None])
+        e, v = self.system.channels(at)
+        seen = self.system.seen(number, at, e, v)
+        change = law.element.unheld(seen, self.modes[number], law.values, before=before)
+        self.modes[number] = change.mode
+        self._put(number, change.x)
+
+    def _resting(self, number: int, output: int, at: Instants, moved: Array) -> Array:
+        """Return the states with 0 for the one that a law holds, where that is a state itself."""
+        law = self.system.laws[number]
         row = self.system.holds(self.modes).index((law.outputs.start + output, number))
-        places = np.flatnonzero(tangent.hold[0, row])
+        slope = self.real.tangent(at.real).hold[0, row]
+        places = np.flatnonzero(slope)
         if len(places) == 1:
             place = int(places[0])
-            seen_as = abs(float(tangent.hold[0, row, place]) * float(self.x[0, place].real))
+            seen_as = abs(float(slope[place]) * float(moved[0, place].real))
             if seen_as <= _AT_REST * float(self._largest[law.inputs].max(initial=0.0)):
-                self.x[:, place] = 0.0  # what is held is this state itself
+                moved[:, place] = 0.0
+        return moved
 
     def _impulse(self, number: int, at: Instants) -> Array | None:
         """Return the states with what a law begins to hold at exactly 0; None where that is no small correction."""

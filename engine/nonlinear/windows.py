@@ -149,9 +149,9 @@ def _accepted(stepper: Stepper, board: Switchboard, straight: Lines, path: Real)
     x, f, e, out = (_stepwise(part, count)[0] for part in (at.x, flow.f, flow.e, y))
     miss = stepper.missed_by(path, x, f, straight.widths, stepper.short)
     u, v = (_stepwise(part, count)[0] for part in (at.u, flow.v))
-    parts, sums = np.concatenate([x[:, :, : real.linear_states], u, v], axis=2), np.concatenate([out, e], axis=2)
+    parts, sums = np.concatenate([x[:, :, : real.linear_states], u, v], axis=2), np.concatenate([out, e, v], axis=2)
     loud = stepper.loudness(np.abs(parts).max(axis=(0, 1), initial=0.0), np.abs(sums).max(axis=(0, 1), initial=0.0))
-    missed = np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=1) / loud
+    missed = stepper.heard(np.abs(coefficient_matrix()[-2:] @ sums).sum(axis=1) / loud, board.modes)
     seen = np.max(missed[:, : out.shape[2]], axis=1, initial=0.0)
     miss = np.maximum(miss, stepper.share * np.max(missed, axis=1, initial=0.0))
     good = miss <= stepper.tolerance

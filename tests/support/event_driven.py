@@ -1,301 +1,208 @@
-"""Responses of nonlinear loops with delays, by the method of steps: an integration written for the tests alone.
+"""An event-driven integration for tests, independent of the engine: smooth equations in each mode, modes switched by hand.
 
-Blocks are plain Python functions of numbers. Between two changes everything is smooth: there DOP853 integrates, and what
-enters a delay is kept as polynomials. A change (a guard that becomes positive, a jump of the command) comes back through
-every delay; the integration stops at each of these instants and starts anew.
+    x' = f(t, x; mode)  until the first event h(t, x; mode) becomes positive;   then mode, x := switch(event, t, x; mode)
 
-References
-----------
-A. Bellen, M. Zennaro, "Numerical Methods for Delay Differential Equations", Oxford 2003, chapters 3 and 6.
+Steps are those of scipy's DOP853 (order 8). An event is located by repeating the step that passes it with a shorter width, so that the
+state there is as accurate as any other; the dense output of order 7 only brackets it and is read between the steps.
 """
 
 from __future__ import annotations
 
-import bisect
-import math
-from collections.abc import Callable, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
+import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-COUNT = 14
-"""Points of a step at which its signals are kept; its polynomial is of degree 7."""
-POINTS = (1 - np.cos(np.pi * np.arange(COUNT) / (COUNT - 1))) / 2
-_SIGNS = np.array([(-1.0) ** k * (0.5 if k in {0, COUNT - 1} else 1.0) for k in range(COUNT)])
-_TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(2 * POINTS - 1, COUNT - 1))
-_SAME = 1e-12
-_ECHOES = 9
-"""After so many delays with an integration each, a jump is smoother than the method can see."""
-_MOST_CHANGES = 50
+Vector = npt.NDArray[np.float64]
+
+_PROBE = 1e-11
+SCAN = np.linspace(0.0, 1.0, 9)
 
 
-class Block:
-    """One block: ``inputs`` and ``outputs`` are names of signals, ``start`` the states at t = 0.
+class Automaton:
+    """What is integrated: subclasses say how the state moves, what ends a mode, and what follows.
 
-    ``direct`` says whether the outputs follow the inputs at once; ``z`` is None for one that is not, when it is asked.
+    Attributes
+    ----------
+    mode : any
+        Replaced by ``switch``.
+    breaks : sequence of float
+        Instants (s) at which the inputs jump or bend; ``switch`` is called there with the event -1.
     """
 
-    direct = True
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    start: tuple[float, ...] = ()
-    mode = 0
+    mode: Any = 0
+    breaks: Sequence[float] = ()
 
-    def read(self, t: float, x: Sequence[float], z: Sequence[float]) -> Sequence[float]:
-        """Return the outputs."""
+    def rates(self, t: float, x: Vector) -> Sequence[float]:
+        """Return x' in the present mode."""
         raise NotImplementedError
 
-    def rates(self, t: float, x: Sequence[float], z: Sequence[float]) -> Sequence[float]:
-        """Return the rates of the states."""
+    def events(self, t: float, x: Vector) -> Sequence[float]:
+        """Return what ends the present mode when it becomes positive."""
         return ()
 
-    def guards(self, t: float, x: Sequence[float], z: Sequence[float]) -> Sequence[float]:
-        """Return what ends the present mode as soon as it is positive."""
-        return ()
+    def switch(self, event: int, t: float, x: Vector) -> Vector:
+        """Set the mode that follows, and return the state."""
+        return x
 
-    def change(self, guard: int, t: float, x: Sequence[float], z: Sequence[float]) -> Sequence[float] | None:
-        """Go into the next mode; return new states where they jump."""
-        raise NotImplementedError
+    def outputs(self, t: float, x: Vector) -> Sequence[float]:
+        """Return what is compared, by default the state."""
+        return x
 
 
 @dataclass
-class Delay:
-    """``output``(t) = ``signal``(t - ``time``), 0 before t = ``time``."""
+class Course:
+    """What came of it: pieces of dense output with the mode in each, and the events (time, number)."""
 
-    signal: str
-    output: str
-    time: float
+    automaton: Automaton
+    edges: list[float] = field(default_factory=lambda: [0.0])
+    dense: list[Callable[[float], Vector]] = field(default_factory=list)
+    modes: list[Any] = field(default_factory=list)
+    happened: list[tuple[float, int]] = field(default_factory=list)
 
+    def at(self, t: float) -> Vector:
+        """Return the state at ``t``; at an edge that before it."""
+        k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.dense) - 1)
+        if k and t == self.edges[k]:
+            k -= 1
+        return self.dense[k](t)
 
-@dataclass
-class Response:
-    """What was found: pieces [``starts``, ``ends``] with the signals at `POINTS`, and the instants of changes of mode."""
-
-    starts: list[float] = field(default_factory=list)
-    ends: list[float] = field(default_factory=list)
-    values: list[dict[str, np.ndarray]] = field(default_factory=list)
-    events: list[float] = field(default_factory=list)
-
-    def at(self, times: Sequence[float], name: str) -> np.ndarray:
-        """Return a signal at some instants, its limit from the right."""
-        return np.array([self.one(float(t), name, later=True) for t in times])
-
-    def one(self, t: float, name: str, *, later: bool) -> float:
-        """Return a signal at ``t``; at an edge that of the piece after it where ``later``, of the one before it else."""
-        grain = _SAME * max(1.0, abs(self.ends[-1]))
-        k = bisect.bisect_right(self.starts, t + (grain if later else -grain)) - 1
-        if k < 0:
-            return 0.0
-        k = min(k, len(self.starts) - 1)
-        theta = min(max((t - self.starts[k]) / (self.ends[k] - self.starts[k]), 0.0), 1.0)
-        gap = theta - POINTS
-        place = int(np.argmin(np.abs(gap)))
-        if abs(gap[place]) < 1e-15:
-            return float(self.values[k][name][place])
-        weight = _SIGNS / gap
-        return float(weight @ self.values[k][name] / weight.sum())
-
-    def integral(self, of: Callable[[np.ndarray, np.ndarray], np.ndarray], name: str) -> float:
-        """Return the integral of a smooth function of time and signal."""
-        x, w = np.polynomial.legendre.leggauss(20)
-        to_points = chebyshev.chebvander(x, COUNT - 1) @ _TO_COEFFICIENTS
-        total = 0.0
-        for start, end, values in zip(self.starts, self.ends, self.values, strict=True):
-            t = start + (end - start) * (x + 1) / 2
-            total += 0.5 * (end - start) * float(w @ of(t, to_points @ values[name]))
-        return total
-
-    def peak(self, name: str) -> float:
-        """Return the largest value of a signal."""
-        fine = chebyshev.chebvander(np.linspace(-1, 1, 57), COUNT - 1) @ _TO_COEFFICIENTS
-        tops = np.array([(fine @ values[name]).max() for values in self.values])
-        best = -math.inf
-        for k in np.flatnonzero(tops >= tops.max() - 1e-3 * (np.ptp(tops) + 1e-300)):
-            c = _TO_COEFFICIENTS @ self.values[k][name]
-            roots = chebyshev.chebroots(np.trim_zeros(chebyshev.chebder(c), "b")) if np.any(c[1:]) else np.zeros(0)
-            inside = [float(r.real) for r in np.atleast_1d(roots) if abs(r.imag) < 1e-8 and -1 <= r.real <= 1]
-            best = max(best, *(float(chebyshev.chebval(r, c)) for r in (*inside, -1.0, 1.0)))
-        return best
+    def outputs(self, times: Sequence[float]) -> Vector:
+        """Return the outputs at some instants, (len(times), outputs), each in the mode of its time."""
+        found = []
+        for t in times:
+            k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.dense) - 1)
+            self.automaton.mode = self.modes[k]
+            found.append(self.automaton.outputs(t, self.dense[k](t)))
+        return np.array(found)
 
 
-class Loop:
-    """Blocks and delays; ``commands`` are functions of time, ``stops`` the instants at which these jump or bend.
+def follow(
+    automaton: Automaton,
+    start: Sequence[float],
+    end: float,
+    *,
+    tolerance: float = 1e-12,
+    scale: Sequence[float] | None = None,
+    longest: float = np.inf,
+    most: int = 4000,
+) -> Course:
+    """Return the course from ``start`` at t = 0 to ``end`` (s).
 
-    ``echoes`` says how often a change may come back before it is too smooth to be seen.
+    Parameters
+    ----------
+    automaton : Automaton
+        In its first mode.
+    start : sequence of float
+    end : float
+    tolerance : float
+        Error of a step relative to the state, and to its ``scale`` where it is smaller.
+    scale : sequence of float, optional
+        Sizes of the states; 1 by default.
+    longest : float
+        No step is longer, s.
+    most : int
+        More events than this are an error.
     """
-
-    def __init__(
-        self,
-        blocks: Sequence[Block],
-        delays: Sequence[Delay] = (),
-        *,
-        commands: Mapping[str, Callable[[float], float]],
-        stops: Sequence[float] = (),
-        echoes: int = _ECHOES,
-        tolerance: float = 1e-13,
-    ) -> None:
-        self.delays, self.commands, self.echoes, self.tolerance = list(delays), dict(commands), echoes, tolerance
-        self.blocks = self._ordered(blocks)
-        counts = np.cumsum([0, *(len(b.start) for b in self.blocks)])
-        self.slices = [slice(int(a), int(b)) for a, b in pairwise(counts)]
-        self.x = np.array([v for b in self.blocks for v in b.start], dtype=float)
-        self.size = np.abs(self.x)
-        self.found = Response()
-        self._ahead: list[tuple[float, int]] = sorted((t, 0) for t in {0.0, *stops})
-        self._middle = 0.0
-
-    def _ordered(self, blocks: Sequence[Block]) -> list[Block]:
-        """Return the blocks in an order in which the inputs of the direct ones are known."""
-        done = [b for b in blocks if not b.direct]
-        known = {*self.commands, *(d.output for d in self.delays), *(o for b in done for o in b.outputs)}
-        rest = [b for b in blocks if b.direct]
-        while rest:
-            ready = [b for b in rest if known.issuperset(b.inputs)]
-            if not ready:
-                msg = f"an algebraic loop through {[b.outputs for b in rest]}"
-                raise ValueError(msg)
-            done += ready
-            known.update(o for b in ready for o in b.outputs)
-            rest = [b for b in rest if b not in ready]
-        return done
-
-    def signals(self, t: float, x: np.ndarray) -> dict[str, float]:
-        """Return all signals; at an edge of the past what lies towards the middle of the present stretch counts."""
-        s = {name: f(t) for name, f in self.commands.items()}
-        for d in self.delays:
-            s[d.output] = self.found.one(t - d.time, d.signal, later=t < self._middle) if self.found.starts else 0.0
-        for b, part in zip(self.blocks, self.slices, strict=True):
-            z = [s[name] for name in b.inputs] if b.direct else ()
-            s.update(zip(b.outputs, b.read(t, x[part], z), strict=True))
-        return s
-
-    def _rates(self, t: float, x: np.ndarray) -> np.ndarray:
-        s = self.signals(t, x)
-        f = np.empty_like(x)
-        for b, part in zip(self.blocks, self.slices, strict=True):
-            if b.start:
-                f[part] = b.rates(t, x[part], [s[name] for name in b.inputs])
-        return f
-
-    def _guards(self, t: float, x: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-        s = self.signals(t, x)
-        values = [
-            g
-            for b, part in zip(self.blocks, self.slices, strict=True)
-            for g in b.guards(t, x[part], [s[name] for name in b.inputs])
-        ]
-        return np.array(values), s
-
-    def _owner(self, number: int, t: float, x: np.ndarray) -> tuple[Block, slice, int, list[float]]:
-        s = self.signals(t, x)
-        for b, part in zip(self.blocks, self.slices, strict=True):
-            z = [s[name] for name in b.inputs]
-            own = len(b.guards(t, x[part], z))
-            if number < own:
-                return b, part, number, z
-            number -= own
-        raise IndexError(number)
-
-    def _change(self, number: int, t: float) -> None:
-        block, part, guard, z = self._owner(number, t, self.x)
-        states = block.change(guard, t, self.x[part], z)
-        if states is not None:
-            self.x[part] = states
-
-    def _settle(self, t: float) -> bool:
-        """Let the blocks change their modes until all agree; return whether any did."""
-        for count in range(_MOST_CHANGES):
-            values, s = self._guards(t, self.x)
-            large = 1e-11 * max(1e-3, *(abs(v) for v in s.values()))
-            positive = np.flatnonzero(values > large)
-            if not len(positive):
-                return count > 0
-            self._change(int(positive[0]), t)
-        msg = f"the blocks do not agree at t = {t}"
-        raise ArithmeticError(msg)
-
-    def _note(self, t: float, generation: int) -> None:
-        if generation < self.echoes:
-            for d in self.delays:
-                bisect.insort(self._ahead, (t + d.time, generation + 1))
-
-    def run(self, end: float) -> Response:
-        """Return the response up to ``end``, s."""
-        t = 0.0
-        grain = _SAME * max(1.0, end)
-        while True:
-            due = [g for s, g in self._ahead if s <= t + grain]
-            self._ahead = self._ahead[len(due) :]
-            if t >= end - grain:
-                return self.found
-            self._middle = math.inf  # just after this instant
-            if due:
-                changed = self._settle(t)
-                if changed:
-                    self.found.events.append(t)
-                self._note(t, 0 if changed else min(due))
-            target = min(end, self._ahead[0][0]) if self._ahead else end
-            self._middle = 0.5 * (t + target)
-            t = self._stretch(t, target)
-
-    def _stretch(self, t: float, target: float) -> float:
-        """Integrate to ``target``, or to the first change before it, which is then made."""
-        self.size = np.maximum(self.size, np.abs(self.x))
-        shortest = min((d.time for d in self.delays), default=math.inf)
-        if not len(self.x):
-            self.x = np.zeros(0)
-        solver = DOP853(
-            self._rates, t, self.x, target, rtol=self.tolerance, atol=self.tolerance * np.maximum(self.size, 1e-9),
-            max_step=min(shortest, target - t),
-        )  # fmt: skip
-        while solver.status == "running":
+    course, t, x = Course(automaton=automaton), 0.0, np.array(start, dtype=float)
+    floor = tolerance * np.ones_like(x) * (1.0 if scale is None else np.asarray(scale))
+    stops = [*sorted(b for b in automaton.breaks if 0 < b < end), end]
+    x = automaton.switch(-1, t, x)
+    for stop in stops:
+        solver = None
+        while t < stop:
+            x = _settled(automaton, t, x, course, most, probe=_PROBE * end)
+            if solver is None:
+                solver = DOP853(automaton.rates, t, x, stop, rtol=max(tolerance, 3e-14), atol=floor, max_step=longest)
+            known = solver.t, solver.y.copy(), solver.f.copy()
             message = solver.step()
-            if message:
-                raise ArithmeticError(message)
-            now = self._step(solver.t_old, solver.t, solver.dense_output())
-            if now < solver.t or (now == solver.t and self._fired):
-                self.found.events.append(now)
-                self._note(now, 0)
-                return now
-            self.x = np.array(solver.y)
-            self.size = np.maximum(self.size, np.abs(self.x))
-        return target
+            assert solver.status != "failed", message
+            dense = solver.dense_output()
+            found = _first(automaton, known, solver, dense)
+            mode = automaton.mode
+            if found is None:
+                t, x = solver.t, solver.y.copy()
+                _note(course, t, dense, mode)
+                continue
+            t, event, x = found
+            if t > course.edges[-1]:
+                _note(course, t, dense, mode)
+            course.happened.append((t, event))
+            x, solver = automaton.switch(event, t, x), None
+        if stop < end:
+            x = automaton.switch(-1, t, x)
+    return course
 
-    _fired = False
 
-    def _step(self, start: float, end: float, path: Callable[[float], np.ndarray]) -> float:
-        """Keep a step up to its first change, and make that; return where it ends."""
-        times = start + (end - start) * POINTS
-        rows = [self._guards(float(t), path(t)) for t in times]
-        values = np.array([row[0] for row in rows]).reshape(COUNT, -1)
-        self._fired, first, number = False, end, -1
-        for k in np.flatnonzero((values[1:] > 0).any(axis=0)):
-            j = 1 + int(np.argmax(values[1:, k] > 0))
-            if values[j - 1, k] >= 0:
-                root = float(times[j - 1])
-            else:
-                root = float(
-                    brentq(
-                        lambda t, k=k: self._guards(t, path(t))[0][k], times[j - 1], times[j], xtol=1e-16, rtol=1e-15
-                    )
-                )
-            if number < 0 or root < first:
-                first, number = root, int(k)
-        if number >= 0 and first > start:
-            times = start + (first - start) * POINTS
-            rows = [self._guards(float(t), path(t)) for t in times]
-        if first > start:
-            self.found.starts.append(start)
-            self.found.ends.append(first)
-            self.found.values.append({name: np.array([row[1][name] for row in rows]) for name in rows[0][1]})
-        if number >= 0:
-            self._fired = True
-            self.x = np.array(path(first))
-            self._change(number, first)
-            self._middle = math.inf
-            self._settle(first)
-        return first
+def _note(course: Course, t: float, dense: Callable[[float], Vector], mode: Any) -> None:
+    course.edges.append(t)
+    course.dense.append(dense)
+    course.modes.append(mode)
+
+
+def _settled(automaton: Automaton, t: float, x: Vector, course: Course, most: int, *, probe: float) -> Vector:
+    """Let modes that end at once end; what is positive by rounding alone is not so any more after a ``probe`` (s)."""
+    for _ in range(50):
+        positive = [k for k, h in enumerate(automaton.events(t, x)) if h > 0]
+        if positive:
+            later = automaton.events(t + probe, _step(automaton, (t, x, np.asarray(automaton.rates(t, x))), probe))
+            positive = [k for k in positive if later[k] > 0]
+        if not positive:
+            return x
+        course.happened.append((t, positive[0]))
+        assert len(course.happened) < most, f"more than {most} events"
+        x = automaton.switch(positive[0], t, x)
+    msg = f"modes do not settle at {t}: {automaton.mode}"
+    raise AssertionError(msg)
+
+
+def _first(
+    automaton: Automaton, known: tuple[float, Vector, Vector], solver: DOP853, dense: Callable[[float], Vector]
+) -> tuple[float, int, Vector] | None:
+    """Return the time and number of the first event of a step, and the state there."""
+    t0, width = known[0], solver.t - known[0]
+    rows = np.array(
+        [
+            automaton.events(t0 + s * width, dense(t0 + s * width) if 0 < s < 1 else (known[1] if s == 0 else solver.y))
+            for s in SCAN
+        ]
+    )
+    if not rows.size or not (rows[1:] > 0).any():
+        return None
+    place = 1 + int(np.argmax((rows[1:] > 0).any(axis=1)))
+
+    def exact(s: float) -> Vector:
+        return _step(automaton, known, s * width)
+
+    best: tuple[float, int] | None = None
+    for event in np.flatnonzero(rows[place] > 0):
+        low, high = float(SCAN[place - 1]), float(SCAN[place])
+
+        def value(s: float, event: int = int(event)) -> float:
+            return float(automaton.events(t0 + s * width, exact(s) if s > 0 else known[1])[event])
+
+        if value(low) >= 0:
+            s = low
+        elif value(high) <= 0:
+            s = high
+        else:
+            s = float(brentq(value, low, high, xtol=1e-15, rtol=8.9e-16))
+        if best is None or s < best[0]:
+            best = s, int(event)
+    assert best is not None
+    return t0 + best[0] * width, best[1], exact(best[0]) if best[0] > 0 else known[1]
+
+
+def _step(automaton: Automaton, known: tuple[float, Vector, Vector], width: float) -> Vector:
+    """Return one step of DOP853 of a given width."""
+    t, x, f = known
+    stages = np.empty((DOP853.n_stages, len(x)))
+    stages[0] = f
+    for k, (row, c) in enumerate(zip(DOP853.A[1:], DOP853.C[1:], strict=True), start=1):
+        stages[k] = automaton.rates(t + c * width, x + width * (row[:k] @ stages[:k]))
+    return np.asarray(x + width * (DOP853.B @ stages))
