@@ -1,9 +1,9 @@
 """Conversion of quantities to SI at the edge: the only door to the unit library, which is asked where `common_units` ends.
 
-    value_SI = value * factor(unit, expected),   1 Hz of an angular frequency = 2 pi rad/s
+    value_SI = value * factor(unit, expected),   1 Hz of an angular frequency = 2 pi rad/s,   x dB of a ratio = 10^(x/20)
 
 The unit library takes "Hz" for "rad/s" without the 2 pi (hgrecco/pint issue 1288); this module multiplies by it.
-Units whose zero is not zero (dB, degC) have no factor and are refused.
+A temperature in degC has no factor and is refused.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from api.common_units import DIMENSIONS
 if TYPE_CHECKING:
     import pint
 
-_SUPERSCRIPTS = str.maketrans({"²": "**2", "³": "**3", "⁴": "**4", "⁵": "**5", "·": "*", "^": "**"})
+_SUPERSCRIPTS = str.maketrans({"²": "**2", "³": "**3", "⁴": "**4", "⁵": "**5", "·": "*", "^": "**", "°": "deg"})
 # Names with an optional one-digit power, joined by * and /: nothing that could be a computation.
 _ATOM = r"(?:1|[^\W\d_][^\W\d_]*|%)(?:\s*\*\*\s*(?:-?\d|\(-?\d\)))?"
 _UNIT = re.compile(rf"\s*\(*\s*{_ATOM}\s*\)*(?:\s*[*/]\s*\(*\s*{_ATOM}\s*\)*)*\s*")
 _LONGEST = 64
+_DECIBEL = "dB"
 
 
 class UnitError(ValueError):
@@ -84,8 +85,8 @@ def _reduced_by_library(unit: str) -> _Reduced:
     try:
         zero, one = (registry.Quantity(Fraction(x), parsed).to_base_units() for x in (0, 1))
         offset = bool(zero.magnitude != 0)
-    except TypeError as error:  # a logarithm has no rational factor
-        raise UnitError(f"unit must be linear (no dB), got {unit!r}") from error
+    except (TypeError, AttributeError) as error:  # a logarithm has no rational factor, and none of its own in products
+        raise UnitError(f"unit must be linear (dB alone is a ratio), got {unit!r}") from error
     if offset:
         raise UnitError(f"unit must have a zero that is zero (no degC), got {unit!r}")
     items = registry.Quantity(Fraction(1), parsed).unit_items()
@@ -146,13 +147,22 @@ def factor(unit: str, expected: str) -> Fraction:
 def to_si(value: float, unit: str, expected: str) -> float:
     """Return ``value`` in ``unit`` as a number in the SI unit ``expected`` ("" reduces to base units).
 
-    >>> to_si(65, "cm**2", "m**2")
-    0.0065
+    >>> to_si(65, "cm**2", "m**2"), to_si(20, "dB", "1")
+    (0.0065, 10.0)
     """
     try:
+        if unit.strip() == _DECIBEL:
+            _check_ratio(expected)
+            return float(10.0 ** (value / 20.0))
         return float(Fraction(value) * factor(unit, expected))
     except OverflowError as error:
         raise UnitError(f"must be finite in SI units, got {value:g} {unit}") from error
+
+
+def _check_ratio(expected: str) -> None:
+    """Refuse decibels of what is no ratio."""
+    if expected and (_reduced(expected).dimension or _is_angular(expected)):
+        raise UnitError(f"must be in {expected}, got {_DECIBEL!r}")
 
 
 @lru_cache(maxsize=4096)
@@ -162,6 +172,8 @@ def declared(unit: str) -> str:
     >>> declared("daN*s**2/cm"), declared("kHz")
     ('kg', 'rad/s')
     """
+    if unit.strip() == _DECIBEL:
+        return ""
     given = _reduced(unit)
     return "rad/s" if given.hertz and given.dimension == _reduced("1/s").dimension else given.name
 

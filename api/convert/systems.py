@@ -8,7 +8,7 @@ from api.convert.values import free_unit, nested_si, optional_si, si
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.systems import ParameterDocument, SubsystemBlock, SystemDocument
-from api.units import factor
+from api.units import to_si
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.elements import catalogue
 
@@ -67,7 +67,7 @@ def _parameter(name: str, document: ParameterDocument, place: Place) -> Paramete
 def _own_value(name: str, document: ParameterDocument, unit: str, place: Place) -> float | str:
     value = document.value
     if isinstance(value, str):
-        if document.unit and factor(document.unit, unit) != 1:
+        if document.unit and to_si(1.0, document.unit, unit) != 1:
             raise invalid(
                 f"unit of {name} must be {unit} where an expression gives the value (expressions are in SI), "
                 f"got {document.unit!r}",

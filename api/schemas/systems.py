@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from api.schemas.generated import document_of
-from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar, is_expression, is_number
+from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar, is_number
 from engine.elements import catalogue
 
 MAX_BLOCKS = 500
@@ -29,7 +29,7 @@ class ParameterDocument(Document):
 
 def _with_value(given: Any) -> Any:
     """Return a bare value as the parameter that has it, and nothing else said of it."""
-    return {"value": given} if is_number(given) or is_expression(given) else given
+    return {"value": given} if is_number(given) or isinstance(given, str) else given
 
 
 Parameters = dict[

@@ -5,6 +5,7 @@ A value is checked by one function instead of a union of models, so that a wrong
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import Annotated, Any
 
@@ -22,6 +23,13 @@ class Document(BaseModel):
     """Base of every request: unknown fields refused, no conversion between types, finite numbers."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+_LONGEST = 100
+_WRITTEN = re.compile(
+    r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?:\s*([^\s0-9.,=+*/-][^=]*?)|\s+(1/[^=]*?))\s*"
+)
+"""A number, and a unit that begins with no digit but that of 1/s."""
 
 
 def _wrong(rule: str, got: Any) -> PydanticCustomError:
@@ -46,28 +54,37 @@ def is_quantity(value: Any) -> bool:
     )
 
 
+def quantity_of(value: Any) -> Any:
+    """Return a quantity written as a text, "50 deg" say, as {"value", "unit"}; anything else as it is."""
+    written = _WRITTEN.fullmatch(value) if isinstance(value, str) and len(value) <= _LONGEST else None
+    return value if written is None else {"value": float(written[1]), "unit": written[2] or written[3]}
+
+
 def is_expression(value: Any) -> bool:
     """Say whether a JSON value is text that begins with "="."""
     return isinstance(value, str) and value.startswith("=")
 
 
 def _quantity(value: Any) -> Any:
-    if is_number(value) or is_quantity(value):
-        return value
-    raise _wrong('a number or a quantity {"value", "unit"}', value)
+    found = quantity_of(value)
+    if is_number(found) or is_quantity(found):
+        return found
+    raise _wrong('a number or a quantity {"value", "unit"} or "50 deg"', value)
 
 
 def _scalar(value: Any) -> Any:
-    if is_number(value) or is_quantity(value) or is_expression(value):
-        return value
-    raise _wrong('a number, a quantity {"value", "unit"} or an expression "=..."', value)
+    found = quantity_of(value)
+    if is_number(found) or is_quantity(found) or is_expression(found):
+        return found
+    raise _wrong('a number, a quantity {"value", "unit"} or "50 deg", or an expression "=..."', value)
 
 
 def _root(value: Any) -> Any:
     if isinstance(value, list) and len(value) == 2 and all(is_number(part) for part in value):
         return value
-    if is_number(value) or is_quantity(value) or is_expression(value):
-        return value
+    found = quantity_of(value)
+    if is_number(found) or is_quantity(found) or is_expression(found):
+        return found
     raise _wrong("a number, a quantity, an expression or [real, imaginary]", value)
 
 
@@ -79,14 +96,19 @@ QUANTITY_SCHEMA: dict[str, Any] = {
 }
 _NUMBER: dict[str, Any] = {"type": "number", "description": "in the declared SI unit"}
 _EXPRESSION: dict[str, Any] = {"type": "string", "pattern": "^=", "examples": ["=kp/20"]}
-_QUANTITY_OR_NUMBER = {"anyOf": [_NUMBER, QUANTITY_SCHEMA]}
-SCALAR_SCHEMA: dict[str, Any] = {"anyOf": [_NUMBER, QUANTITY_SCHEMA, _EXPRESSION]}
+_TEXT: dict[str, Any] = {
+    "type": "string", "pattern": f"^{_WRITTEN.pattern}$", "maxLength": _LONGEST, "description": "a number with its unit",
+    "examples": ["50 deg", "6 dB", "5 %"],
+}  # fmt: skip
+_QUANTITIES: list[dict[str, Any]] = [_NUMBER, QUANTITY_SCHEMA, _TEXT]
+_QUANTITY_OR_NUMBER = {"anyOf": _QUANTITIES}
+SCALAR_SCHEMA: dict[str, Any] = {"anyOf": [*_QUANTITIES, _EXPRESSION]}
 
 Quantity = TypeAliasType(
     "Quantity",
     Annotated[Any, PlainValidator(_quantity), WithJsonSchema(_QUANTITY_OR_NUMBER)],
 )
-"""A number in SI, or {"value", "unit"}."""
+"""A number in SI, {"value", "unit"}, or both as a text: "50 deg"."""
 Scalar = TypeAliasType(
     "Scalar",
     Annotated[Any, PlainValidator(_scalar), WithJsonSchema(SCALAR_SCHEMA)],
@@ -113,6 +135,7 @@ Overrides = Annotated[dict[Path, Quantity], Field(description="parameter path ->
 
 
 def _change(value: Any) -> Any:
+    value = quantity_of(value)
     if is_number(value) or is_quantity(value):
         return value
     if isinstance(value, dict) and set(value) == {"change"} and is_number(value["change"]) and value["change"] != 0:
@@ -128,12 +151,13 @@ _CHANGE_SCHEMA: dict[str, Any] = {
 }
 Change = TypeAliasType(
     "Change",
-    Annotated[Any, PlainValidator(_change), WithJsonSchema({"anyOf": [_NUMBER, QUANTITY_SCHEMA, _CHANGE_SCHEMA]})],
+    Annotated[Any, PlainValidator(_change), WithJsonSchema({"anyOf": [*_QUANTITIES, _CHANGE_SCHEMA]})],
 )
 """A new value, or a relative change of the present one."""
 
 
 def _auto_or_quantity(value: Any) -> Any:
+    value = quantity_of(value)
     if value == "auto" or is_number(value) or is_quantity(value):
         return value
     raise _wrong('"auto", a number or a quantity {"value", "unit"}', value)
@@ -144,21 +168,22 @@ AutoOrQuantity = TypeAliasType(
     Annotated[
         Any,
         PlainValidator(_auto_or_quantity),
-        WithJsonSchema({"anyOf": [{"const": "auto"}, _NUMBER, QUANTITY_SCHEMA]}),
+        WithJsonSchema({"anyOf": [{"const": "auto"}, *_QUANTITIES]}),
     ],
 )
 """A quantity, or "auto": the service chooses."""
 
 
 def _auto_or_quantities(value: Any) -> Any:
+    value = [quantity_of(item) for item in value] if isinstance(value, list) else value
     if value == "auto" or (isinstance(value, list) and len(value) > 0 and all(map(is_scalar_quantity, value))):
         return value
     raise _wrong('"auto" or a list of numbers or quantities', value)
 
 
 def is_scalar_quantity(value: Any) -> bool:
-    """Say whether a JSON value is a number or a quantity."""
-    return is_number(value) or is_quantity(value)
+    """Say whether a JSON value is a number or a quantity, as a text or not."""
+    return is_number(value) or is_quantity(quantity_of(value))
 
 
 AutoOrQuantities = TypeAliasType(

@@ -139,7 +139,10 @@ WRONG = {
     "missing parameter": (pneumatic(controller={"kind": "gain"}), "/blocks/controller/gain"),
     "wrong unit": (motor(area={"value": 1, "unit": "kg"}), "/blocks/motor/area"),
     "unknown unit": (motor(area={"value": 1, "unit": "parrot"}), "/blocks/motor/area"),
-    "decibel": (pneumatic(controller={"kind": "gain", "gain": {"value": 6, "unit": "dB"}}), "/blocks/controller/gain"),
+    "temperature": (
+        pneumatic(controller={"kind": "gain", "gain": {"value": 6, "unit": "degC"}}),
+        "/blocks/controller/gain",
+    ),
     "out of bounds": (motor(area=-1), "/blocks/motor/area"),
     "text for a number": (motor(area="big"), "/blocks/motor/area"),
     "true for a number": (motor(area=True), "/blocks/motor/area"),

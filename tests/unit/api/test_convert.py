@@ -52,13 +52,13 @@ def places(caught) -> list[str]:
 @pytest.mark.parametrize(
     ("changes", "pointer"),
     [
-        ({"parameters": {"k": {"value": 1, "unit": "dB"}}}, "/system/parameters/k/unit"),
+        ({"parameters": {"k": {"value": 1, "unit": "degC"}}}, "/system/parameters/k/unit"),
         ({"parameters": {"k": {"value": 1, "unit": "m", "lower": {"value": 1, "unit": "kg"}}}}, "/system/parameters/k/lower"),
         ({"parameters": {"k": {"value": "=1", "unit": "cm"}}}, "/system/parameters/k/unit"),
         ({"parameters": {"k": {"value": {"value": 1, "unit": "parrot"}}}}, "/system/parameters/k/value"),
         ({"blocks": DOCUMENT["blocks"] | {"g": {"kind": "delay", "time": {"value": 1, "unit": "m"}}}}, "/system/blocks/g/time"),
         (
-            {"blocks": DOCUMENT["blocks"] | {"lag": {"kind": "transfer_function", "numerator": [1, {"value": 1, "unit": "dB"}], "denominator": [1, 1]}}},
+            {"blocks": DOCUMENT["blocks"] | {"lag": {"kind": "transfer_function", "numerator": [1, {"value": 1, "unit": "degC"}], "denominator": [1, 1]}}},
             "/system/blocks/lag/numerator/1",
         ),
         ({"blocks": DOCUMENT["blocks"] | {"g": {"kind": "delay", "time": -1}}}, "/system/blocks/g/time"),
