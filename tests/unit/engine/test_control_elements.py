@@ -66,7 +66,7 @@ def refused(kind: str, **given: Any) -> DiagramError:
         ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "inputs": ["a", "b"]}, ("inputs",), "1 different"),
         ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0, 2.0]], "inputs": ["a", "a"]}, ("inputs",), "2 different"),
         ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "outputs": []}, ("outputs",), "got none"),
-        ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "outputs": ["a b"]}, ("outputs", 0), "lower-case"),
+        ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "outputs": ["a b"]}, ("outputs", 0), "must be a letter"),
         ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "outputs": [1]}, ("outputs", 0), "must be a name"),
         ("state_space", {"A": [], "B": [], "C": [], "D": [[1.0]], "outputs": "y"}, ("outputs",), "must be a list"),
         ("state_space", {"A": [[1.0, 2.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]]}, ("A",), "1 x 1 .* got 1 x 2"),
