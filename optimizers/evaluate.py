@@ -5,8 +5,8 @@ Values are what goals compare of their metrics (`optimizers.compared`).
     objective(p) = max_s or mean_s Σ_g w_g σ_g f_g(p, s) / n_g + max over soft g of w_g max(excess_g, 0)
     violation(p) = max over hard g and s of excess_g,   excess as `optimizers.excess` has it
 
-σ is 1 to minimise, -1 to maximise. Without any sense the objective is the worst weighted excess itself, negative where there
-is room. It is the largest of several smooth functions, which is how a descent sees it.
+σ is 1 to minimise, -1 to maximise. Without any sense the objective is the worst weighted excess itself, of the soft goals or
+else of all, negative where there is room. It is the largest of several smooth functions, which is how a descent sees it.
 
 A single objective is not normalised (n = 1); of several, each is divided by its size before the optimisation in the
 scenario that serves it worst, so that weights compare relative changes. A point that has no value is ranked by why:
@@ -189,10 +189,10 @@ class Evaluator:
             total += self.objective_weight(goal) * np.clip(values[..., goal], -UNLIMITED, UNLIMITED)
         if self.problem.across is Across.MEAN:
             total = total.mean(axis=-1, keepdims=True)
-        if not self.problem.soft:
+        if not self.problem.approached:
             return total
         rows = [total] if self.problem.objectives else []
-        for index in self.problem.soft:
+        for index in self.problem.approached:
             bounded = self.problem.goals[index]
             rows.extend(total + bounded.weight * excess for excess in signed_excess(bounded, values[..., index]))
         return np.concatenate(rows, axis=-1)
@@ -205,10 +205,10 @@ class Evaluator:
         total = np.asarray(np.einsum("g,sgv->sv", weights, local.slopes))
         if self.problem.across is Across.MEAN:
             total = total.mean(axis=0, keepdims=True)
-        if not self.problem.soft:
+        if not self.problem.approached:
             return total
         rows = [total] if self.problem.objectives else []
-        for index in self.problem.soft:
+        for index in self.problem.approached:
             goal = self.problem.goals[index]
             values, slopes = local.values[:, index], local.slopes[:, index]
             rows.extend(total + goal.weight * excess_slopes(values, slopes, *bound) for bound in goal.bounds)

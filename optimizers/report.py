@@ -21,7 +21,7 @@ from optimizers.certificate import TOLERANCE, Certificate, certify, worst_scenar
 from optimizers.compared import exactly, number_of
 from optimizers.evaluate import Evaluator, Local, Matrix
 from optimizers.excess import signed_excess
-from optimizers.problem import Goal, Vector
+from optimizers.problem import Goal, Problem, Vector
 from optimizers.result import Front, GoalReport, GridMap, Result, Status
 from optimizers.search import Tracker
 
@@ -93,12 +93,12 @@ def conclude(
         conflict = _conflict(evaluator, position, local)
         if status in {Status.CONVERGED, Status.STALLED}:
             status, advice = Status.INFEASIBLE, _advice(evaluator, certificate, conflict)
-        advice += _unstable_somewhere(rows)
+        advice += _unstable_somewhere(problem, rows)
     return Result(
         status=status, advice=advice, best=best, goals=tuple(goals), certificate=certificate,
         history=tuple(tracker.history), evaluations=evaluator.evaluations, seconds=tracker.seconds,
         map=grid, warnings=_idle(names, slopes), objective=_objective(evaluator, values), conflict=conflict,
-        bound=bound, front=front,
+        bound=bound, front=front, scenario_names=problem.scenario_names,
     )  # fmt: skip
 
 
@@ -209,12 +209,13 @@ def _advice(evaluator: Evaluator, certificate: Certificate, conflict: Mapping[in
     return f"{text}. Relax one of them, widen the bounds of the variables, or allow another structure."
 
 
-def _unstable_somewhere(rows: list[list[Measured]]) -> str:
+def _unstable_somewhere(problem: Problem, rows: list[list[Measured]]) -> str:
     """Return a sentence about scenarios without a stable system, where there are others."""
     unstable = [s for s, row in enumerate(rows) if any(measured.verdict is Verdict.UNSTABLE for measured in row)]
     if not unstable or len(unstable) == len(rows):
         return ""
-    return f" Here the system is unstable in scenario {', '.join(map(str, unstable))} and stable in the others."
+    named = ", ".join(problem.scenario_name(s) or str(s) for s in unstable)
+    return f" Here the system is unstable in scenario {named} and stable in the others."
 
 
 def _named(evaluator: Evaluator, index: int) -> str:

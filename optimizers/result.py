@@ -135,7 +135,7 @@ class Result:
 
     ``objective`` is its exact value at the best point, NaN where a metric has none. ``conflict`` names by index the goals that
     fight each other at the point that breaks them least, each with its share in the fight. ``bound`` is an objective that no
-    choice can beat, where a method knows one.
+    choice can beat, where a method knows one. ``scenario_names`` are those of the problem, none where it has none.
     """
 
     status: Status
@@ -155,6 +155,7 @@ class Result:
     gaps: tuple[Gap, ...] = ()
     robustness: Robustness | None = None
     expected: Yield | None = None
+    scenario_names: tuple[str | None, ...] = ()
 
 
 class Monitor(Protocol):

@@ -50,6 +50,7 @@ class Threat:
     """The least favourable point of the ranges: which scenario it changes, and what becomes of the goals there."""
 
     scenario: Scenario
+    name: str | None
     violation: float
     objective: float
     evaluations: int
@@ -69,16 +70,18 @@ def solve_robust(problem: Problem, minimize: Callable[[Problem, Monitor], Result
     nominal = {axis.parameter: problem.own_value(axis.parameter) for axis in problem.ranges}
     corners = corners_of(problem) if 2 ** len(problem.ranges) <= _MOST_CORNERS else []
     known = [dict(scenario, **point) for scenario in problem.scenarios for point in [nominal, *corners]]
-    current = replace(problem, scenarios=tuple(known), uncertain=())
+    names = [name for name in problem.scenario_names for _ in [nominal, *corners]]
+    current = replace(problem, scenarios=tuple(known), scenario_names=tuple(names), uncertain=())
     result = minimize(current, Share(monitor, 0.0, 1 / _ROUNDS))
     threat = adversary(problem, result.best, 0, monitor)
     spent, rounds = threat.evaluations, 1
     while rounds < _ROUNDS and _worse(problem, threat, result) and not monitor.cancelled():
         known.append(dict(threat.scenario))
+        names += [threat.name] if names else []
         begun = tuple(
             replace(v, start=result.best[v.parameter]) if v.expression is None else v for v in problem.variables
         )
-        current = replace(current, scenarios=tuple(known), variables=begun)
+        current = replace(current, scenarios=tuple(known), scenario_names=tuple(names), variables=begun)
         result = minimize(current, Share(monitor, rounds / _ROUNDS, 1 / _ROUNDS))
         threat = adversary(problem, result.best, rounds, monitor)
         spent, rounds = spent + threat.evaluations, rounds + 1
@@ -135,7 +138,7 @@ def adversary(problem: Problem, best: Mapping[str, float], seed: int, monitor: M
         pass
     if not tried:
         return Threat(
-            scenario=problem.scenarios[0], violation=math.nan, objective=math.nan, evaluations=evaluator.evaluations
+            scenario=problem.scenarios[0], name=problem.scenario_name(0), violation=math.nan, objective=math.nan, evaluations=evaluator.evaluations
         )  # fmt: skip
     finer = evaluator.assess(np.array(tried))
     index = int(_worst_first(finer.violation, finer.objective)[0])
@@ -143,7 +146,7 @@ def adversary(problem: Problem, best: Mapping[str, float], seed: int, monitor: M
     scenario = _scenario(problem, finer.values[index])
     point = {axis.parameter: values[axis.parameter] for axis in problem.ranges}
     return Threat(
-        scenario={**problem.scenarios[scenario], **point}, violation=float(finer.violation[index]),
+        scenario={**problem.scenarios[scenario], **point}, name=problem.scenario_name(scenario), violation=float(finer.violation[index]),
         objective=float(finer.objective[index]), evaluations=evaluator.evaluations,
     )  # fmt: skip
 

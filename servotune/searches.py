@@ -22,7 +22,7 @@ class Searches(Identifications):
         *,
         variables: Sequence[Document],
         goals: Sequence[Document],
-        method: Document,
+        method: Document | None = None,
         experiments: Sequence[Document] | None = None,
         scenarios: Sequence[Document] | None = None,
         across_scenarios: str | None = None,
@@ -42,14 +42,15 @@ class Searches(Identifications):
             `{"parameter": "kp", "lower": 1, "upper": 10}`, with `choices` or `integer` for discrete ones, with
             `"expression": "=kp/20"` for those that are tied to others.
         goals : sequence of mappings
-            A metric with a `sense`, with `lower`, `upper` or `target`, `"hard": False` for what need not hold; whole
+            A metric with a `sense`, with `lower`, `upper` or `target`, `"hard": False` for what need not hold; without any sense
+            a point that serves all of them with most room is looked for; whole
             curves with `bounds` (`envelope`, `path_bound` ...) or a `reference` (`tracking_error`).
-        method : mapping
-            `{"kind": "gradient", "seed": 1}`.
+        method : mapping, optional
+            `{"kind": "gradient", "seed": 1}`; `{"kind": "auto"}` by default. `"max_seconds": 60` limits its time.
         experiments : sequence of mappings, optional
             Commands under which time metrics are taken.
         scenarios : sequence of mappings, optional
-            Parameter values that the same variables must serve.
+            Parameter values that the same variables must serve, each plain or `{"name": "heavy", "parameters": {...}}`.
         across_scenarios : {"worst", "mean"}, optional
             Which objective of the scenarios counts.
         uncertain : sequence of mappings, optional

@@ -64,16 +64,23 @@ def summary_to_wire(result: Result, goals: Sequence[GoalDocument]) -> dict[str, 
         "advice": result.advice,
         "best": {name: number(value) for name, value in result.best.items()},
         "objective": number(result.objective),
-        "goals": [_goal_report(goal, report) for goal, report in zip(goals, result.goals, strict=True)],
+        "goals": [
+            _goal_report(goal, report, result.scenario_names) for goal, report in zip(goals, result.goals, strict=True)
+        ],
         "certificate": {
             "valid": result.certificate.valid,
             "worst_violation": number(result.certificate.worst_violation),
-            "goals": [_proof(proof, goals) for proof in result.certificate.goals],
+            "goals": [_proof(proof, goals, result.scenario_names) for proof in result.certificate.goals],
         },
     }
 
 
-def _goal_report(goal: GoalDocument, report: GoalReport) -> dict[str, Any]:
+def _named(scenario: int, names: Sequence[str | None]) -> dict[str, str]:
+    name = names[scenario] if names else None
+    return {} if name is None else {"scenario_name": name}
+
+
+def _goal_report(goal: GoalDocument, report: GoalReport, names: Sequence[str | None]) -> dict[str, Any]:
     return {
         "metric": goal.metric,
         "experiment": goal.experiment,
@@ -82,6 +89,7 @@ def _goal_report(goal: GoalDocument, report: GoalReport) -> dict[str, Any]:
         "before": measured_to_wire(report.before),
         "after": measured_to_wire(report.after),
         "scenario": report.scenario,
+        **_named(report.scenario, names),
         "met": report.met,
         "score": number(report.score),
         "active": report.active,
@@ -105,7 +113,7 @@ def _elasticities(goals: Sequence[GoalDocument], reports: Sequence[GoalReport]) 
     return found
 
 
-def _proof(proof: Proof, goals: Sequence[GoalDocument]) -> dict[str, Any]:
+def _proof(proof: Proof, goals: Sequence[GoalDocument], names: Sequence[str | None]) -> dict[str, Any]:
     where = proof.measured.at
     metric = catalogue()[goals[proof.goal].metric]
     return {
@@ -115,6 +123,7 @@ def _proof(proof: Proof, goals: Sequence[GoalDocument]) -> dict[str, Any]:
         "violation": number(proof.violation),
         "independent": number(proof.independent),
         "scenario": proof.scenario,
+        **_named(proof.scenario, names),
         "at": {"time" if metric.domain == "time" else "frequency": number(where)} if where is not None else None,
     }
 

@@ -10,7 +10,14 @@ from api.convert.signals import ReadChannel, signals_from_wire
 from api.convert.values import optional_si, overrides_from_wire, si
 from api.pointers import Place
 from api.problems import invalid
-from api.schemas.optimizations import ExperimentDocument, OptimizationRequest, UncertainDocument, VariableDocument
+from api.schemas.optimizations import (
+    ExperimentDocument,
+    OptimizationRequest,
+    Scenario,
+    ScenarioDocument,
+    UncertainDocument,
+    VariableDocument,
+)
 from engine.diagram import Diagram
 from engine.errors import SignalError
 from optimizers.commands import CommandPath, info_of
@@ -48,9 +55,9 @@ def problem_from_wire(
             goal_from_wire(goal, diagram, ("goals", i), experiments=names) for i, goal in enumerate(document.goals)
         ),
         scenarios=tuple(
-            overrides_from_wire(scenario, diagram, place=("scenarios", i))
-            for i, scenario in enumerate(document.scenarios)
+            _scenario(scenario, diagram, ("scenarios", i)) for i, scenario in enumerate(document.scenarios)
         ),
+        scenario_names=_names(document.scenarios),
         across=Across(document.across_scenarios),
         uncertain=tuple(_uncertain(u, diagram, ("uncertain", i)) for i, u in enumerate(document.uncertain)),
     )
@@ -81,6 +88,21 @@ def _variable(
         parameter=document.parameter, lower=lower, upper=upper, scale=document.scale, start=start, choices=choices,
         integer=document.integer, expression=document.expression,
     )  # fmt: skip
+
+
+def _scenario(document: Scenario, diagram: Diagram, place: Place) -> dict[str, float]:
+    if isinstance(document, ScenarioDocument):
+        return overrides_from_wire(document.parameters, diagram, place=(*place, "parameters"))
+    return overrides_from_wire(document, diagram, place=place)
+
+
+def _names(documents: Sequence[Scenario]) -> tuple[str | None, ...]:
+    """Return what the scenarios are called, each differently; none where no scenario has a name."""
+    names = tuple(document.name if isinstance(document, ScenarioDocument) else None for document in documents)
+    for index, name in enumerate(names):
+        if name is not None and name in names[:index]:
+            raise invalid(f"name must be different for each scenario, got {name!r} twice", "scenarios", index, "name")
+    return names if any(names) else ()
 
 
 def _uncertain(document: UncertainDocument, diagram: Diagram, place: Place) -> Uncertain:

@@ -124,6 +124,23 @@ class GoalDocument(OfResponses, OfPaths):
     )
 
 
+class ScenarioDocument(Document):
+    """A set of parameter values with a name."""
+
+    name: str = Field(min_length=1, max_length=100)
+    parameters: Overrides
+
+
+def _named_or_plain(value: Any) -> str:
+    named = isinstance(value, ScenarioDocument) or (isinstance(value, dict) and set(value) == {"name", "parameters"})
+    return "named" if named else "plain"
+
+
+Scenario = Annotated[
+    Annotated[ScenarioDocument, Tag("named")] | Annotated[Overrides, Tag("plain")], Discriminator(_named_or_plain)
+]
+
+
 class UncertainDocument(Document):
     """A parameter that may lie anywhere in a range; the variables must serve the worst of it."""
 
@@ -167,8 +184,15 @@ class OptimizationRequest(Document):
     system: SystemRef
     variables: list[VariableDocument] = Field(min_length=1, max_length=100)
     experiments: list[ExperimentDocument] = Field(default_factory=list, max_length=100)
-    goals: list[GoalDocument] = Field(min_length=1, max_length=100)
-    scenarios: list[Overrides] = Field(default=[{}], min_length=1, max_length=100)
+    goals: list[GoalDocument] = Field(
+        min_length=1, max_length=100, description="without any `sense`: a point that serves all of them, with most room"
+    )
+    scenarios: list[Scenario] = Field(
+        default=[{}],
+        min_length=1,
+        max_length=100,
+        description="parameter sets that the same variables must serve: plain, or with a `name`",
+    )
     across_scenarios: Literal["worst", "mean"] = Field(
         default="worst", description="which objective counts; constraints hold in every scenario"
     )
@@ -188,5 +212,5 @@ class OptimizationRequest(Document):
         max_length=50,
         description="structures to be compared; the best one's result is returned",
     )
-    method: MethodDocument
+    method: MethodDocument = Field(default={"kind": "auto"}, validate_default=True)
     queue: QueueDocument | None = None

@@ -63,7 +63,7 @@ def objective_around(evaluator: Evaluator, here: Point, slacks: Sequence[tuple[i
 def wanted(evaluator: Evaluator) -> list[tuple[int, int]]:
     """Return the (scenario, goal) of everything that is minimised or approached."""
     problem = evaluator.problem
-    goals = sorted({*problem.objectives, *problem.soft})
+    goals = sorted({*problem.objectives, *problem.approached})
     return [(s, g) for s in range(len(problem.scenarios)) for g in goals]
 
 

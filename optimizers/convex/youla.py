@@ -83,7 +83,7 @@ def best_linear(problem: Problem, loops: Sequence[LinearLoop], x: Vector) -> flo
     x : ndarray, shape (V,)
         Parameters of a stabilising controller.
     """
-    if len(problem.objectives) != 1 or problem.soft:
+    if len(problem.objectives) != 1 or problem.approached:
         return None
     plant = _plant_of(problem, loops[0])
     if plant is None:

@@ -188,16 +188,14 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
 
 
 def check_together(goals: Sequence[Goal]) -> None:
-    """Refuse goals without anything to optimise, and hard bounds on one metric that cannot hold together.
+    """Refuse no goals at all, and hard bounds on one metric that cannot hold together.
 
     Raises
     ------
     ProblemError
     """
-    if not any(goal.sense or goal.soft for goal in goals):
-        raise ProblemError(
-            "goals must be at least one with a sense (minimize or maximize), or a soft one, got none", at=("goals",)
-        )
+    if not goals:
+        raise ProblemError("goals must be at least one, got none", at=("goals",))
     strictest: dict[tuple[object, ...], tuple[float, int]] = {}
     for index, goal in enumerate(goals):
         if goal.upper is not None and goal.hard:

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 class Problem:
     """An optimisation that has been proven to make sense.
 
-    ``across`` tells how the objectives of the scenarios become one. ``uncertain`` parameters may lie anywhere in their
+    ``scenario_names`` are as many as the scenarios, or none. ``across`` tells how the objectives of the scenarios become one. ``uncertain`` parameters may lie anywhere in their
     ranges: `optimizers.solving` makes them scenarios, a method sees none. ``axes`` are the free variables, ``ties`` those that
     are given by expressions.
 
     Raises
     ------
     ProblemError
-        No objective, contradictory bounds, an unknown parameter, metric, experiment or port, a zero-width range, a
+        No goal, contradictory bounds, an unknown parameter, metric, experiment or port, a zero-width range, a
         variable given by an expression: with the place in the document.
     """
 
@@ -47,6 +47,7 @@ class Problem:
     experiments: tuple[Experiment, ...] = ()
     goals: tuple[Goal, ...] = ()
     scenarios: tuple[Scenario, ...] = ({},)
+    scenario_names: tuple[str | None, ...] = ()
     across: Across = Across.WORST
     uncertain: tuple[Uncertain, ...] = ()
     axes: tuple[Axis, ...] = field(init=False)
@@ -62,6 +63,11 @@ class Problem:
         if not self.scenarios:
             raise ProblemError(
                 "scenarios must be at least one (an empty one is the system as it is), got none", at=("scenarios",)
+            )
+        if len(self.scenario_names) not in {0, len(self.scenarios)}:
+            raise ProblemError(
+                f"scenario_names must be as many as the scenarios, {len(self.scenarios)}, got {len(self.scenario_names)}",
+                at=("scenarios",),
             )
         refuse_repeats([experiment.name for experiment in self.experiments], "experiments", "name")
         refuse_repeats([variable.parameter for variable in self.variables], "variables", "parameter")
@@ -90,9 +96,18 @@ class Problem:
         return tuple(i for i, goal in enumerate(self.goals) if goal.sense is not None)
 
     @cached_property
-    def soft(self) -> tuple[int, ...]:
-        """Indices of the goals whose bounds are approached and need not hold."""
-        return tuple(i for i, goal in enumerate(self.goals) if goal.soft)
+    def approached(self) -> tuple[int, ...]:
+        """Indices of the goals whose excess counts in the objective.
+
+        The soft ones; all of them where none is soft and none has a sense: what is wanted then is a point that serves every
+        goal, with as much room as can be.
+        """
+        soft = tuple(i for i, goal in enumerate(self.goals) if goal.soft)
+        return soft if soft or self.objectives else tuple(range(len(self.goals)))
+
+    def scenario_name(self, index: int) -> str | None:
+        """Return what a scenario is called, None where it has no name."""
+        return self.scenario_names[index] if self.scenario_names else None
 
     @cached_property
     def before(self) -> dict[str, float]:

@@ -21,6 +21,7 @@ class GoalResult(TypedDict):
     hard: NotRequired[bool]
     score: NotRequired[float | None]
     scenario: NotRequired[int]
+    scenario_name: NotRequired[str]
     elasticities: NotRequired[dict[str, float | None]]
 
 
@@ -32,6 +33,7 @@ class CertifiedGoal(TypedDict):
     violation: float | None
     independent: NotRequired[float | None]
     scenario: int
+    scenario_name: NotRequired[str]
     at: dict[str, float] | None
 
 

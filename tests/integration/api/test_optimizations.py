@@ -145,7 +145,6 @@ FAST, CALM = REQUEST["goals"]
 @pytest.mark.parametrize(
     ("body", "pointer", "detail"),
     [
-        (bad(goals=[CALM]), "/goals", "a sense"),
         (bad(goals=[FAST, CALM, {**CALM, "upper": None, "lower": 0.1}]), "/goals/2/lower", "upper bound of goal 1"),
         (bad(goals=[FAST, {**CALM, "upper": 0.1, "lower": 0.2}]), "/goals/1/upper", ">= lower"),
         (bad(goals=[FAST, {**CALM, "target": 0.1}]), "/goals/1/target", "without lower and upper"),
@@ -229,3 +228,31 @@ def test_a_search_that_would_take_longer_returns_its_best_point_when_its_time_is
     assert result["status"] == "budget"
     assert "the time of 1 s is used up" in result["advice"]
     assert len(result["certificate"]["goals"]) == 2
+
+
+def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) -> None:
+    goals = [{"metric": "overshoot", "experiment": "step", "output": "x", "upper": 0.04}]
+    scenarios = [{}, {"name": "heavy", "parameters": {"m": {"value": 2000, "unit": "g"}}}]
+    body = {key: value for key, value in REQUEST.items() if key != "method"}
+    accepted = client.post("/v1/optimizations", json=body | {"goals": goals, "scenarios": scenarios})
+    assert accepted.status_code == 202, accepted.text
+    result = client.get(finished(client, accepted.json(), within=60)["result"]).json()
+    assert result["status"] == "converged"
+    assert "was chosen because" in result["advice"]
+    # ζ = c / (2 √(m k)) is least for the largest mass
+    assert (result["goals"][0]["scenario"], result["goals"][0]["scenario_name"]) == (1, "heavy")
+    assert result["certificate"]["goals"][0]["scenario_name"] == "heavy"
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "pointer", "detail"),
+    [
+        ([{"name": "a", "parameters": {}}, {"name": "a", "parameters": {}}], "/scenarios/1/name", "'a' twice"),
+        ([{"name": "a", "parameters": {"nothing": 1}}], "/scenarios/0/parameters/nothing", "nothing"),
+    ],
+)
+def test_named_scenarios_are_checked(client, scenarios, pointer: str, detail: str) -> None:
+    refused = client.post("/v1/optimizations", json=REQUEST | {"scenarios": scenarios})
+    assert refused.status_code == 422
+    assert [error["pointer"] for error in refused.json()["errors"]] == [pointer]
+    assert detail in refused.json()["errors"][0]["detail"]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from engine.masks import Corners, Envelope, FrequencyBounds, Polyline
 from optimizers.evaluate import Evaluator
@@ -129,7 +130,8 @@ def test_goals_that_fight_each_other_are_named_with_their_shares() -> None:
 @pytest.mark.parametrize(
     ("changes", "at", "message"),
     [
-        ({"goals": (overshoot(upper=0.04),)}, ("goals",), "or a soft one"),
+        ({"goals": ()}, ("goals",), "goals must be at least one, got none"),
+        ({"scenarios": ({}, {"m": 2.0}), "scenario_names": ("nominal",)}, ("scenarios",), "as many as the scenarios, 2, got 1"),
         ({"goals": (FAST, overshoot(hard=False))}, ("goals", 1), "target"),
         ({"goals": (FAST, overshoot(aim=0.0))}, ("goals", 1, "tolerance"), "target of 0"),
         ({"goals": (FAST, overshoot(aim=0.1, upper=0.2))}, ("goals", 1, "target"), "without lower and upper"),
@@ -160,3 +162,40 @@ def test_what_makes_no_sense_is_refused(changes, at, message) -> None:
 
 def test_the_command_is_the_same_everywhere() -> None:
     assert problem().experiments == (STEP,)
+
+
+@pytest.mark.parametrize("kind", ["auto", "gradient"])
+def test_goals_without_any_sense_are_served_with_most_room(kind: str) -> None:
+    # of s² + 2 ζ s + 1: overshoot exp(-π ζ / √(1 - ζ²)), -3 dB where ω² = 1 - 2 ζ² + √((1 - 2 ζ²)² + 10^0.3 - 1); the
+    # worse of the two excesses is least where they are equal
+    def overshooting(z: float) -> float:
+        return math.exp(-math.pi * z / math.sqrt(1 - z * z))
+
+    def reaching(z: float) -> float:
+        return math.sqrt(1 - 2 * z * z + math.sqrt((1 - 2 * z * z) ** 2 + 10**0.3 - 1))
+
+    def difference(z: float) -> float:
+        return (overshooting(z) / 0.1 - 1) - (1 - reaching(z) / 0.8)
+
+    goals = (overshoot(upper=0.1), Goal(metric="bandwidth", source="force", target="x", lower=0.8))
+    found = minimize(kind, problem(goals=goals))
+    middle = float(brentq(difference, 0.6, 0.9))
+    assert found.status is Status.CONVERGED
+    assert found.certificate.valid
+    assert found.best["c"] == pytest.approx(2 * middle, rel=1e-5)
+    assert found.objective == pytest.approx(overshooting(middle) / 0.1 - 1, rel=1e-5)
+    assert [goal.met for goal in found.goals] == [True, True]
+
+
+def test_goals_without_any_sense_that_nothing_serves_are_infeasible() -> None:
+    goals = (overshoot(upper=0.01), Goal(metric="bandwidth", source="force", target="x", lower=1.2))
+    found = minimize("gradient", problem(goals=goals), {"starts": 2})
+    assert found.status is Status.INFEASIBLE
+    assert set(found.conflict) == {0, 1}
+
+
+def test_a_scenario_is_called_by_its_name() -> None:
+    goals = (overshoot(upper=0.04), Goal(metric="bandwidth", source="force", target="x", lower=0.8))
+    found = minimize("gradient", problem(goals=goals, scenarios=({}, {"m": 2.0}), scenario_names=(None, "heavy")))
+    # ζ = c / (2 √(m k)) is least for the largest mass
+    assert found.scenario_names[found.goals[0].scenario] == "heavy"

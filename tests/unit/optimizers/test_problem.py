@@ -47,7 +47,6 @@ def test_a_log_scale_needs_positive_bounds_only_when_asked_for() -> None:
     ("changes", "at", "message"),
     [
         ({"variables": ()}, ("variables",), "at least one"),
-        ({"goals": (Goal(metric="sensitivity_peak", open_at="error", upper=1.6),)}, ("goals",), "sense"),
         ({"scenarios": ()}, ("scenarios",), "at least one"),
         ({"variables": (Variable(parameter="kx"),)}, ("variables", 0, "parameter"), "kx"),
         ({"variables": (KP, KP)}, ("variables", 1, "parameter"), "twice"),

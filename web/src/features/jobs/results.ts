@@ -28,6 +28,7 @@ export interface Proof {
   violation: number | null;
   independent?: number | null;
   scenario: number;
+  scenario_name?: string;
   at?: { time?: number | null; frequency?: number | null } | null;
 }
 export interface FrontPoint {

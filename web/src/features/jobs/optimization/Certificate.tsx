@@ -35,7 +35,7 @@ export function Certificate({ result }: { result: OptimizationResult }) {
             { title: t("jobs.independent"), numeric: true, cell: (proof) => shown(proof, proof.independent) },
             { title: t("jobs.violation"), numeric: true, cell: ({ violation }) => (violation === null ? "–" : formatNumber(violation, 3)) },
             { title: t("jobs.where"), cell: where },
-            ...(scenarios ? [{ title: t("jobs.scenario"), numeric: true, cell: ({ scenario }: Proof) => (scenario === 0 ? t("jobs.nominal") : scenario) }] : []),
+            ...(scenarios ? [{ title: t("jobs.scenario"), numeric: true, cell: ({ scenario, scenario_name }: Proof) => scenario_name ?? (scenario === 0 ? t("jobs.nominal") : scenario) }] : []),
           ]}
         />
       </details>

@@ -1,12 +1,14 @@
 import type { MetricEntry, Metric, Scalar } from "@/shared/api/types";
 import type { Curves, GoalResult } from "../results";
 
+type Values = Record<string, Scalar>;
+
 /** What a search was asked for, as far as one of its candidates is looked at again. */
 export interface Asked {
   system: unknown;
   experiments?: { name: string; input: unknown; duration?: unknown }[];
   goals: AskedGoal[];
-  scenarios?: Record<string, Scalar>[];
+  scenarios?: (Values | { name: string; parameters: Values })[];
   alternatives?: { name: string; system?: unknown }[] | null;
 }
 export interface AskedGoal {
@@ -60,9 +62,14 @@ export function scenariosOf(asked: Asked, goals: GoalResult[]): number[] {
   return [...new Set([0, ...goals.map((goal) => (goal.scenario ?? 0) < count ? (goal.scenario ?? 0) : 0)])];
 }
 
+/** The values of a scenario, whether it has a name or not. */
+function valuesOf(scenario: NonNullable<Asked["scenarios"]>[number] | undefined): Values {
+  return scenario !== undefined && typeof scenario.name === "string" && "parameters" in scenario ? (scenario.parameters as Values) : ((scenario ?? {}) as Values);
+}
+
 /** Everything that must be computed to see curves and metrics at a candidate's values. */
 export function studiesOf(asked: Asked, goals: GoalResult[], domains: Domains, values: Record<string, number>): Study[] {
-  const variants = scenariosOf(asked, goals).map((i) => ({ ...asked.scenarios?.[i], ...values }));
+  const variants = scenariosOf(asked, goals).map((i) => ({ ...valuesOf(asked.scenarios?.[i]), ...values }));
   const wanted = new Map<string, AskedGoal[]>();
   for (const experiment of asked.experiments ?? []) wanted.set(`simulation:${experiment.name}`, []);
   for (const goal of asked.goals) {
