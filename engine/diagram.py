@@ -32,7 +32,7 @@ from engine.parameters import Param, ParameterInfo, Scalar
 from engine.rates import assemble_by_rates
 from engine.realize import Interconnection, Wiring
 from engine.traced import Graph, Traced
-from engine.wires import LOOP, Wires
+from engine.wires import LOOP, Opening, Wires
 
 __all__ = ["LOOP", "Block", "Connection", "Diagram", "Parameter", "ParameterInfo", "Remark", "System", "compile_system"]
 
@@ -108,7 +108,7 @@ class Diagram:
         self._flat = flat
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)
-        self._systems: dict[tuple[str | None, bool], LinearSystem] = {}
+        self._systems: dict[tuple[Opening | None, bool], LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = describe(flat.numbers)
         self.warnings = (*self._wires.warnings, *flat.warnings)
         self.constants: Mapping[str, float] = dict(constants or {})
@@ -183,7 +183,7 @@ class Diagram:
     def realize(
         self,
         overrides: Mapping[str, float | complex] | None = None,
-        open_at: str | None = None,
+        open_at: Opening | None = None,
         *,
         by_rates: bool = False,
     ) -> LinearSystem:
@@ -193,7 +193,7 @@ class Diagram:
         ----------
         overrides : mapping of str to float or complex, optional
             New values (SI) by parameter path; an imaginary part is an infinitesimal that all coefficients follow.
-        open_at : str, optional
+        open_at : str or tuple of str, optional
             Endpoint (``error``, ``motor.position``, ``inner.error``) whose consumers are fed by an added last input
             ``loop`` instead; the true output is the added last output ``loop``. The loop transfer function is
             L = -(loop -> loop), so that 1 + L = 0 is the characteristic equation. Declared outputs that read the endpoint
@@ -271,7 +271,7 @@ class Diagram:
     def realize_stack(
         self,
         overrides: Mapping[str, npt.NDArray[Any]],
-        open_at: str | None = None,
+        open_at: Opening | None = None,
         members: int | None = None,
         *,
         by_rates: bool = False,
@@ -345,7 +345,7 @@ class Diagram:
         self,
         steps: Mapping[str, float],
         overrides: Mapping[str, float] | None = None,
-        open_at: str | None = None,
+        open_at: Opening | None = None,
         *,
         by_rates: bool = False,
     ) -> LaneSystem:
@@ -389,7 +389,7 @@ class Diagram:
         )
 
     def exact_rest(
-        self, overrides: Mapping[str, float], moved: Sequence[str] | None = (), open_at: str | None = None
+        self, overrides: Mapping[str, float], moved: Sequence[str] | None = (), open_at: Opening | None = None
     ) -> ExactRest:
         """Return the gains at rest in many digits, of a linear diagram.
 
@@ -401,7 +401,7 @@ class Diagram:
         count = len(numbers) if moved is None else len(moved)
         return ExactRest(realizations, formulas, self._interconnection, self._wires.wiring(open_at), count)
 
-    def wiring(self, open_at: str | None = None) -> Wiring:
+    def wiring(self, open_at: Opening | None = None) -> Wiring:
         """Return what drives what, closed or with the loop cut at ``open_at``; `realize` tells what is raised."""
         return self._wires.wiring(open_at)
 

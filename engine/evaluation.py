@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.nonlinear.outcome import Outcome
     from engine.signals import Signal
+    from engine.wires import Opening
 
 _CANCELLED = 1e-13
 """What is left of the difference of two equal numbers, relative to the output: an integral leaves no error."""
@@ -94,11 +95,11 @@ class Evaluation:
         )
         self._steps = {name: INFINITESIMAL * self._scale(name) for name in self.gradient}
         self._resting = Resting(diagram, self.overrides, self._steps)
-        self._loops: dict[str, LoopSubject] = {}
+        self._loops: dict[Opening, LoopSubject] = {}
         self._responses: dict[tuple[object, ...], TimeResponse] = {}
         self._paths: dict[tuple[str, str], PathSubject] = {}
         self._fadings: dict[tuple[object, ...], Trajectory] = {}
-        self._rates: dict[str | None, LaneSystem | None] = {}
+        self._rates: dict[Opening | None, LaneSystem | None] = {}
         self._poles: dict[bytes, Poles] = {}
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
 
@@ -124,16 +125,16 @@ class Evaluation:
         """What the lanes are the derivatives by."""
         return self.commands or self.gradient
 
-    def _realize(self, open_at: str | None) -> LaneSystem:
+    def _realize(self, open_at: Opening | None) -> LaneSystem:
         return merged(self._realized(open_at).balanced())
 
-    def _realized(self, open_at: str | None, *, by_rates: bool = False) -> LaneSystem:
+    def _realized(self, open_at: Opening | None, *, by_rates: bool = False) -> LaneSystem:
         if not self.gradient:
             return LaneSystem.of([self.diagram.realize(self.overrides, open_at, by_rates=by_rates)])
         return self.diagram.realize_lanes(self._steps, self.overrides, open_at, by_rates=by_rates)
 
     def _by_rates(
-        self, part: LaneSystem, inputs: Sequence[int], outputs: Sequence[int], open_at: str | None = None
+        self, part: LaneSystem, inputs: Sequence[int], outputs: Sequence[int], open_at: Opening | None = None
     ) -> LaneSystem:
         """Return ``part`` with the rates that are read as signals of their own, which no difference of large numbers makes.
 
@@ -175,8 +176,11 @@ class Evaluation:
         """What a metric of the poles measures."""
         return SystemSubject(poles=self.poles)
 
-    def loop(self, open_at: str) -> LoopSubject:
-        """Return the open loop at ``open_at``, signed so that 1 + L = 0 is the characteristic equation."""
+    def loop(self, open_at: Opening) -> LoopSubject:
+        """Return the open loop at ``open_at``, signed so that 1 + L = 0 is the characteristic equation.
+
+        Of several places opened together the loop is cut at the first, and closed there again with the others left open.
+        """
         if open_at not in self._loops:
             whole = self._realize(open_at)
             ends = [len(whole.inputs) - 1], [len(whole.outputs) - 1]

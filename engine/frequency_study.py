@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.poles import Poles
     from engine.linear.system import Array
+    from engine.wires import Opening
 
 Real = npt.NDArray[np.float64]
 
@@ -102,7 +103,7 @@ def frequency_response(
     overrides: Mapping[str, float] | None = None,
     source: str | None = None,
     target: str | None = None,
-    open_at: str | None = None,
+    open_at: Opening | None = None,
     frequencies: Real | None = None,
     metrics: Sequence[str] | None = None,
     options: Options = USUAL,
@@ -116,8 +117,9 @@ def frequency_response(
         Parameter values, SI.
     source, target : str, optional
         An input and an output.
-    open_at : str, optional
-        Where the loop is cut; the curve is then L, with 1 + L = 0 the characteristic equation.
+    open_at : str or tuple of str, optional
+        Where the loop is cut; the curve is then L, with 1 + L = 0 the characteristic equation. Of several places opened
+        together it is cut at the first.
     frequencies : ndarray, optional
         rad/s, rising, >= 0; chosen from poles, zeros and crossings when absent.
     metrics : sequence of str, optional
@@ -196,7 +198,7 @@ def _rest(diagram: Diagram, overrides: Mapping[str, float] | None) -> tuple[Rest
     return rest, () if point.rests else (Remark(at=("blocks",), detail=detail),)
 
 
-def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdict: Verdict) -> tuple[Remark, ...]:
+def _doubts(open_at: Opening, last: float | None, count: NyquistCount | None, verdict: Verdict) -> tuple[Remark, ...]:
     """Return what a reader of the margins must know besides."""
     details = []
     if last is not None:
@@ -208,7 +210,8 @@ def _doubts(open_at: str, last: float | None, count: NyquistCount | None, verdic
             f"the Nyquist criterion counts {count.closed_loop} unstable poles of the closed loop, but its poles say "
             f"'{verdict}': do not rely on either"
         )
-    return tuple(Remark(at=("open_at", open_at), detail=detail) for detail in details)
+    places = (open_at,) if isinstance(open_at, str) else open_at
+    return tuple(Remark(at=("open_at", *places), detail=detail) for detail in details)
 
 
 def _defined(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from engine.masks import Mask
     from engine.metrics import Metric
     from engine.signals import Signal
+    from engine.wires import Opening
 
 Real = npt.NDArray[np.float64]
 
@@ -48,7 +49,7 @@ class MetricRequest:
     output: str | None = None
     source: str | None = None
     target: str | None = None
-    open_at: str | None = None
+    open_at: Opening | None = None
     duration: float | None = None
     band: tuple[float, float] | None = None
     mask: Mask | None = None
@@ -66,6 +67,11 @@ class MetricRequest:
     def usual(self) -> bool:
         """Whether its metric is the one that its name alone says: no number is given that changes it."""
         return self.metric != "settling_time" or self.options.settling_band == USUAL_BAND
+
+    @property
+    def opened_besides(self) -> bool:
+        """Whether more is opened than the loop is cut at: then not the closed system must be stable, but one that is open there."""
+        return isinstance(self.open_at, tuple)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,7 +221,8 @@ def _found(
         path = evaluation.path(str(request.source), str(request.target))
         return metric.measure(replace(path, mask=request.mask, options=request.options))
     if issubclass(metric, LoopMetric):
-        return metric.measure(replace(evaluation.loop(str(request.open_at)), mask=request.mask))
+        assert request.open_at is not None
+        return metric.measure(replace(evaluation.loop(request.open_at), mask=request.mask))
     assert issubclass(metric, SystemMetric)
     return metric.measure(evaluation.system_subject)
 

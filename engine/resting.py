@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from engine.exact_rest import ExactRest
     from engine.linear.poles import Poles
     from engine.linear.system import Array, LaneSystem
+    from engine.wires import Opening
 
 _LOST: Final = 1e-6
 """A gain that double precision does not even know to this part of itself is not told."""
@@ -33,7 +34,7 @@ class Resting:
         Parameter values (SI) by path that replace the document's.
     steps : mapping of str to float
         Size of the infinitesimal by parameter path; each is a lane.
-    open_at : str, optional
+    open_at : str or tuple of str, optional
         Where a loop is cut.
     """
 
@@ -42,7 +43,7 @@ class Resting:
         diagram: Diagram,
         overrides: Mapping[str, float],
         steps: Mapping[str, float],
-        open_at: str | None = None,
+        open_at: Opening | None = None,
     ) -> None:
         self._diagram, self._overrides, self._steps, self._open_at = diagram, overrides, steps, open_at
 

@@ -11,6 +11,9 @@ from engine.realize import Wiring
 from engine.scopes import Port, trace
 from engine.scopes import Traced as TracedSignal
 
+Opening = str | tuple[str, ...]
+"""Where a loop is opened: an output, or several opened together, of which the first is where the loop is cut."""
+
 LOOP: Final = "loop"
 """Name of the input and the output that are added where a loop is cut open."""
 
@@ -37,15 +40,17 @@ class Wires:
         self._consumers, warnings = self._connect()
         self.warnings = tuple(warnings)
         self._reads = tuple(self._signal(trace(*end, at=("outputs", name))) for name, end in flat.root.outputs.items())
-        self._wirings: dict[str | None, Wiring] = {}
+        self._wirings: dict[Opening | None, Wiring] = {}
 
-    def wiring(self, open_at: str | None) -> Wiring:
+    def wiring(self, open_at: Opening | None) -> Wiring:
         """Return what drives what, closed or with the loop cut at ``open_at``, remembered.
+
+        What is opened besides is 0 behind the opening: a signal that does not arrive any more.
 
         Raises
         ------
         DiagramError
-            If there is no such endpoint, or a name of the diagram is that of the cut's two ends.
+            If there is no such endpoint, two are places of one signal, or a name of the diagram is that of the cut's two ends.
         """
         wiring = self._wirings.get(open_at)
         if wiring is None:
@@ -54,25 +59,42 @@ class Wires:
             wiring = self._wirings[open_at] = self._wire(open_at)
         return wiring
 
-    def _wire(self, open_at: str | None) -> Wiring:
+    def _wire(self, open_at: Opening | None) -> Wiring:
+        others: frozenset[Port] = frozenset()
         if open_at is None:
             cut, inputs, outputs, reads = None, self.inputs, self.outputs, self._reads
         else:
             if LOOP in self.inputs or LOOP in self.outputs:
                 raise DiagramError(f"no input or output must be called {LOOP} where a loop is opened, got one",
                                    at=("open_at",))  # fmt: skip
-            scope, block, port = self._flat.root.find_output(open_at, at=("open_at",))
-            cut = (*scope.path, block, port)
-            true_output = self._signal(trace(scope, block, port, at=("open_at",)))
+            cut, true_output, others = self._opened((open_at,) if isinstance(open_at, str) else open_at)
             inputs, outputs, reads = (*self.inputs, LOOP), (*self.outputs, LOOP), (*self._reads, true_output)
         silent = self._total + len(inputs)
-        sources = [self._total + len(self.inputs) if cut in passed else source for passed, source in self._consumers]
+        sources = [
+            _SILENT if passed & others else self._total + len(self.inputs) if cut in passed else source
+            for passed, source in self._consumers
+        ]
         return Wiring(
             sources=tuple(silent if source == _SILENT else source for source in sources),
             inputs=inputs,
             outputs=outputs,
             reads=tuple(silent if read == _SILENT else read for read in reads),
         )
+
+    def _opened(self, places: tuple[str, ...]) -> tuple[Port, int, frozenset[Port]]:
+        """Return the port where the loop is cut, the signal there, and the ports that are opened besides."""
+        found: dict[int, tuple[str, Port]] = {}
+        for place in places:
+            scope, block, port = self._flat.root.find_output(place, at=("open_at",))
+            signal = self._signal(trace(scope, block, port, at=("open_at",)))
+            if signal in found:
+                raise DiagramError(
+                    f"open_at must be places of different signals, got '{found[signal][0]}' and '{place}' of one",
+                    at=("open_at",),
+                )
+            found[signal] = place, (*scope.path, block, port)
+        (signal, (_, cut)), *others = found.items()
+        return cut, signal, frozenset(port for _, (_, port) in others)
 
     def _signal(self, traced: TracedSignal) -> int:
         """Return the number of a signal: block outputs first, then inputs."""

@@ -220,7 +220,8 @@ def _unstable_somewhere(problem: Problem, rows: list[list[Measured]]) -> str:
 
 def _named(evaluator: Evaluator, index: int) -> str:
     goal = evaluator.problem.goals[index]
-    place = goal.output or goal.open_at or goal.target
+    opened = goal.open_at if isinstance(goal.open_at, str) or goal.open_at is None else " and ".join(goal.open_at)
+    place = goal.output or opened or goal.target
     return f"{goal.metric} of {place}" if place else goal.metric
 
 

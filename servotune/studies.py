@@ -74,7 +74,7 @@ class Studies:
         *,
         from_: str | None = None,
         to: str | None = None,
-        open_at: str | None = None,
+        open_at: str | Sequence[str] | None = None,
         frequencies: Sequence[float] | None = None,
         metrics: Sequence[str] | None = None,
         operating_point: Document | None = None,
@@ -83,7 +83,8 @@ class Studies:
     ) -> FrequencyResponse:
         """Return the frequency response from an input to an output, or, with `open_at`, of the loop cut at that block.
 
-        Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
+        Of several places in `open_at`, opened together, the loop is cut at the first: the margins of an inner loop with the
+        outer one open. Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
         linearised where it rests under the constant inputs of `operating_point`, `{"reference": 0.1}`; 0 by default.
         `noise_density` is the one-sided power spectral density of the noise of `noise_rms`, (unit of the input)² per Hz.
         """
@@ -108,7 +109,7 @@ class Studies:
         parameters: Sequence[str],
         metrics: Sequence[str],
         change: float | None = None,
-        open_at: str | None = None,
+        open_at: str | Sequence[str] | None = None,
         from_: str | None = None,
         to: str | None = None,
         signal: Document | None = None,

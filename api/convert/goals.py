@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from api.convert.values import band_from_wire, optional_si, options_from_wire, si
+from api.convert.values import band_from_wire, opening, optional_si, options_from_wire, si
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.optimizations import BoundsDocument, GoalDocument, RationalDocument
@@ -42,7 +42,7 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, ex
         output=document.output,
         source=document.source,
         target=document.target,
-        open_at=document.open_at,
+        open_at=opening(document.open_at),
         band=band_from_wire(document.band, place=(*place, "band")),
         options=options_from_wire(document, diagram.output_units.get(document.output or "") or "", place=place),
         mask=_mask(document, diagram, metric.domain if metric is not None else "", place),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from engine.errors import EngineError
 from engine.metric_options import Options
 from engine.names import no_parameter
 from engine.verdicts import Measured
+from engine.wires import Opening
 
 _LARGEST = 1e100
 """Curves beyond this are no longer numbers that anything can draw."""
@@ -64,6 +65,13 @@ def band_from_wire(given: Any, *, place: Place) -> tuple[float, float] | None:
     if not 0.0 <= low < high:
         raise invalid(f"band must be [low, high] with 0 <= low < high rad/s, got [{low:g}, {high:g}]", *place)
     return low, high
+
+
+def opening(given: str | Sequence[str] | None) -> Opening | None:
+    """Return where a loop is opened as the core has it: one place, or several together."""
+    if given is None or isinstance(given, str):
+        return given
+    return given[0] if len(given) == 1 else tuple(given)
 
 
 def options_from_wire(given: Any, unit: str, *, place: Place) -> Options:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from api.schemas.signals import Inputs
 from api.schemas.studies import Names
 from api.schemas.systems import SystemRef
-from api.schemas.values import AutoOrQuantity, Document, Identifier, Path, Port
+from api.schemas.values import AutoOrQuantity, Document, Identifier, OpenAt, Path, Port
 
 MOST_VECTORS = 12
 """Of one message: the moving curve, its reference, snapshots, comparisons."""
@@ -20,7 +20,7 @@ MOST_OVERLAYS = 4
 class LiveFrequency(Document):
     """The loop opened at a block's output, or a path from an input to an output."""
 
-    open_at: Port | None = None
+    open_at: OpenAt | None = None
     source: Port | None = Field(default=None, alias="from")
     target: Port | None = Field(default=None, alias="to")
 

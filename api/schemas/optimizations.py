@@ -17,6 +17,7 @@ from api.schemas.values import (
     Name,
     OfPaths,
     OfResponses,
+    OpenAt,
     Overrides,
     Path,
     Port,
@@ -102,7 +103,7 @@ class GoalDocument(OfResponses, OfPaths):
     output: Port | None = None
     source: Port | None = Field(default=None, alias="from")
     target: Port | None = Field(default=None, alias="to")
-    open_at: Port | None = None
+    open_at: OpenAt | None = None
     band: Band | None = Field(default=None, description="for `band_energy`")
     bounds: BoundsDocument | None = Field(
         default=None,

@@ -15,6 +15,7 @@ from api.schemas.values import (
     Change,
     OfPaths,
     OfResponses,
+    OpenAt,
     Overrides,
     Path,
     Port,
@@ -43,7 +44,7 @@ class FrequencyRequest(OfPaths):
     system: SystemRef
     source: Port | None = Field(default=None, alias="from")
     target: Port | None = Field(default=None, alias="to")
-    open_at: Port | None = None
+    open_at: OpenAt | None = None
     frequencies: AutoOrQuantities = Field(
         default="auto", description="rad/s, rising, >= 0; 0 asks for the gain at rest"
     )
@@ -63,7 +64,7 @@ class InfluenceRequest(OfResponses, OfPaths):
     input: Port
     output: Port
     signal: SignalDocument | None = Field(default=None, description="default: a step of amplitude 1")
-    open_at: Port | None = None
+    open_at: OpenAt | None = None
     source: Port | None = Field(default=None, alias="from", description="default: input")
     target: Port | None = Field(default=None, alias="to", description="default: output")
     duration: AutoOrQuantity = "auto"

@@ -9,7 +9,7 @@ import re
 import sys
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, PlainValidator, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
@@ -197,6 +197,20 @@ AutoOrQuantities = TypeAliasType(
 """A list of quantities, or "auto"."""
 
 Band = Annotated[list[Quantity], Field(min_length=2, max_length=2, description="[low, high] in rad/s")]
+
+
+def _place_or_places(value: Any) -> str:
+    return "places" if isinstance(value, list) else "place"
+
+
+OpenAt = Annotated[
+    Annotated[Port, Tag("place")] | Annotated[list[Port], Field(min_length=1, max_length=20), Tag("places")],
+    Discriminator(_place_or_places),
+    Field(
+        description="an output, or several opened together: the loop is cut at the first, the others are 0 from there on"
+    ),
+]
+"""Where a loop is opened."""
 
 
 class OfResponses(Document):

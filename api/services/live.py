@@ -18,7 +18,7 @@ import numpy.typing as npt
 from api.convert.optimizations import duration_from_wire
 from api.convert.signals import check_name, signals_from_wire
 from api.convert.studies import check_metrics
-from api.convert.values import measured_to_wire, number
+from api.convert.values import measured_to_wire, number, opening
 from api.problems import at, invalid
 from api.schemas.live import LiveOpen
 from api.services.computing import Recall
@@ -38,6 +38,7 @@ from engine.signals import Signal, make
 from engine.signals.step import Step
 from engine.study import frequency_response, simulate
 from engine.verdicts import Verdict
+from engine.wires import Opening
 
 _FREQUENCIES = 1000
 _DRAWABLE = 1e30
@@ -65,7 +66,7 @@ class Panel:
     signals: Mapping[str, Signal]
     outputs: tuple[str, ...]
     metrics: Mapping[str, MetricRequest]
-    open_at: str | None
+    open_at: Opening | None
     source: str | None
     target: str | None
     time: Real
@@ -148,16 +149,17 @@ def open_panel(service: Installation, caller: Caller, request: LiveOpen) -> tupl
     return panel, {"type": "opened", **_described(panel), "measured": measured, "warnings": subject.warnings()}
 
 
-def _frequency_of(request: LiveOpen, diagram: Diagram) -> tuple[str | None, str | None, str | None]:
+def _frequency_of(request: LiveOpen, diagram: Diagram) -> tuple[Opening | None, str | None, str | None]:
     given = request.frequency
     if given is None:
         return None, None, None
-    check_open_at(given.open_at, diagram)
+    open_at = opening(given.open_at)
+    check_open_at(open_at, diagram)
     if given.source is not None:
         check_name(given.source, diagram.inputs, name="from", what="the system's inputs", place=("frequency", "from"))
     if given.target is not None:
         check_name(given.target, diagram.outputs, name="to", what="the system's outputs", place=("frequency", "to"))
-    return given.open_at, given.source, given.target
+    return open_at, given.source, given.target
 
 
 def _steps(diagram: Diagram, signals: Mapping[str, Signal]) -> list[tuple[int, Step]]:
@@ -173,7 +175,7 @@ def _requests(
     signals: Mapping[str, Signal],
     output: str,
     duration: float | None,
-    where: tuple[str | None, str | None, str | None],
+    where: tuple[Opening | None, str | None, str | None],
 ) -> dict[str, MetricRequest]:
     """Return what can be measured here; a metric of a loop needs one that is opened."""
     open_at, source, target = where

@@ -26,7 +26,7 @@ from api.convert.studies import (
     simulation_to_wire,
     warnings_to_wire,
 )
-from api.convert.values import band_from_wire, changes_from_wire, options_from_wire, overrides_from_wire, si
+from api.convert.values import band_from_wire, changes_from_wire, opening, options_from_wire, overrides_from_wire, si
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
@@ -44,6 +44,7 @@ from engine.prediction import predict
 from engine.signals import Signal, make
 from engine.study import MetricRequest, frequency_response, simulate
 from engine.verdicts import Verdict
+from engine.wires import Opening
 
 _MOST_FREQUENCIES = 100_000
 
@@ -162,7 +163,7 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
             overrides=variant.overrides,
             source=request.source,
             target=request.target,
-            open_at=request.open_at,
+            open_at=opening(request.open_at),
             frequencies=frequencies,
             metrics=metrics,
             options=options,
@@ -187,10 +188,10 @@ def _check_path(request: FrequencyRequest, diagram: Diagram) -> None:
         check_name(request.source, diagram.inputs, name="from", what="the system's inputs", place=("from",))
     if request.target is not None:
         check_name(request.target, diagram.outputs, name="to", what="the system's outputs", place=("to",))
-    check_open_at(request.open_at, diagram)
+    check_open_at(opening(request.open_at), diagram)
 
 
-def check_open_at(open_at: str | None, diagram: Diagram) -> None:
+def check_open_at(open_at: Opening | None, diagram: Diagram) -> None:
     """Refuse a place where no loop can be opened."""
     if open_at is None:
         return
@@ -233,7 +234,7 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
     source, target = request.source or request.input, request.target or request.output
     check_name(source, diagram.inputs, name="from", what="the system's inputs", place=("from",))
     check_name(target, diagram.outputs, name="to", what="the system's outputs", place=("to",))
-    check_open_at(request.open_at, diagram)
+    check_open_at(opening(request.open_at), diagram)
     if request.change == 0.0:
         raise invalid("change must be > -1 and not 0, got 0", "change")
     if request.signal is None:
@@ -293,7 +294,7 @@ def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> Metri
             options=given["options"],
         )
     if domain == "loop":
-        return MetricRequest(metric=name, open_at=request.open_at)
+        return MetricRequest(metric=name, open_at=opening(request.open_at))
     if domain == "path":
         return MetricRequest(metric=name, source=given["source"], target=given["target"], options=given["options"])
     return MetricRequest(metric=name)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from engine.diagram import Diagram
 from engine.linear.system import LinearSystem
+from engine.wires import Opening
 
 Array = npt.NDArray[np.float64]
 
@@ -69,13 +70,13 @@ class Matrices:
         }
 
 
-def realized(diagram: Diagram, *, open_at: str | None = None) -> Matrices:
+def realized(diagram: Diagram, *, open_at: Opening | None = None) -> Matrices:
     """Return the state space of a diagram at its document's values, with its names.
 
     Parameters
     ----------
     diagram : Diagram
-    open_at : str, optional
+    open_at : str or tuple of str, optional
         Endpoint where the loop is cut: the last input and the last output, ``loop``, are then its two ends.
 
     Raises

@@ -177,13 +177,13 @@ class Batch:
         """Return the functions of frequency that are asked for, what of each, and the paths whose stability matters."""
         curves = Curves()
         networks = _Networks(curves, diagram, traced, self.requests)
-        targets: dict[tuple[str | None, ...], int] = {}
+        targets: dict[tuple[object, ...], int] = {}
         functions: list[Curve] = []
         bits: list[int] = []
         probes: list[tuple[int, int]] = []
         for index, request in enumerate(self.requests):
             loop = request.metric in LOOP_READINGS
-            if not loop and request.metric not in PATH_READINGS:
+            if request.opened_besides or (not loop and request.metric not in PATH_READINGS):
                 continue
             key = (request.open_at,) if loop else (request.source, request.target)
             if key not in targets:
@@ -354,7 +354,9 @@ class _Networks:
     def __init__(self, curves: Curves, diagram: Diagram, traced: Any, requests: Sequence[MetricRequest]) -> None:
         self._curves, self._diagram, self._traced = curves, diagram, traced
         self._sources = sorted({str(r.source) for r in requests if r.metric in PATH_READINGS})
-        self._first_cut = next((r.open_at for r in requests if r.metric in LOOP_READINGS and r.open_at), None)
+        self._first_cut = next(
+            (r.open_at for r in requests if r.metric in LOOP_READINGS and isinstance(r.open_at, str)), None
+        )
         self._made: dict[str | None, tuple[Wiring, Network]] = {}
 
     def loop(self, cut: str) -> Any:

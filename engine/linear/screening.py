@@ -112,6 +112,8 @@ class Screening:
         return found
 
     def _is_measurable(self, request: MetricRequest) -> bool:
+        if request.opened_besides:
+            return False
         if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:
             return True
         if request.mask is not None and (request.metric in LOOP_MASKS or request.metric in PATH_MASKS):
@@ -249,7 +251,7 @@ class Screening:
         self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array,
         *, growth: Array,
     ) -> None:  # fmt: skip
-        scans: dict[tuple[str | None, ...], tuple[Path, Scan]] = {}
+        scans: dict[tuple[object, ...], tuple[Path, Scan]] = {}
         for index, request in enumerate(self._requests):
             loop = request.metric in LOOP_METRICS or request.metric in LOOP_MASKS
             if not self.measurable[index] or not (

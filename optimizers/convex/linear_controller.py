@@ -205,7 +205,7 @@ def _refuse(problem: Problem) -> None:
 
 def _places(problem: Problem) -> list[str]:
     """Return where the loop may be cut: first where the goals do, then at every connection."""
-    named = [goal.open_at for goal in problem.goals if goal.open_at is not None]
+    named = [goal.open_at for goal in problem.goals if isinstance(goal.open_at, str)]
     sources = [c.source for c in problem.diagram.system.connections]
     return list(dict.fromkeys([*named, *(source for source in sources if source not in problem.diagram.inputs)]))
 

@@ -108,6 +108,11 @@ def _ratios(problem: Problem, index: int, goal: Goal) -> list[Ratio]:
         )  # fmt: skip
     if goal.upper is not None and goal.upper <= 0:
         raise ProblemError(f"upper must be > 0 for the method convex, got {goal.upper:g}", at=(*at, "upper"))
+    if goal.open_at is not None and not isinstance(goal.open_at, str):
+        raise ProblemError(
+            f"open_at must be one place for the method convex, got {len(goal.open_at)}: use the method gradient",
+            at=(*at, "open_at"),
+        )
     if goal.metric in PEAKS:
         return [
             Ratio(goal=index, response=PEAKS[goal.metric], open_at=goal.open_at, source=goal.source, target=goal.target)

@@ -21,6 +21,7 @@ from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.wires import Opening
     from optimizers.problem.experiments import Experiment
 
 ON_AIM = 0.01
@@ -73,7 +74,7 @@ class Goal:
     output: str | None = None
     source: str | None = None
     target: str | None = None
-    open_at: str | None = None
+    open_at: Opening | None = None
     band: tuple[float, float] | None = None
     sense: Sense | None = None
     lower: float | None = None

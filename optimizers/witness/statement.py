@@ -113,7 +113,7 @@ class _Bench:
         self._requests = problem.requests
         self._overrides = overrides
         self._system = system
-        self._sweeps: dict[tuple[str | None, ...], Sweep] = {}
+        self._sweeps: dict[tuple[object, ...], Sweep] = {}
         self._marches: dict[tuple[object, ...], March] = {}
         self._refused: set[tuple[object, ...]] = set()
 
@@ -179,6 +179,8 @@ class _Bench:
         return None
 
     def _sweep(self, request: MetricRequest) -> Sweep:
+        if request.opened_besides:  # whether the loop that is left is stable is not looked at here
+            raise CannotFollowError
         key = (request.open_at, request.source, request.target)
         if key not in self._sweeps:
             if request.open_at is not None:

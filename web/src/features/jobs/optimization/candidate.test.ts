@@ -29,3 +29,10 @@ it("what comes back belongs to the goals, each in its scenario; a mask is not re
   expect(found.goals.map((goal) => goal?.value ?? null)).toEqual([0.1, 0.7, 0.5, null]);
   expect(found.curves).toEqual({ step: curves });
 });
+
+it("places that are opened together are asked for as a list; a metric with a number of its own is left to the search", () => {
+  const several: Asked = { ...asked, goals: [{ metric: "phase_margin", open_at: ["inner", "outer"] }, { metric: "overshoot", experiment: "step", output: "y", settling_band: 0.1 }] };
+  const [step, loop] = studiesOf(several, goals.slice(0, 2), domains, { kp: 4 });
+  expect(step!.body.metrics).toEqual([]);
+  expect(loop!.body.open_at).toEqual(["inner", "outer"]);
+});

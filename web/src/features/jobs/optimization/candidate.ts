@@ -17,7 +17,7 @@ export interface AskedGoal {
   output?: string | null;
   from?: string | null;
   to?: string | null;
-  open_at?: string | null;
+  open_at?: string | string[] | null;
   band?: unknown;
   lower?: Scalar | null;
   upper?: Scalar | null;
@@ -40,13 +40,14 @@ export interface StudyVariant {
 
 /** Samples of each curve: as many as a plot has pixels for. */
 const SAMPLES = 400;
-const BY_BOUNDS = ["bounds", "reference"];
+/** What a goal gives its metric besides a place: a study has one of each for all, so that only the search tells the metric. */
+const ITS_OWN = ["bounds", "reference", "settling_band", "recovery_band", "noise_density"];
 
 const pathKey = ({ from, to, open_at }: AskedGoal) => `${open_at ?? ""}|${from ?? ""}|${to ?? ""}`;
 
-/** The question that tells a goal's metric; null for one that is read off a mask or a curve of its own, which only a search does. */
+/** The question that tells a goal's metric; null for one that is held against something of its own, which only a search does. */
 function studyOf(goal: AskedGoal, asked: Asked, domains: Domains): string | null {
-  if (BY_BOUNDS.some((key) => goal[key] != null)) return null;
+  if (ITS_OWN.some((key) => goal[key] != null)) return null;
   const domain = domains.get(goal.metric)?.domain;
   if (domain === "time") return `simulation:${goal.experiment ?? asked.experiments?.[0]?.name ?? ""}`;
   if (domain === "system") {
@@ -86,7 +87,7 @@ export function studiesOf(asked: Asked, goals: GoalResult[], domains: Domains, v
     }
     const [open_at, from, to] = key.slice("frequency:".length).split("|");
     // Metrics are exact and need no curve: two lines are the shortest one.
-    return { key, kind: "frequency", body: { ...common, frequencies: [1, 2], ...(open_at ? { open_at } : { from, to }) } };
+    return { key, kind: "frequency", body: { ...common, frequencies: [1, 2], ...(open_at ? { open_at: open_at.includes(",") ? open_at.split(",") : open_at } : { from, to }) } };
   });
 }
 
