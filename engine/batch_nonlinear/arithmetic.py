@@ -64,11 +64,10 @@ MEANING: Final[Mapping[Code, Callable[..., Any]]] = {
 }
 
 
-def evaluated(graph: Graph, wanted: Sequence[Any], parameters: Any) -> Real:
-    """Return numbers of a graph, (wanted, ...), where its parameters are ``parameters``, (parameters, ...)."""
-    targets = nodes_of(graph, wanted)
+def operands(graph: Graph, wanted: Sequence[int]) -> set[int]:
+    """Return all nodes that some nodes are made of, themselves included."""
     needed: set[int] = set()
-    pending = list(targets)
+    pending = list(wanted)
     while pending:
         node = pending.pop()
         if node in needed or node < 0:
@@ -77,6 +76,13 @@ def evaluated(graph: Graph, wanted: Sequence[Any], parameters: Any) -> Real:
         op, first, second = graph.nodes[node]
         if op not in {Op.CONSTANT, Op.PARAMETER}:
             pending += (first, second)
+    return needed
+
+
+def evaluated(graph: Graph, wanted: Sequence[Any], parameters: Any) -> Real:
+    """Return numbers of a graph, (wanted, ...), where its parameters are ``parameters``, (parameters, ...)."""
+    targets = nodes_of(graph, wanted)
+    needed = operands(graph, targets)
     shape = np.shape(parameters)[1:]
     found: dict[int, Any] = {}
     for node in sorted(needed):

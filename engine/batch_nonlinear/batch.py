@@ -23,7 +23,7 @@ from engine.batch_nonlinear.look import Look, coarse, floor
 from engine.batch_nonlinear.march import Marched, Marcher, Pieces, by_input
 from engine.batch_nonlinear.program import Compiled
 from engine.batch_nonlinear.readings import INTEGRALS, METRICS, Curves, middle_of, read
-from engine.batch_nonlinear.rest import Rest
+from engine.batch_nonlinear.rest import Rest, moving, reaching
 from engine.batch_nonlinear.signals import UnsuitableError
 from engine.evaluation import Evaluation
 from engine.linear.screening import Screened
@@ -111,6 +111,7 @@ class NonlinearBatch:
             raise UnsuitableError("no metric of a response in time")
         self._outputs = list(dict.fromkeys(diagram.outputs.index(str(self.requests[k].output)) for k in sorted(asked)))
         self._equations = Equations.of(diagram, varied)
+        self._reaching = {output: reaching(self._equations, output) for output in self._outputs}
         self._compiled = Compiled(self._equations, self._outputs)
         self.marcher = Marcher(self._compiled, generate=generate)
         linear = Evaluation(diagram).poles
@@ -276,6 +277,11 @@ class NonlinearBatch:
         constants = [float(end) for end in ends if end is not None]
         if len(constants) < len(ends):
             return curves
+        moves = moving(self._equations, given.points, marched.states, constants, float(marched.times[-1]))
+        curves = {
+            output: replace(own, moving=np.asarray(moves[self._reaching[output]].any(axis=0)))
+            for output, own in curves.items()
+        }
         unclear = np.any([~own.still & ~own.restless for own in curves.values()], axis=0)
         unclear &= marched.covered & np.all([own.slow for own in curves.values()], axis=0)
         rows = np.flatnonzero(unclear)

@@ -66,6 +66,8 @@ class Curves:
         Where the output is when everything rests, NaN where that is not known or no rest is there.
     single : ndarray of bool, shape (B,), or None
         Whether that is the only rest nearby.
+    moving : ndarray of bool, shape (B,), or None
+        Whether a state that the output follows goes on moving in the end, so that what stands still may do so for a while.
     """
 
     times: Real
@@ -80,6 +82,7 @@ class Curves:
     duration: float | None
     rest: Real | None = None
     single: Flags | None = None
+    moving: Flags | None = None
 
     @cached_property
     def size(self) -> Real:
@@ -112,7 +115,8 @@ class Curves:
         """Who does not move any more under constant commands, (B,)."""
         if not self._constant:
             return np.zeros(self.values.shape[1], dtype=bool)
-        return np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
+        still = np.asarray(np.ptp(self.values[self.late], axis=0) <= STILL * self._spread)
+        return still if self.moving is None else np.asarray(still & ~self.moving)
 
     @cached_property
     def slow(self) -> Flags:

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import matrix_balance
 
-from engine.batch_nonlinear.arithmetic import evaluated
+from engine.batch_nonlinear.arithmetic import evaluated, operands
 from engine.batch_nonlinear.equations import Equations
 from engine.batch_nonlinear.slopes import slopes
-from engine.traced import Op
+from engine.traced import Op, nodes_of
 
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -27,6 +27,10 @@ Flags = npt.NDArray[np.bool_]
 _ITERATIONS: Final = 20
 _STILL: Final = 1e-9
 """A state rests when the correction is this part of it."""
+_MOVES: Final = 1e-3
+"""A state that moves by more than this part of it, in the time simulated, may change what stands still;"""
+_NOTHING: Final = 1e-9
+"""one that moves by less than this does not."""
 _REACHED: Final = 1e-8
 """Part of the rates that no correction may leave."""
 _SINGULAR: Final = 1e-10
@@ -38,6 +42,33 @@ class Rested:
 
     outputs: Real
     single: Flags
+
+
+def reaching(equations: Equations, output: int) -> Flags:
+    """Return which states (states,) an output of the diagram follows, at once or by way of other states."""
+    graph = equations.graph
+    rates = nodes_of(graph, equations.rates)
+    found = np.zeros(len(rates), dtype=bool)
+    seen: set[int] = set()
+    pending = nodes_of(graph, [equations.outputs[output]])
+    while pending:
+        seen |= operands(graph, pending)
+        new = [k for k, state in enumerate(equations.states) if state.node in seen and not found[k]]
+        found[new] = True
+        pending = [rates[k] for k in new]
+    return found
+
+
+def moving(equations: Equations, points: Real, states: Real, inputs: Sequence[float], elapsed: float) -> Flags:
+    """Return which states (states, B) go on moving under constant inputs, by what they would in ``elapsed`` s."""
+    graph = equations.graph
+    values = np.zeros((sum(op is Op.PARAMETER for op, _, _ in graph.nodes), len(points)))
+    values[: len(equations.varied)] = points.T
+    values[[graph.nodes[signal.node][1] for signal in equations.states]] = states
+    values[[graph.nodes[signal.node][1] for signal in equations.inputs]] = np.asarray(inputs, dtype=float)[:, None]
+    with np.errstate(all="ignore"):
+        rates = evaluated(graph, equations.rates, values)
+        return np.asarray(~(elapsed * np.abs(rates) <= _MOVES * np.abs(states) + _NOTHING))
 
 
 class Rest:

@@ -125,6 +125,13 @@ def rates_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ..
     return found
 
 
+def outputs_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:
+    """Return the outputs (outputs,) at a state (n,) under constant inputs."""
+    at = _still(real, x[None], inputs, modes)
+    found: Real = real.read(at, real.flow(at).v)[0][0, 0]
+    return found
+
+
 def _rates(system: NonlinearSystem, x: Array, inputs: Real, modes: tuple[Mode, ...]) -> Array:
     return system.flow(_still(system, x, inputs, modes)).f[:, 0]
 
@@ -146,8 +153,8 @@ def _correction(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode,
     return correction
 
 
-def _slope(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> tuple[Real, Real]:
-    """Return the balanced slope of the rates, delayed signals following the states, and the scale of the states."""
+def slope_at(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> Real:
+    """Return the slope of the rates by the states (n, n), delayed signals following the states."""
     slope = real.tangent(_still(real, x[None], inputs, modes)).total[0].copy()
     if real.delays.shape[-1]:
         h = 1e-6
@@ -158,6 +165,12 @@ def _slope(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]
             up = _rates(real, moved[None], inputs, modes)[0]
             moved[k] -= 2 * width
             slope[:, k] = (up - _rates(real, moved[None], inputs, modes)[0]) / (2 * width)
+    return np.asarray(slope)
+
+
+def _slope(real: NonlinearSystem, x: Real, inputs: Real, modes: tuple[Mode, ...]) -> tuple[Real, Real]:
+    """Return the balanced slope of the rates and the scale of the states."""
+    slope = slope_at(real, x, inputs, modes)
     if not len(x) or not np.isfinite(slope).all():
         return slope, np.ones(len(x))
     with np.errstate(invalid="ignore"):  # scales beyond 2^63 are no whole numbers, for an order that is not asked for

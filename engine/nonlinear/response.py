@@ -20,7 +20,7 @@ import numpy.typing as npt
 from engine.nonlinear.integrate import Integration
 from engine.nonlinear.operating_point import operating_point
 from engine.nonlinear.outcome import Outcome
-from engine.nonlinear.running_on import Motion, motion
+from engine.nonlinear.running_on import forecast, reach
 from engine.nonlinear.switching import StoppedError
 from engine.verdicts import Verdict
 
@@ -45,6 +45,8 @@ _STILL = 1e-6
 """An output whose last tenth moves by no more than this part of its range has stopped: far within every settling band."""
 _STEADY = 1e-6
 _ROUNDING = 1e-14
+_SWINGS = 3
+"""What is on its way and has turned back so often, never sooner nor less than before, does not arrive."""
 _MOST_EXTENSIONS = 20
 """So many doublings are the end also for what is on its way, where a step may be as long as it likes."""
 
@@ -118,23 +120,52 @@ def respond(
         response = _judged(system, signals, outcome, initials=initials, last=last, unsettled=Verdict.NOT_SETTLED)
         most = _MOST_EXTENSIONS if response.on_its_way and not sampled else EXTENSIONS
         done = endless or response.settled or outcome.verdict is not Verdict.OK or extension >= most
-        if done or (not response.on_its_way and _repeats(response, last)):
+        if done or _swings(response, last):
             return response
         extension += 1
 
 
-def _repeats(response: Response, last: float) -> bool:
-    """Return whether what has not settled swings in the last quarter as it did in the one before: a limit cycle."""
+def _swings(response: Response, last: float) -> bool:
+    """Return whether all that has not settled swings without coming nearer to an end.
+
+    What is on its way turns back ever less, and ever sooner; else the last quarter is held against the one before.
+    """
     end = response.outcome.end
     for name in response.outputs:
-        if response.verdicts[name] is Verdict.NOT_SETTLED:
-            curve = response.output(name).since(end - 0.5 * (end - last))
-            middle = end - 0.25 * (end - last)
-            early = float(np.ptp(curve.until(middle).values[:, :, 0].real))
-            late = float(np.ptp(curve.since(middle).values[:, :, 0].real))
-            if abs(late - early) > _SAME * early:
+        if response.verdicts[name] is not Verdict.NOT_SETTLED:
+            continue
+        if response.on_its_way:
+            if not _lasting(response.output(name).since(last)):
                 return False
+            continue
+        curve = response.output(name).since(end - 0.5 * (end - last))
+        middle = end - 0.25 * (end - last)
+        early = float(np.ptp(curve.until(middle).values[:, :, 0].real))
+        late = float(np.ptp(curve.since(middle).values[:, :, 0].real))
+        if abs(late - early) > _SAME * early:
+            return False
     return True
+
+
+def _lasting(curve: Curve) -> bool:
+    """Return whether the last swings of a curve are each as wide and as long as the one before, or more."""
+    instants, turns = curve.turnings(0.0)
+    order = np.argsort(instants)
+    kept: list[tuple[float, float]] = []
+    sign = 0.0
+    for instant, turn in zip(instants[order], turns[order], strict=True):
+        way = float(turn) - kept[-1][1] if kept else math.inf
+        if abs(way) <= _SAME * float(np.ptp(turns)):
+            continue
+        if kept and math.copysign(1.0, way) == sign:
+            kept[-1] = float(instant), float(turn)
+        else:
+            sign = math.copysign(1.0, way) if kept else 0.0
+            kept.append((float(instant), float(turn)))
+    if len(kept) <= _SWINGS:
+        return False
+    steps = np.abs(np.diff(np.array(kept[-_SWINGS - 1 :]), axis=0))
+    return bool(np.all(steps[1:] >= (1 - _SAME) * steps[:-1]))
 
 
 def _initials(system: NonlinearSystem) -> dict[str, Array]:
@@ -167,21 +198,26 @@ def _judged(
         return Response(outcome=outcome, outputs=system.outputs, verdicts=verdicts, finals=finals, initials=initials)
     ends = {name: float(s.final() or 0.0) for name, s in signals.items()}
     point = operating_point(system, ends, start=outcome.state, modes=outcome.modes)
-    rests = {name: point.y[:, k] if point.rests else None for k, name in enumerate(system.outputs)}
-    for k, name in enumerate(system.outputs):
-        verdicts[name], finals[name] = _end(outcome.output(k), rests[name], last, unsettled)
-    # what has come near to rest is there; what has stopped, or moves evenly, may still be on its way
-    even = [
-        name
-        for name, verdict in verdicts.items()
-        if verdict is Verdict.INTEGRATING or (verdict is Verdict.OK and finals[name] is not rests[name])
-    ]
-    on_its_way = bool(even) and (
-        motion(system, point.inputs, outcome.state, outcome.modes, outcome.end) is Motion.FOR_A_WHILE
-    )
-    if on_its_way:
-        verdicts.update(dict.fromkeys(even, unsettled))
-        finals.update(dict.fromkeys(even))
+    seen = max(last, 0.1 * last + 0.9 * outcome.end - _echoes(system))
+    tails = [_Tail.of(outcome.output(k), seen) for k in range(len(system.outputs))]
+    near = [point.rests and tail.within(_NEAR, float(point.y[0, k].real)) for k, tail in enumerate(tails)]
+    far = reach(system, point, outcome.state, outcome.end) if any(near) else None
+    open_ends = []
+    for k, (name, tail) in enumerate(zip(system.outputs, tails, strict=True)):
+        if near[k] and (far is None or far[k] <= 2 * _NEAR * tail.size):
+            verdicts[name], finals[name] = Verdict.OK, point.y[:, k]
+        else:
+            verdicts[name], finals[name] = tail.end(unsettled)
+            open_ends += [k] if verdicts[name] is not unsettled else []
+    # what has stopped, or moves evenly, may still be on its way
+    on_its_way = False
+    if open_ends:
+        future = forecast(system, point.inputs, outcome.state, outcome.modes, outcome.end)
+        on_its_way = future is None
+        for k in open_ends:
+            name = system.outputs[k]
+            if future is None or not tails[k].keeps(verdicts[name], future.ahead, future.outputs[:, k]):
+                verdicts[name], finals[name] = unsettled, None
     return Response(
         outcome=outcome,
         outputs=system.outputs,
@@ -192,16 +228,44 @@ def _judged(
     )
 
 
-def _end(curve: Curve, rest: Array | None, last: float, unsettled: Verdict) -> tuple[Verdict, Array | None]:
-    """Return how one output ends, and where: at rest (the given array itself), still, or moving at a constant rate."""
-    late = curve.since(curve.end - 0.1 * (curve.end - last)).values[:, :, 0].real
-    whole = curve.values[:, :, 0].real
-    size = max(float(np.ptp(whole)), 1e-12 * float(np.abs(whole).max()))
-    if rest is not None and float(np.abs(late - float(rest[0].real)).max()) <= _NEAR * size:
-        return Verdict.OK, rest
-    if float(np.ptp(late)) <= max(_STILL * size, _ROUNDING * float(np.abs(whole).max())):
-        return Verdict.OK, curve.values[-1, -1]
-    slope = curve.slope.since(curve.end - 0.1 * (curve.end - last)).values[:, :, 0].real
-    if float(np.ptp(slope)) <= _STEADY * float(np.abs(slope).max()) and math.isfinite(size):
-        return Verdict.INTEGRATING, None
-    return unsettled, None
+def _echoes(system: NonlinearSystem) -> float:
+    """Return how long what has happened may still be under way through the delays, s."""
+    return float(system.delays[0].real.sum()) if system.delays.shape[-1] else 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Tail:
+    """The last part of an output: its values and slopes, its last value (lanes,), the range and largest value of the whole."""
+
+    values: npt.NDArray[np.float64]
+    slopes: npt.NDArray[np.float64]
+    last: Array
+    size: float
+    largest: float
+
+    @classmethod
+    def of(cls, curve: Curve, start: float) -> _Tail:
+        """Return what follows ``start`` (s)."""
+        whole = curve.values[:, :, 0].real
+        largest = float(np.abs(whole).max())
+        return cls(
+            values=curve.since(start).values[:, :, 0].real, slopes=curve.slope.since(start).values[:, :, 0].real,
+            last=curve.values[-1, -1], size=max(float(np.ptp(whole)), 1e-12 * largest), largest=largest,
+        )  # fmt: skip
+
+    def within(self, part: float, value: float) -> bool:
+        """Return whether it stays within a part of the range around a value."""
+        return float(np.abs(self.values - value).max()) <= part * self.size
+
+    def end(self, unsettled: Verdict) -> tuple[Verdict, Array | None]:
+        """Return how the output seems to end, and where: still, or moving at a constant rate."""
+        if float(np.ptp(self.values)) <= max(_STILL * self.size, _ROUNDING * self.largest):
+            return Verdict.OK, self.last
+        steady = float(np.ptp(self.slopes)) <= _STEADY * float(np.abs(self.slopes).max()) and math.isfinite(self.size)
+        return (Verdict.INTEGRATING if steady else unsettled), None
+
+    def keeps(self, verdict: Verdict, ahead: npt.NDArray[np.float64], later: npt.NDArray[np.float64]) -> bool:
+        """Return whether the output is, and remains, what it seems: ``later`` are its values at times ``ahead``, s."""
+        rate = float(self.slopes[-1, -1]) if verdict is Verdict.INTEGRATING else 0.0
+        away = np.abs(later - later[0] - rate * ahead)
+        return bool(np.all(away <= _NEAR * (self.size + np.abs(rate) * ahead)))
