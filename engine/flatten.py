@@ -87,6 +87,10 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
     element = kinds[block.kind]
     values = reader.read_block(element, path, block.values, at)
     given = frozenset(key for key, value in block.values.items() if value is not None)
+    element = element.law(given)
+    flat.warnings.extend(
+        Remark(at=(*at, name), detail=f"{name} of {path} {text}") for name, text in element.assumed(given).items()
+    )
     try:
         # Ports and completeness follow from what is present; the numbers come later.
         sketch = values.fill({index: flat.numbers.bindings.slots[index].value for index in values.slots})

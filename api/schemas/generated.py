@@ -13,7 +13,13 @@ from engine.parameters import Param
 
 
 def document_of(
-    kind: str, title: str, parameters: Iterable[Param], *, expressions: bool, extra: dict[str, Any] | None = None
+    kind: str,
+    title: str,
+    parameters: Iterable[Param],
+    *,
+    expressions: bool,
+    extra: dict[str, Any] | None = None,
+    base: type[Document] = Document,
 ) -> type[Document]:
     """Return the model of ``{"kind": kind, parameter: value, ...}``.
 
@@ -29,13 +35,15 @@ def document_of(
         Whether a value may be an expression (blocks), or only a number or quantity (signals).
     extra : mapping
         Further fields, as ``create_model`` takes them.
+    base : type
+        What else such a document has.
     """
     fields: dict[str, Any] = {"kind": (Literal[kind], Field(description=title))}
     for param in parameters:
         fields[param.name] = _field(param, expressions=expressions)
     name = "".join(part.capitalize() for part in kind.split("_"))
     return create_model(
-        f"{name}{'Block' if expressions else 'Signal'}", __doc__=title, __base__=Document, **fields, **(extra or {})
+        f"{name}{'Block' if expressions else 'Signal'}", __doc__=title, __base__=base, **fields, **(extra or {})
     )
 
 

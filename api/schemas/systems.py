@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
+from api.schemas.control_laws import KINDS, LimitedBlock
 from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Name, Path, Quantity, Scalar, is_number
 from engine.elements import catalogue
@@ -56,7 +57,14 @@ if TYPE_CHECKING:
     BlockDocument: TypeAlias = Document  # the union is made from the catalogue when this module is imported
 else:
     _MODELS = [
-        document_of(kind, element.title, element.parameters, expressions=True) for kind, element in catalogue().items()
+        document_of(
+            kind,
+            element.title,
+            element.parameters,
+            expressions=True,
+            base=LimitedBlock if kind in KINDS else Document,
+        )
+        for kind, element in catalogue().items()
     ]
     BlockDocument = Annotated[functools.reduce(operator.or_, [*_MODELS, SubsystemBlock]), Field(discriminator="kind")]
 

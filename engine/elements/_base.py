@@ -96,6 +96,16 @@ class Element(ABC):
         """
 
     @classmethod
+    def law(cls, given: frozenset[str]) -> type[Element]:
+        """Return the element that a block is for which these parameters are given."""
+        return cls
+
+    @classmethod
+    def assumed(cls, given: frozenset[str]) -> Mapping[str, str]:
+        """Return parameter -> what the user is told where a default that matters is taken."""
+        return {}
+
+    @classmethod
     @abstractmethod
     def ports(cls, values: Values) -> Ports:
         """Return the ports, which follow from texts, list lengths and which optional values are present."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Final
 
 from engine.elements._base import Ports, Reading, Realization, Values, absent, exclusive, matrix, vanishing
-from engine.errors import DiagramError
 from engine.parameters import Param, Scalar
 
 SOURCE: Final = "K. J. Åström and T. Hägglund, Advanced PID Control, ISA 2006, chapter 3."
@@ -31,7 +30,7 @@ DERIVATIVE: Final = (
         doc="ideal form, in place of kd = kp·derivative_time",
     ),
     Param(
-        name="filter_frequency", symbol="w", unit="rad/s", lower=0.0, lower_open=True, scale="log",
+        name="filter_frequency", symbol="w", unit="rad/s", default=100.0, lower=0.0, lower_open=True, scale="log",
         doc="corner of the derivative's filter, without which the law is improper",
     ),
 )  # fmt: skip
@@ -49,23 +48,31 @@ WEIGHT_D: Final = (
 )  # fmt: skip
 
 
-def check(given: frozenset[str], values: Values) -> None:
-    """Refuse both forms of a gain at once, and a derivative without a filter."""
+def check(given: frozenset[str]) -> None:
+    """Refuse both forms of a gain at once."""
     exclusive(given, "ki", "integral_time")
     exclusive(given, "kd", "derivative_time")
-    if "derivative_time" in values and values["filter_frequency"] is None:
-        raise DiagramError("filter_frequency must be given: a derivative without a filter is improper",
-                           at=("filter_frequency",))  # fmt: skip
+
+
+def assumed(given: frozenset[str]) -> dict[str, str]:
+    """Return what is told of a derivative whose filter is not given."""
+    if given.isdisjoint({"kd", "derivative_time"}) or "filter_frequency" in given:
+        return {}
+    return {"filter_frequency": "is taken to be 100 rad/s, since it is not given: a derivative needs a filter"}
+
+
+def weighted(values: Values) -> bool:
+    """Return whether the reference has weights of its own."""
+    return any(values.get(f"setpoint_weight_{part}") is not None for part in "pd")
 
 
 def ports(values: Values) -> Ports:
     """Return the error as input, or reference and measurement where a setpoint weight is given."""
-    weighted = any(values.get(f"setpoint_weight_{part}") is not None for part in "pd")
-    return Ports(inputs=("reference", "measurement") if weighted else ("in",))
+    return Ports(inputs=("reference", "measurement") if weighted(values) else ("in",))
 
 
-def realize(values: Values) -> Realization:
-    """Return the integral part and the filtered derivative's input as states, each only where it is needed."""
+def gains(values: Values) -> tuple[Scalar, Scalar, Scalar]:
+    """Return kp, ki and kd, whichever form they are given in."""
     kp = values["kp"]
     ki: Scalar = values.get("ki", 0.0)
     kd: Scalar = values.get("kd", 0.0)
@@ -73,10 +80,16 @@ def realize(values: Values) -> Realization:
         ki = ki + kp / values["integral_time"]
     if values.get("derivative_time") is not None:
         kd = kd + kp * values["derivative_time"]
-    weighted = len(ports(values).inputs) == 2
-    b = _weights(values.get("setpoint_weight_p"), weighted=weighted)
-    c = _weights(values.get("setpoint_weight_d"), weighted=weighted)
-    error = _weights(None, weighted=weighted)
+    return kp, ki, kd
+
+
+def realize(values: Values) -> Realization:
+    """Return the integral part and the filtered derivative's input as states, each only where it is needed."""
+    kp, ki, kd = gains(values)
+    both = weighted(values)
+    b = _weights(values.get("setpoint_weight_p"), weighted=both)
+    c = _weights(values.get("setpoint_weight_d"), weighted=both)
+    error = _weights(None, weighted=both)
 
     inputs: list[list[Scalar]] = []
     rates: list[Scalar] = []

@@ -32,7 +32,7 @@ class Constant(NonlinearElement):
     @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the value."""
-        return [values["value"] + 0.0 * m.t]
+        return [values["value"]]
 
     @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from api.schemas.control_laws import KINDS as CONTROL_LAWS
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.signals import SignalDocument
 from api.schemas.systems import BlockDocument, SystemDocument
@@ -28,7 +29,8 @@ def test_the_example_of_every_element_is_a_block(kind) -> None:
 def test_every_declared_parameter_is_a_field_and_nothing_else_is(kind) -> None:
     mapping = BLOCK.json_schema()["discriminator"]["mapping"]
     schema = BLOCK.json_schema()["$defs"][mapping[kind].rpartition("/")[2]]
-    assert set(schema["properties"]) == {"kind", *(param.name for param in elements()[kind].parameters)}
+    others = {"limits"} if kind in CONTROL_LAWS else set()
+    assert set(schema["properties"]) - others == {"kind", *(param.name for param in elements()[kind].parameters)}
     assert schema["additionalProperties"] is False
 
 
@@ -90,6 +92,38 @@ def test_a_bare_value_is_a_parameter() -> None:
     document = {"parameters": given, "blocks": {"a": {"kind": "input"}}, "outputs": {"y": "a"}}
     expected = {"w0": {"value": 100}, "Kp": {"value": "=w0/20"}, "m": given["m"]}
     assert SystemDocument.model_validate(document).model_dump(exclude_unset=True)["parameters"] == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ({"limits": {"lower": -1, "upper": "=umax"}}, {"lower": -1, "upper": "=umax"}),
+        ({"limits": {"upper": 2}, "anti_windup": "clamping"}, {"upper": 2, "anti_windup": "clamping"}),
+        (
+            {"upper": 2, "anti_windup": {"kind": "back_calculation", "tracking_time": 0.1}},
+            {"upper": 2, "anti_windup": "back_calculation", "tracking_time": 0.1},
+        ),
+        ({"anti_windup": {"kind": "tracking"}}, {"anti_windup": "tracking"}),
+    ],
+)
+def test_limits_in_one_piece_are_kept_as_plain_parameters(given, kept) -> None:
+    block = {"kind": "pi", "kp": 2}
+    assert BLOCK.validate_python(block | given).model_dump(exclude_unset=True) == block | kept
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"limits": {"low": 1}}, "limits must be made of lower, upper, got 'low'"),
+        ({"limits": {"lower": 1}, "lower": 0}, "lower must be given once"),
+        ({"limits": 3}, "dictionary"),
+        ({"anti_windup": {"kind": "hope"}}, "'none', 'clamping', 'back_calculation' or 'tracking'"),
+        ({"anti_windup": {"kind": "tracking", "time": 1}}, "anti_windup must be made of tracking_time, got 'time'"),
+    ],
+)
+def test_wrong_limits_are_refused(given, says) -> None:
+    with pytest.raises(ValidationError, match=says):
+        BLOCK.validate_python({"kind": "pi", "kp": 2, **given})
 
 
 @pytest.mark.parametrize(

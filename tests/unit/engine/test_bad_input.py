@@ -27,7 +27,11 @@ INSTEAD = {
 }
 """What of an element's example a parameter stands in place of."""
 LINEAR = [kind for kind, e in catalogue().items() if not issubclass(e, NonlinearElement) and kind != "input"]
-BESIDE = {("ball_screw", "damping"): {"stiffness": 1e8}}
+BESIDE = {
+    ("ball_screw", "damping"): {"stiffness": 1e8},
+    ("pi", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
+    ("pid", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
+}
 """What a parameter is given with only."""
 
 

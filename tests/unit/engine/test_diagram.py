@@ -175,7 +175,11 @@ def test_unconnected_inputs_and_unused_parameters_are_warned_of():
         (block("zero_pole_gain", poles=[[-1.0, 2.0]]), ("poles",), "conjugate of -1"),
         (block("state_space", A=[[1.0, 2.0], [3.0]], B=[], C=[], D=[]), ("A", 1), "rows of equal length, got 2 and 1"),
         (block("state_space", A=[1.0], B=[[1.0]], C=[[1.0]], D=[[1.0]]), ("A", 0), r"A\[0\] must be a list"),
-        (block("pid", kp=1.0), ("filter_frequency",), "new.filter_frequency must be given"),
+        (block("pi", kp=1.0, lower=2.0, upper=1.0), ("upper",), "upper must be > lower .2., got 1"),
+        (block("pi", kp=1.0, anti_windup="clamping"), ("anti_windup",), "lower or upper must be given for clamping"),
+        (block("pi", kp=1.0, upper=1.0, tracking_time=1.0), ("tracking_time",), "must be absent unless anti_windup is"),
+        (block("pi", kp=0.0, ki=1.0, upper=1.0, anti_windup="back_calculation"), ("tracking_time",), "kp/ki is not > 0 s"),
+        (block("p", kp=1.0, anti_windup="none"), ("anti_windup",), "parameter of new .p. must be one of"),
         (block("subsystem"), ("system",), "system of new must be given"),
         (Block(kind="subsystem", system=document({}), values={"k": 1}), ("k",), "keeps its parameters inside"),
         (Block(kind="gain", values={"gain": 1}, system=document({})), ("system",), "only a subsystem has one"),
@@ -186,6 +190,18 @@ def test_refuses_a_block(added, at, message):
     assert error.at == ("blocks", "new", *at)
     with pytest.raises(EngineError, match=message):
         raise error
+
+
+def test_a_derivative_without_a_filter_gets_one_and_a_warning():
+    diagram = compile_system(with_block("new", block("pid", kp=1.0, kd=0.1)))
+    assert diagram.parameters["new.filter_frequency"].value == 100.0
+    told = {remark.at: remark.detail for remark in diagram.warnings}
+    assert told["blocks", "new", "filter_frequency"] == (
+        "filter_frequency of new is taken to be 100 rad/s, since it is not given: a derivative needs a filter"
+    )
+    for given in (block("pid", kp=1.0), block("pid", kp=1.0, kd=0.1, filter_frequency=10.0)):
+        quiet = compile_system(with_block("new", given)).warnings
+        assert not any("filter_frequency" in remark.at for remark in quiet)
 
 
 @pytest.mark.parametrize("name", ["2nd", "a-b", "a.b", "", "_x", "é", "a" * 65])
