@@ -23,6 +23,9 @@ from optimizers.witness import Statement, witnessed
 TOLERANCE = 1e-6
 """Largest violation (relative to the bound; SI where the bound is 0) at which a goal counts as met."""
 
+_ALIKE = 1e-3
+"""Two measurements that differ by less than this part of themselves mean the same."""
+
 _EVERY = 8
 """With more scenarios than this the second measurement looks at those that serve some goal worst."""
 
@@ -31,8 +34,9 @@ _EVERY = 8
 class Proof:
     """One goal in the scenario that serves it worst; ``measured.at`` says when (s) or at which frequency (rad/s).
 
-    ``independent`` is the value of the second measurement, None where there is none: a nonlinear system, a command that does
-    not settle, a metric without a second reading.
+    ``independent`` is the value of the second measurement, None where there is none: a nonlinear system with delays or samplers, or
+    without a given duration, a command that does not settle, a metric without a second reading. ``tolerance`` is how far it may
+    itself be off, in the metric's unit.
     """
 
     goal: int
@@ -40,6 +44,7 @@ class Proof:
     measured: Measured
     violation: float
     independent: float | None = None
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +90,7 @@ def certificate_of(
         violation = violation_of(goal, rows[scenario][index])
         for other, statements in (second or {}).items():
             statement = statements[index]
-            broken = 0.0 if statement is None else _violation(goal, _heard(goal, statement))
+            broken = 0.0 if statement is None else _broken(goal, statement)
             if broken > max(violation, TOLERANCE):
                 scenario, violation = other, broken
         statement = second[scenario][index] if second and scenario in second else None
@@ -93,6 +98,7 @@ def certificate_of(
             Proof(
                 goal=index, scenario=scenario, measured=rows[scenario][index], violation=violation,
                 independent=None if statement is None else statement.value,
+                tolerance=None if statement is None else statement.tolerance,
             )
         )  # fmt: skip
     goals = problem.goals
@@ -113,9 +119,20 @@ def _violation(goal: Goal, number: float) -> float:
     return float(np.max(signed_excess(goal, np.array(number)).clip(min=0.0), initial=0.0))
 
 
-def _heard(goal: Goal, statement: Statement) -> float:
-    """Return what a goal compares of the second measurement."""
-    return float(compared([goal], np.array([statement.value]))[0])
+def _broken(goal: Goal, statement: Statement) -> float:
+    """Return by how much the second measurement breaks the goal, wherever within its tolerance the value is."""
+    ends = {statement.value - statement.tolerance, statement.value, statement.value + statement.tolerance}
+    return min(_violation(goal, float(compared([goal], np.array([value]))[0])) for value in ends)
+
+
+def disagreement(proof: Proof) -> str:
+    """Return that the two measurements of a goal differ by more than either may be off; an empty string where they agree."""
+    value, other = proof.measured.value, proof.independent
+    if value is None or other is None or math.isinf(other):
+        return ""
+    if abs(value - other) <= (proof.tolerance or 0.0) + _ALIKE * max(abs(value), abs(other)):
+        return ""
+    return f"the two measurements of goal {proof.goal} differ: {value:.6g} and {other:.6g}. The run may depend on its rounding."
 
 
 def worst_scenario(goal: Goal, measured: list[Measured]) -> int:

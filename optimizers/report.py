@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from engine.verdicts import Measured, Verdict
-from optimizers.certificate import TOLERANCE, Certificate, certify, worst_scenario
+from optimizers.certificate import TOLERANCE, Certificate, certify, disagreement, worst_scenario
 from optimizers.compared import exactly, number_of
 from optimizers.evaluate import Evaluator, Local, Matrix
 from optimizers.excess import signed_excess
@@ -97,7 +97,8 @@ def conclude(
     return Result(
         status=status, advice=advice, best=best, goals=tuple(goals), certificate=certificate,
         history=tuple(tracker.history), evaluations=evaluator.evaluations, seconds=tracker.seconds,
-        map=grid, warnings=_idle(names, slopes), objective=_objective(evaluator, values), conflict=conflict,
+        map=grid, objective=_objective(evaluator, values), conflict=conflict,
+        warnings=(*_idle(names, slopes), *filter(None, map(disagreement, certificate.goals))),
         bound=bound, front=front, scenario_names=problem.scenario_names,
     )  # fmt: skip
 

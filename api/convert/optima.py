@@ -122,6 +122,7 @@ def _proof(proof: Proof, goals: Sequence[GoalDocument], names: Sequence[str | No
         "verdict": str(proof.measured.verdict),
         "violation": number(proof.violation),
         "independent": number(proof.independent),
+        "independent_tolerance": number(proof.tolerance),
         "scenario": proof.scenario,
         **_named(proof.scenario, names),
         "at": {"time" if metric.domain == "time" else "frequency": number(where)} if where is not None else None,

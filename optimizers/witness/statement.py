@@ -14,7 +14,8 @@ from engine.masks import Envelope, FrequencyBounds, Polyline
 from optimizers.witness import margins, timing
 from optimizers.witness.march import CannotFollowError, March, Marcher
 from optimizers.witness.sweep import Sweep
-from optimizers.witness.timing import Trace
+from optimizers.witness.timing import READINGS, Trace
+from optimizers.witness.windows import Runs
 
 if TYPE_CHECKING:
     from engine.linear.system import LinearSystem
@@ -22,18 +23,6 @@ if TYPE_CHECKING:
     from engine.signals import Signal
     from optimizers.problem import Problem, Scenario
 
-_OF_TRACES: Mapping[str, Callable[[Trace], float]] = {
-    "rise_time": timing.rise_time,
-    "settling_time": lambda trace: timing.last_entry(trace, 0.02),
-    "response_time": lambda trace: timing.last_entry(trace, 0.05),
-    "overshoot": timing.overshoot,
-    "undershoot": timing.undershoot,
-    "peak": timing.peak,
-    "max_velocity": timing.peak,
-    "max_acceleration": timing.peak,
-    "control_effort": timing.peak,
-    "peak_time": timing.peak_time,
-}
 _OF_SWEEPS: Mapping[str, Callable[[Sweep], float]] = {
     "bandwidth": margins.bandwidth,
     "disk_margin": margins.disk_margin,
@@ -48,23 +37,24 @@ _OF_MODES: Mapping[str, Callable[[npt.NDArray[np.complex128]], float]] = {
     "critical_frequency": margins.critical_frequency,
     "spectral_abscissa": margins.spectral_abscissa,
 }
-_INTEGRALS = ("iae", "ie", "ise", "itae")
 _STABLE = -1e-9
 _FAR = 1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """The value of a goal's metric, infinite for one that is never crossed."""
+    """The value of a goal's metric, infinite for one that is never crossed; ``tolerance`` is how far it may itself be off."""
 
     value: float
+    tolerance: float = 0.0
 
 
 def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario) -> list[Statement | None]:
     """Return the value of every goal that can be measured here, None for the others.
 
-    Linear systems that are stable as a whole, commands that settle (or a limited time); a response of very many steps, and
-    metrics without a reading of their own here, are left to the exact engine alone.
+    Linear systems that are stable as a whole, commands that settle (or a limited time); nonlinear systems without delays and
+    samplers over a given duration, and what their linearisation says. A response of very many steps or events, and metrics without
+    a reading of their own here, are left to the exact engine alone.
 
     Parameters
     ----------
@@ -74,26 +64,27 @@ def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario)
     scenario : mapping of str to float
     """
     nothing: list[Statement | None] = [None] * len(problem.goals)
-    if problem.diagram.nonlinear:
-        return nothing
     tied = problem.tied({axis.parameter: values[axis.parameter] for axis in problem.axes}, scenario)
     overrides = {p: v for p, v in {**scenario, **values, **tied}.items() if p not in problem.commands}
     try:
         experiments = {experiment.name: experiment.signals for experiment in problem.experiments_at(values)}
         system = problem.diagram.realize(overrides)
+        runs = Runs(problem.diagram, overrides) if problem.diagram.nonlinear else None
     except EngineError:
         return nothing
-    if not _decays(system):
-        return nothing
-    bench = _Bench(problem, overrides, system)
+    bench = _Bench(problem, overrides, system) if _decays(system) else None
     found: list[Statement | None] = []
     for goal, request in zip(problem.goals, problem.requests, strict=True):
         signals = experiments.get(goal.experiment or "", {}) if request.signals else {}
         try:
-            value = bench.measure(request, signals)
+            if runs is not None and signals:
+                read = runs.measure(request, signals)
+            else:
+                value = None if bench is None else bench.measure(request, signals)
+                read = None if value is None else (value, 0.0)
         except (CannotFollowError, EngineError, ValueError, IndexError, np.linalg.LinAlgError):
-            value = None  # beyond what is followed here
-        found.append(None if value is None or np.isnan(value) else Statement(value=value))
+            read = None  # beyond what is followed here
+        found.append(None if read is None or np.isnan(read[0]) else Statement(value=read[0], tolerance=read[1]))
     return found
 
 
@@ -150,7 +141,7 @@ class _Bench:
         value = None
         if request.mask is not None:
             value = self._held(request, signals, settles=settles)
-        elif name in _INTEGRALS:
+        elif name in timing.INTEGRALS:
             roles = self._diagram.input_roles
             reference = next((signal for port, signal in signals.items() if roles[port] == "reference"), None)
             trace = self._trace(request, signals, request.duration)
@@ -161,11 +152,9 @@ class _Bench:
         elif name == "recovery_time" and settles and request.options.recovery_band is not None:
             loads = max(signal.breakpoints()[0] for signal in signals.values())
             value = timing.recovery_time(self._trace(request, signals, None), request.options.recovery_band, loads)
-        elif name in _OF_TRACES and settles:
+        elif name in READINGS and settles:
             trace = self._trace(request, signals, None)
-            value = (
-                _OF_TRACES[name](trace) if request.usual else timing.last_entry(trace, request.options.settling_band)
-            )
+            value = READINGS[name](trace) if request.usual else timing.last_entry(trace, request.options.settling_band)
         return value
 
     def _held(self, request: MetricRequest, signals: Mapping[str, Signal], *, settles: bool) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -48,6 +48,10 @@ class Trace:
     def end(self) -> float:
         """Last instant, s."""
         return float(self.starts[-1] + self.widths[-1])
+
+    def settled_at(self, final: float) -> Trace:
+        """Return the output with a value at which it settles."""
+        return replace(self, final=final)
 
     def minus(self, line: Callable[[Real], Real]) -> Trace:
         """Return what remains above a function of time that is smooth on every step."""
@@ -298,3 +302,19 @@ def _straight(line: Polyline) -> list[tuple[float, float, float, float]]:
     """Return (start, end, value at the start, value at the end) of the straight parts."""
     points = zip(line.times, line.values, strict=True)
     return [(a, b, u, v) for (a, u), (b, v) in pairwise(points) if b > a]
+
+
+READINGS: Mapping[str, Callable[[Trace], float]] = {
+    "rise_time": rise_time,
+    "settling_time": lambda trace: last_entry(trace, 0.02),
+    "response_time": lambda trace: last_entry(trace, 0.05),
+    "overshoot": overshoot,
+    "undershoot": undershoot,
+    "peak": peak,
+    "max_velocity": peak,
+    "max_acceleration": peak,
+    "control_effort": peak,
+    "peak_time": peak_time,
+}
+OF_THE_END = frozenset({"rise_time", "settling_time", "response_time", "overshoot", "undershoot"})
+INTEGRALS = frozenset({"iae", "ie", "ise", "itae"})

@@ -32,6 +32,7 @@ class CertifiedGoal(TypedDict):
     value: float | None
     violation: float | None
     independent: NotRequired[float | None]
+    independent_tolerance: NotRequired[float | None]
     scenario: int
     scenario_name: NotRequired[str]
     at: dict[str, float] | None

@@ -1,0 +1,244 @@
+"""Responses of systems with nonlinear laws, a second time: scipy's LSODA between the events, which its dense output brackets.
+
+Of the engine it takes the matrices, and the formulas of the laws with their modes; how these are followed in time is written out
+again (`equations` has the rates).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import solve_ivp
+
+from optimizers.witness.equations import Equations, Instants, seen
+from optimizers.witness.march import NODES, CannotFollowError, March
+
+if TYPE_CHECKING:
+    from engine.elements._nonlinear import Change, Moment
+    from engine.nonlinear.system import NonlinearSystem
+    from engine.signals import Signal
+
+Array = npt.NDArray[Any]
+Real = npt.NDArray[np.float64]
+
+_STEP: Final = 1e-40
+_MOST_LOOKS: Final = 20_000
+"""So often are the rates asked for at most,"""
+_MOST_EVENTS: Final = 300
+_MOST_PIECES: Final = 20_000
+_MOST_AT_ONCE: Final = 50
+_FEWEST_STEPS: Final = 100
+_POSITIVE: Final = 1e-10
+"""A guard that is larger than this part of the law's largest input is positive."""
+_JUMP: Final = 1e-9
+
+
+class Follower:
+    """A system under commands, followed from t = 0.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    signals : mapping of input name to Signal
+    until : float
+        s.
+
+    Raises
+    ------
+    CannotFollowError
+        Here and in `run`, for what is beyond it: delays, samplers, loops without a state, very many steps or events.
+    """
+
+    def __init__(self, system: NonlinearSystem, signals: Mapping[str, Signal], until: float) -> None:
+        self._equations = Equations(system)
+        self._laws = self._equations.laws
+        self._signals = [signals.get(name) for name in system.inputs]
+        self._until = until
+        self._x: Array = np.asarray(system.start[0].real, dtype=float)
+        self._span = (0.0, 0.0)
+        self._looks = self._events = 0
+        self._largest = np.zeros(self._equations.matrices["c3"].shape[0])
+
+    def beginning(self) -> Array:
+        """Return the outputs just before the commands begin, (outputs,): of a system without any."""
+        self._begin()
+        self._settle(0.0)
+        at = self._at(np.zeros(1), self._x[None])
+        return np.asarray(self._equations.outputs(at, self._equations.flow(at))[0])
+
+    def run(self, outputs: Sequence[int], *, relative: float, sizes: Real) -> tuple[March, Real]:
+        """Return outputs, and the largest value of each state.
+
+        Parameters
+        ----------
+        outputs : sequence of int
+        relative : float
+            Tolerance of a step,
+        sizes : ndarray, shape (states,)
+            relative to values of this size at least.
+        """
+        breaks = {t for s in self._signals if s is not None for t in s.breaks(self._until) if 0 < t < self._until}
+        pieces: list[tuple[Real, Real]] = []
+        largest = np.abs(self._x)
+        before: Array | None = None
+        for begin, end in pairwise([0.0, *sorted(breaks), self._until]):
+            self._span = (float(np.nextafter(begin, np.inf)), float(np.nextafter(end, 0.0)))
+            if before is None:
+                self._begin()
+            else:
+                self._jump(begin, before)
+            now = begin
+            while now < end:
+                self._settle(now)
+                times, dense, modes, now = self._smooth(now, end, relative, sizes)
+                later, self._equations.modes = self._equations.modes, modes
+                for a, b in pairwise(times):
+                    instants = a + (b - a) * NODES
+                    states = np.asarray(dense(instants)).T
+                    largest = np.maximum(largest, np.abs(states).max(axis=0))
+                    pieces.append((instants, self._read(instants, states)[:, list(outputs)]))
+                self._equations.modes = later
+                if len(pieces) > _MOST_PIECES:
+                    raise CannotFollowError
+            before = self._equations.channels(self._at(np.array([end]), self._x[None]))[0][0]
+        starts = np.array([instants[0] for instants, _ in pieces])
+        widths = np.array([instants[-1] - instants[0] for instants, _ in pieces])
+        return March(starts=starts, widths=widths, values=np.stack([y for _, y in pieces]), finals=None), largest
+
+    def _at(self, t: Real, x: Array) -> Instants:
+        """Return instants with the commands as they are inside the present stretch."""
+        inside = np.clip(t, *self._span)
+        moved: Array = inside + 1j * _STEP
+        silent = np.zeros(len(inside))
+        u = [silent if s is None else np.asarray(s.value(inside), dtype=float) for s in self._signals]
+        du = [silent if s is None else np.imag(s.value(moved)) / _STEP for s in self._signals]
+        shape = (len(inside), len(self._signals))
+        return Instants(t=t, x=x, u=np.reshape(np.array(u).T, shape), du=np.reshape(np.array(du).T, shape))
+
+    def _smooth(
+        self, begin: float, end: float, relative: float, sizes: Real
+    ) -> tuple[list[float], Callable[[Real], Any], list[int], float]:
+        """Go on from ``begin`` to the next event or ``end``; return the steps, the states on them, their modes, and where it ended."""
+        guards = [(k, g) for k in range(len(self._laws)) for g in range(len(self._guards(k, begin, self._x)))]
+
+        def watched(number: int, guard: int) -> Callable[[float, Real], float]:
+            def value(t: float, x: Real) -> float:
+                return self._guards(number, t, x)[guard]
+
+            value.terminal, value.direction = True, 1.0  # type: ignore[attr-defined]
+            return value
+
+        modes = list(self._equations.modes)
+        solver: Any = solve_ivp  # its stubs know no events with attributes
+        with np.errstate(all="ignore"):
+            found = solver(
+                self._rates, (begin, end), self._x, method="LSODA", dense_output=True, rtol=relative,
+                atol=relative * sizes, max_step=self._until / _FEWEST_STEPS, events=[watched(k, g) for k, g in guards],
+            )  # fmt: skip
+        if found.status < 0 or not np.isfinite(found.y[:, -1]).all():
+            raise CannotFollowError
+        self._x = found.y[:, -1].copy()
+        now = float(found.t[-1])
+        if found.status == 1:
+            self._events += 1
+            if self._events > _MOST_EVENTS:
+                raise CannotFollowError
+            which = next(k for k, instants in enumerate(found.t_events) if len(instants))
+            self._switch(*guards[which], now)
+        return found.t.tolist(), found.sol, modes, now if found.status == 1 else end
+
+    def _rates(self, t: float, x: Real) -> Array:
+        self._looks += 1
+        if self._looks > _MOST_LOOKS:
+            raise CannotFollowError
+        return np.asarray(self._equations.flow(self._at(np.array([t]), x[None])).f[0])
+
+    def _read(self, t: Real, x: Array) -> Array:
+        """Return the outputs, (N, outputs); note how large the laws' inputs are."""
+        at = self._at(t, x)
+        flow = self._equations.flow(at)
+        self._largest = np.maximum(self._largest, np.abs(flow.e).max(axis=0))
+        return self._equations.outputs(at, flow)
+
+    # events
+
+    def _moment(self, number: int, t: float, x: Real) -> Moment:
+        """Return all that a law sees at one instant."""
+        at = self._at(np.array([t]), x[None])
+        flow = self._equations.flow(at)
+        return seen(self._laws[number], at, flow.e, flow.v, self._equations.slopes(at, flow))
+
+    def _guards(self, number: int, t: float, x: Real) -> list[float]:
+        law, mode = self._laws[number], self._equations.modes[number]
+        found = law.element.guards(self._moment(number, t, x), mode, law.real)
+        return [float(np.ravel(value)[0].real) for value in found]
+
+    def _begin(self) -> None:
+        """Let the laws choose their first modes."""
+        at = self._at(np.zeros(1), self._x[None])
+        for _ in range(2):
+            for number, law in enumerate(self._laws):
+                e, v = self._equations.channels(at)
+                self._equations.modes[number] = law.element.start(seen(law, at, e, v), law.real)
+                self._largest = np.maximum(self._largest, np.abs(e[0]))
+        for number, law in enumerate(self._laws):
+            if law.element.held(self._equations.modes[number]) is not None:
+                self._hold(number, 0.0, self._equations.modes[number])
+
+    def _jump(self, t: float, before: Array) -> None:
+        """Let the laws whose inputs jump with the commands open for it."""
+        after = self._equations.channels(self._at(np.array([t]), self._x[None]))[0][0]
+        jumps = np.abs(after - before) > _JUMP * np.maximum(self._largest, np.abs(after))
+        span, inside = self._span, float(np.nextafter(t, 0.0))
+        for number, law in enumerate(self._laws):
+            if np.any(jumps[law.inputs]):
+                self._span = (inside, inside)
+                moment = self._moment(number, t, self._x)
+                self._span = span
+                self._adopt(number, law.element.release(moment, self._equations.modes[number], law.real))
+
+    def _settle(self, t: float) -> None:
+        """Let every law change its mode until all agree."""
+        for _ in range(_MOST_AT_ONCE):
+            beyond = next(self._beyond(t), None)
+            if beyond is None:
+                return
+            self._switch(*beyond, t)
+        raise CannotFollowError
+
+    def _beyond(self, t: float) -> Iterator[tuple[int, int]]:
+        """Yield every law and guard that is positive."""
+        for number, law in enumerate(self._laws):
+            if law.element.idle(self._equations.modes[number]):
+                raise CannotFollowError
+            least = _POSITIVE * float(self._largest[law.inputs].max(initial=0.0))
+            for guard, value in enumerate(self._guards(number, t, self._x)):
+                if value > least:
+                    yield number, guard
+
+    def _switch(self, number: int, guard: int, t: float) -> None:
+        law, before = self._laws[number], self._equations.modes[number]
+        self._adopt(number, law.element.switch(guard, self._moment(number, t, self._x), before, law.real))
+        after = self._equations.modes[number]
+        if after != before and law.element.held(after) is not None:
+            self._hold(number, t, before)
+
+    def _hold(self, number: int, t: float, before: int) -> None:
+        """Bring what a law begins to hold to rest, or let it go where its output does not drive it back."""
+        law, at = self._laws[number], self._at(np.array([t]), self._x[None])
+        moved = self._equations.held_at(at, number)
+        if moved is not None:
+            self._x = moved
+            return
+        moment = seen(law, at, *self._equations.channels(at))
+        self._adopt(number, law.element.unheld(moment, self._equations.modes[number], law.real, before=before))
+
+    def _adopt(self, number: int, change: Change) -> None:
+        self._equations.modes[number] = change.mode
+        if change.x is not None:
+            for k, state in enumerate(range(self._laws[number].states.start, self._laws[number].states.stop)):
+                self._x[state] = float(np.ravel(change.x[k])[0].real)

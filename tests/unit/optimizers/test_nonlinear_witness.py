@@ -1,0 +1,155 @@
+"""The second measurement of nonlinear runs, against formulas and against the engine, law by law."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from engine.diagram import Diagram, compile_system
+from engine.masks import Envelope, Polyline
+from engine.signals import make
+from optimizers.certificate import certificate_of, certify
+from optimizers.measuring import measured
+from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
+from optimizers.witness import Statement, witnessed
+from tests.unit.engine.diagrams import block, document
+
+LINE = Polyline(times=(0.0, 3.0), values=(0.0, 2.0))
+GOALS = (
+    *(
+        Goal(metric=metric, experiment="step", output="y", sense=Sense.MINIMIZE)
+        for metric in ("iae", "ise", "itae", "ie", "control_effort_rms", "peak", "peak_time")
+    ),
+    Goal(metric="envelope", experiment="step", output="y", mask=Envelope(upper=LINE)),
+    Goal(metric="tracking_error", experiment="step", output="y", sense=Sense.MINIMIZE, mask=LINE),
+)
+OF_THE_END = tuple(
+    Goal(metric=metric, experiment="step", output="y", sense=Sense.MINIMIZE)
+    for metric in ("rise_time", "settling_time", "response_time", "overshoot", "undershoot", "steady_state_error")
+)
+
+
+def problem(diagram: Diagram, duration: float | None, *goals: Goal, amplitude: float = 1.5) -> Problem:
+    return Problem(
+        diagram=diagram,
+        variables=(Variable(parameter="k", lower=0.1, upper=10.0),),
+        experiments=(
+            Experiment(name="step", signals={"r": make("step", {"amplitude": amplitude})}, duration=duration),
+        ),
+        goals=goals or GOALS,
+    )
+
+
+def loop(law: str, **values: Any) -> Diagram:
+    """PID, the law, 1/(s² + s)."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"),
+        "c": block("pid", kp="=k", ki=1.0, kd=0.5, filter_frequency=50.0), "law": block(law, **values),
+        "p": block("transfer_function", numerator=[1.0], denominator=[1.0, 1.0, 0.0]),
+    }  # fmt: skip
+    return compile_system(
+        document(blocks, ["r -> e.in1", "p -> e.in2", "e -> c", "c -> law", "law -> p"], {"y": "p"}, k=2.0)
+    )
+
+
+def axis(**values: float) -> Diagram:
+    """A mass of 1 kg with dry friction under PID control of its position."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "n": block("sum", signs="+-"),
+        "c": block("pid", kp="=10*k", ki=2.0, kd=5.0, filter_frequency=100.0), "f": block("friction", **values),
+        "v": block("integrator"), "x": block("integrator"),
+    }  # fmt: skip
+    wires = ["r -> e.in1", "x -> e.in2", "e -> c", "c -> n.in1", "v -> f.velocity", "f -> n.in2", "n -> v", "v -> x"]
+    return compile_system(document(blocks, wires, {"y": "x"}, k=2.0))
+
+
+def stated(made: Problem) -> list[Statement | None]:
+    return witnessed(made, made.before, {})
+
+
+def test_a_limited_integrator():
+    """x' = sat(3 - x): 3 - x is 3 - t up to 2, then e^(2-t)."""
+    blocks = {
+        "r": block("input"),
+        "e": block("sum", signs="+-"),
+        "s": block("saturation"),
+        "x": block("integrator", gain="=k"),
+    }
+    made = compile_system(document(blocks, ["r -> e.in1", "x -> e.in2", "e -> s", "s -> x"], {"y": "x"}, k=1.0))
+    iae, ise, itae = stated(problem(made, 6.0, *GOALS[:3], amplitude=3.0))
+    for found, exact in (
+        (iae, 4 + 1 - math.exp(-4)),
+        (ise, (27 - 1) / 3 + (1 - math.exp(-8)) / 2),
+        (itae, 6 - 8 / 3 + 3 - 7 * math.exp(-4)),
+    ):
+        assert found.tolerance < 1e-4
+        assert abs(found.value - exact) <= found.tolerance
+
+
+LAWS = {
+    "saturation": loop("saturation"),
+    "dead zone": loop("dead_zone", lower=-0.2, upper=0.2),
+    "backlash": loop("backlash", width=0.1),
+    "relay": loop("relay", hysteresis=0.1),
+    "table": loop("lookup_table", points=[-1.0, 0.0, 1.0], values=[-0.5, 0.0, 2.0]),
+    "rate limiter": loop("rate_limiter", rising=1.0),
+    "stick": axis(coulomb=1.0),
+    "static friction": axis(coulomb=1.0, static=1.5),
+    "Stribeck": axis(coulomb=1.0, static=1.5, stribeck_velocity=0.1, viscous=0.5),
+    "smooth friction": axis(coulomb=1.0, transition_velocity=0.01),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_two_ways_of_following_a_run_agree(law):
+    made = problem(LAWS[law], 5.0)
+    exact = measured(made, made.before, {})
+    for goal, (first, _), second in zip(GOALS, exact, stated(made), strict=True):
+        if first.value is not None and (goal.metric != "peak_time" or first.value < 5.0):  # an end is no turning point
+            assert second is not None, goal.metric
+            assert second.tolerance <= 1e-3 * abs(second.value) + 1e-6, goal.metric
+            assert abs(second.value - first.value) <= second.tolerance + 1e-7 * abs(first.value), goal.metric
+
+
+@pytest.mark.parametrize("duration", [1.0, 60.0])
+def test_where_an_output_settles_is_read_where_that_is_sure(duration):
+    made = problem(LAWS["saturation"], duration, *OF_THE_END)
+    exact = measured(made, made.before, {})
+    for goal, (first, _), second in zip(OF_THE_END, exact, stated(made), strict=True):
+        assert first.value is not None
+        assert second is not None, goal.metric
+        assert second.value == pytest.approx(first.value, rel=1e-5, abs=1e-6), goal.metric
+
+
+@pytest.mark.parametrize(
+    ("diagram", "duration"),
+    [
+        (LAWS["saturation"], None),
+        (loop("sampled_pid", kp=1.0, sample_time=0.1), 5.0),
+        (loop("quantizer", step=1e-4), 5.0),
+    ],
+)
+def test_what_it_cannot_follow_it_says_nothing_about(diagram, duration):
+    assert stated(problem(diagram, duration)) == [None] * len(GOALS)
+
+
+def test_a_certificate_states_both_values_and_the_tolerance():
+    made = problem(LAWS["stick"], 5.0, GOALS[0], Goal(metric="gain_margin", open_at="e", lower=0.5))
+    iae, margin = certify(made, made.before).goals
+    assert iae.independent == pytest.approx(iae.measured.value, rel=1e-6)
+    assert 0 < iae.tolerance < 1e-3
+    assert (margin.independent is None) == (margin.tolerance is None)
+
+
+def test_a_bound_is_broken_by_no_less_than_the_tolerance():
+    """A bound that lies within the tolerance of what the second measurement says is met by it, one further away is not."""
+    made = problem(LAWS["saturation"], 5.0, GOALS[0])
+    exact = measured(made, made.before, {})[0][0]
+    (second,) = stated(made)
+    for off, valid in ((1e-10, True), (1e-4, False)):
+        bound = Goal(metric="iae", experiment="step", output="y", sense=Sense.MINIMIZE, upper=exact.value * (1 + 1e-12))
+        told = problem(LAWS["saturation"], 5.0, bound)
+        moved = Statement(value=second.value * (1 + off), tolerance=second.tolerance)
+        assert certificate_of(told, [[exact]], {0: [moved]}).valid is valid
