@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 _CANCELLED = 1e-13
 """What is left of the difference of two equal numbers, relative to the output: an integral leaves no error."""
 
+_LOST = 1e-3
+"""An output has no metrics whose rest is known to no better than this part of its largest value."""
+
 LARGEST = 1e100
 """Beyond this a growing response is not followed."""
 
@@ -55,6 +58,7 @@ class TimeResponse:
     """The response of some outputs to the same command.
 
     ``joint`` follows every output whose path decays, to its very end; ``columns`` tells which column each of them is.
+    ``left`` says how far from rest rounding leaves them.
     """
 
     joint: Trajectory | None
@@ -63,6 +67,7 @@ class TimeResponse:
     finals: Mapping[str, Array | None]
     initials: Mapping[str, Array]
     hidden: tuple[str, ...]
+    left: Mapping[str, float]
 
 
 class Evaluation:
@@ -287,7 +292,7 @@ class Evaluation:
         x0 = np.einsum("poi,pi->po", self.system.c1, self.system.x0)
         initials = {name: x0[:, self.output_index(name)] for name in outputs}
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
-        joint = None
+        joint, left = None, {}
         if decaying:
             columns = [self.output_index(name) for name in decaying]
             part = path(self.system, inputs, columns, self._poles_of)
@@ -297,8 +302,15 @@ class Evaluation:
                 gains = self._resting.gains(self._by_rates(part, inputs, columns), inputs, columns)
                 values = np.asarray((gains @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
-            joint = followed(part, signals, lifetime, [finals[name] for name in decaying])
-            joint = motions.moved(joint, part) if motions else joint
+            found = followed(part, signals, lifetime, [finals[name] for name in decaying])
+            joint = motions.moved(found.response, part) if motions else found.response
+            left = {name: float(found.left[k]) for k, name in enumerate(decaying)}
+            lost = [
+                name
+                for k, name in enumerate(decaying)
+                if not found.rounded[k] or found.left[k] > _LOST * found.largest[k]
+            ]
+            verdicts.update(dict.fromkeys(lost, Verdict.DOUBTFUL))
         whole = self.poles.verdict
         hidden = tuple(name for name in decaying if whole is not Verdict.OK)
         return TimeResponse(
@@ -308,6 +320,7 @@ class Evaluation:
             finals=finals,
             initials=initials,
             hidden=hidden,
+            left=left,
         )
 
     def time_subject(
@@ -343,7 +356,7 @@ class Evaluation:
                 target = motions.finals()[:, reference]
             if final is not None and target is not None:
                 error_final = _without_rounding(target - final, y)
-            elif _has_settled(error.values[:, :, 0].real):
+            elif y is not None and _has_settled(error, y):
                 error_final = error.values[-1, -1]
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
@@ -421,10 +434,11 @@ def _reference(diagram: Diagram, signals: Mapping[str, Signal]) -> str | None:
     return next((name for name in signals if diagram.input_roles[name] == "reference"), None)
 
 
-def _has_settled(values: npt.NDArray[np.float64]) -> bool:
+def _has_settled(error: Curve, y: Curve) -> bool:
     """Return whether the last tenth of the pieces is constant: a ramp's error does not move any more."""
+    values, largest = error.values[:, :, 0].real, float(np.abs(y.values[:, :, 0].real).max())
     last = values[-max(1, len(values) // 10) :]
-    return bool(np.ptp(last) <= 1e-9 * np.abs(values).max())
+    return bool(np.ptp(last) <= max(1e-9 * np.abs(values).max(), _CANCELLED * largest))
 
 
 def _negated(system: LaneSystem) -> LaneSystem:

@@ -45,6 +45,9 @@ if TYPE_CHECKING:
 
 Real = npt.NDArray[np.float64]
 
+_ROUGH = 1e-9
+"""A curve that is known to no better than this part of its largest value is spoken of."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simulation:
@@ -107,7 +110,7 @@ def simulate(
     time = np.linspace(0.0, length, samples)
     curves = _curves(evaluation, signals, names, time)
     found = _metrics(evaluation, signals, names, duration=duration, metrics=metrics, band=band, options=options)
-    remarks = (*diagram.warnings, *_hidden(response.hidden))
+    remarks = (*diagram.warnings, *_hidden(response.hidden), *_rough(evaluation, signals, names, duration))
     return Simulation(time=time, curves=curves, metrics=found, verdict=evaluation.poles.verdict, warnings=remarks)
 
 
@@ -221,6 +224,26 @@ def _hidden(names: Sequence[str]) -> tuple[Remark, ...]:
         )
         for name in names
     )
+
+
+def _rough(
+    evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str], duration: float | None
+) -> tuple[Remark, ...]:
+    """Return what is to be said of outputs and errors that are small differences of large signals."""
+    found: list[Remark] = []
+    response = evaluation.time_response(signals, names)
+    for name, left in response.left.items():
+        assert response.joint is not None
+        own = response.joint.output(response.columns[name])
+        error = evaluation.time_subject(signals, name, duration, names).error
+        for what, curve in (("output", own), ("the error of output", error)):
+            largest = 0.0 if curve is None else float(np.abs(curve.values[:, :, 0].real).max())
+            if left > _ROUGH * largest > 0:
+                part = f"rounding leaves {left / largest:.2g} of its largest value"
+                detail = f"{what} {name} is a small difference of large signals, or its time constants lie too far apart: {part}, so that it and its metrics are known no better"
+                found.append(Remark(at=("outputs", name), detail=detail))
+                break
+    return tuple(found)
 
 
 def _length(evaluation: Evaluation, signals: Mapping[str, Signal], names: Sequence[str]) -> float:

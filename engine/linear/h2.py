@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
+from engine.errors import UnresolvedError
 from engine.following import followed
 from engine.linear.path import evenly_scaled
 from engine.linear.poles import poles
@@ -76,4 +77,9 @@ def _by_gramians(system: LaneSystem) -> Array | None:
 def _by_response(system: LaneSystem, static: Array) -> Array:
     """Return ∫ g² dt from the response to a step, whose slope g is."""
     answer = followed(system, {"u": Step(amplitude=1.0, start=0.0)}, poles(system.value).lifetime, [static])
-    return answer.output(0).slope.squared().integral()
+    if not answer.rounded.all():
+        msg = (
+            f"a response must settle, but it stays {answer.left[0]:.2g} from rest: its time constants lie too far apart"
+        )
+        raise UnresolvedError(msg)
+    return answer.response.output(0).slope.squared().integral()

@@ -19,7 +19,7 @@ RESOLUTION = 1e-13
 _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is resolved as well (5 c8² < tolerance)
 _ROUNDING = 4e-15
 _NOISE = 5e-11  # what rounding may leave of a mode that has died away in a long segment
-_CANCELLED = 1e-15  # what rounding leaves of the terms that an output is the sum of
+_CANCELLED = 1e-15  # what rounding leaves of the terms that a signal is the sum of
 
 
 class Resolution:
@@ -41,7 +41,8 @@ class Resolution:
         x, y, z : ndarray, shape (segments, lanes, N + 1, ·)
             States, outputs and signals to be delayed on the nodes.
         terms : callable
-            Returns the size of the terms that outputs and delayed signals are the sum of, shape (segments, ·).
+            Returns the size of the terms that outputs, delayed signals and, if they count, states are the sum of, shape
+            (segments, ·).
         states : bool
             Whether the states, too, must be held.
         """
@@ -65,8 +66,7 @@ class Resolution:
             # coefficients that do not fall any more are rounding, which a shorter segment would not make less
             level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
             noise, cancelled = _NOISE * scale, _CANCELLED * terms()
-            outputs = noise[:, : cancelled.shape[1]]
-            np.maximum(outputs, cancelled, out=outputs)
+            np.maximum(noise, cancelled, out=noise)
             held = np.all(resolved | (level & (tail <= noise)), axis=1)
         roomy = np.all(coefficients[:, 8:10].max(axis=1) <= _GROWTH * scale, axis=1)
         return held, roomy

@@ -213,13 +213,20 @@ class _Run:
         return _Nodes(x=x, u=u, w=w, y=y, z=z)
 
     def terms(self, segment: _Segment, nodes: _Nodes) -> Array:
-        """Return the size of the terms that outputs and signals to be delayed are the sum of, shape (segments, ·).
+        """Return the size of the terms that outputs, signals to be delayed and states are the sum of, shape (segments, ·).
 
-        0 where it is not known: only exponentials meet terms that cancel in a long segment.
+        Those of outputs and delayed signals where only exponentials meet terms that cancel in a long segment, 0 else;
+        those of states are what their rates are the sum of, over the segment or the time in which a state forgets.
         """
         propagator = self.propagator(segment)
         if not isinstance(propagator, Exponential):
-            return np.zeros((segment.count, self.s.n_out + self.s.m))
+            h = float((self._basis[0] @ segment.width).real)
+            x, u, w = (np.abs(part[:, 0].real).max(axis=1, initial=0.0) for part in (nodes.x, nodes.u, nodes.w))
+            a = np.abs(self.s.a[0].real)
+            flow = x @ a.T + np.concatenate([u, w], axis=-1) @ np.abs(self._b[0].real).T
+            return np.concatenate(
+                [np.zeros((segment.count, self.s.n_out + self.s.m)), h * flow / (1 + h * np.diag(a))], axis=-1
+            )
         if propagator not in self._reach:
             self._reach[propagator] = np.abs(self.s.c1[0].real @ propagator.maps[0].real).max(axis=0).T
         x, u = nodes.x[:, 0, 0].real, nodes.u[:, 0]
