@@ -48,11 +48,15 @@ def method_options(request: OptimizationRequest) -> tuple[str, dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A request that can be run: its system, the documents of the structures that it compares, and which of them are stored."""
+    """A request that can be run: its system, the documents of the structures that it compares, and which of them are stored.
+
+    ``doubts`` are warnings of its goals.
+    """
 
     subject: Subject
     alternatives: tuple[dict[str, Any], ...]
     stored: tuple[Mapping[str, Any], ...]
+    doubts: tuple[Mapping[str, str], ...]
 
 
 def prepare(service: Installation, caller: Caller, request: OptimizationRequest) -> Prepared:
@@ -68,9 +72,11 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
     kind, options = method_options(request)
     methods.catalogue()[kind].resolve(options)
     if request.alternatives is None:
-        _proven(problem_from_wire(request, subject.diagram, read_channel=read_channel), request)
-        return Prepared(subject=subject, alternatives=(), stored=())
+        problem = problem_from_wire(request, subject.diagram, read_channel=read_channel)
+        _proven(problem, request)
+        return Prepared(subject=subject, alternatives=(), stored=(), doubts=_doubts(problem))
     documents, stored = [], []
+    told: tuple[Mapping[str, str], ...] = ()  # the goals of all are the same
     for index, alternative in enumerate(request.alternatives):
         place = ("alternatives", index)
         document, reference = _document(service, caller, subject, alternative, place)
@@ -81,6 +87,7 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
                 request, diagram, read_channel=read_channel, variables=alternative.variables
             )  # fmt: skip
             _proven(problem, request)
+            told = _doubts(problem)
         except EngineError as error:
             own = error.at[:1] == ("variables",) and alternative.variables is not None
             raise (error.within(*place) if own else error).of(f"alternative {alternative.name!r}") from error
@@ -92,12 +99,16 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
             raise invalid(
                 f"name must be different for each alternative, got {name!r} twice", "alternatives", index, "name"
             )
-    return Prepared(subject=subject, alternatives=tuple(documents), stored=tuple(stored))
+    return Prepared(subject=subject, alternatives=tuple(documents), stored=tuple(stored), doubts=told)
 
 
 def _proven(problem: Problem, request: OptimizationRequest) -> None:
     check_applicable(problem)
     check_request(problem, checks=request.cross_check, samples=request.yield_samples)
+
+
+def _doubts(problem: Problem) -> tuple[Mapping[str, str], ...]:
+    return tuple(warnings_to_wire(problem.doubts, place=()))
 
 
 def _document(
@@ -136,7 +147,7 @@ def submit(
         "request": asked,
         "system_reference": dict(subject.reference) if subject.reference else None,
         "alternative_references": list(prepared.stored),
-        "warnings": subject.warnings(),
+        "warnings": [*subject.warnings(), *prepared.doubts],
     }
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
@@ -209,7 +220,7 @@ def run(
         request.goals,
         curves={"before": _curves(problem, {}), "after": _curves(problem, result.best)},
         system=reference,
-        warnings=warnings_to_wire(diagram.warnings, place=place),
+        warnings=[*warnings_to_wire(diagram.warnings, place=place), *warnings_to_wire(problem.doubts, place=())],
     )
     wire |= extras
     return wire if stretches is None else spreading.cut_yield(stretches, result.best, wire=wire)

@@ -7,6 +7,7 @@ out of the same lines; it returns why there is no value where there is none.
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -204,6 +205,14 @@ class Metric(abc.ABC):
     """Whether it is among the metrics of a frequency response that names none; one that takes a number is where it is given."""
     absent_is_infinite: ClassVar[bool] = False
     """``never_crosses`` or ``not_oscillatory`` means that it is as large as can be: no finite margin or bandwidth, no pole."""
+    range: ClassVar[tuple[float, float]] = (0.0, math.inf)
+    """Where what goals compare of it lies, in SI."""
+    compares: ClassVar[str] = ""
+    """What goals compare of it where that is not the value itself, as a formula."""
+    usual_unit: ClassVar[str] = ""
+    """What its field speaks of it in: ``deg``, ``%`` or ``dB``."""
+    seldom_beyond: ClassVar[float] = math.inf
+    """A bound beyond this was hardly meant in SI."""
 
     @classmethod
     def distance(cls, value: Array) -> Array:

@@ -29,6 +29,8 @@ class DampingRatio(SystemMetric):
         "none; a system without other poles has an infinite one. Of the endless many pairs of a loop with a delay the dominant "
         "one counts."
     )
+    range: ClassVar[tuple[float, float]] = (-1.0, 1.0)
+    usual_unit: ClassVar[str] = "%"
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     absent_is_infinite: ClassVar[bool] = True
 

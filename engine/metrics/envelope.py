@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.masks import Envelope as Bounds
@@ -26,6 +27,7 @@ class Envelope(TimeMetric):
     definition: ClassVar[str] = (
         "1 plus the worst excess over an envelope of straight lines over time, relative to its scale; met at 1."
     )
+    range: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
     source: ClassVar[str] = "H. A. Nye, A. L. Tits, Int. J. Control 43 (1986) 1693-1721 (functional specifications)"
     mask: ClassVar[MaskKind] = "envelope"
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
@@ -30,6 +31,10 @@ class GainMargin(LoopMetric):
         "Factor by which the loop gain may change before the loop becomes unstable: the one nearest 1 on a log scale, below 1 "
         "for a reduction. Goals compare its distance from 1, max(g, 1/g)."
     )
+    range: ClassVar[tuple[float, float]] = (1.0, math.inf)
+    compares: ClassVar[str] = "max(g, 1/g)"
+    usual_unit: ClassVar[str] = "dB"
+    seldom_beyond: ClassVar[float] = 5.0
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
 

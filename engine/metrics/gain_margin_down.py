@@ -5,6 +5,7 @@ max 1/|L| over arg L = -π with |L| >= 1, 0 without such a crossing
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
@@ -29,6 +30,10 @@ class GainMarginDown(LoopMetric):
         "Factor below 1 to which the loop gain may fall before the loop becomes unstable; 0 where it may fall to nothing. Goals "
         "compare how far it falls, 1/g."
     )
+    range: ClassVar[tuple[float, float]] = (1.0, math.inf)
+    compares: ClassVar[str] = "1/g"
+    usual_unit: ClassVar[str] = "dB"
+    seldom_beyond: ClassVar[float] = 5.0
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
 

@@ -5,6 +5,7 @@ min 1/|L| over arg L = -π with |L| <= 1
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
@@ -24,6 +25,9 @@ class GainMarginUp(LoopMetric):
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = "Factor above 1 by which the loop gain may rise before the loop becomes unstable."
+    range: ClassVar[tuple[float, float]] = (1.0, math.inf)
+    usual_unit: ClassVar[str] = "dB"
+    seldom_beyond: ClassVar[float] = 5.0
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
 

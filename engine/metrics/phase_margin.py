@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
@@ -30,6 +31,9 @@ class PhaseMargin(LoopMetric):
         "Phase that the loop may lose before it becomes unstable, nearest 0 in (-π, π]; negative for phase that it may gain. "
         "Goals compare its distance from 0, |φ|."
     )
+    range: ClassVar[tuple[float, float]] = (0.0, math.pi)
+    compares: ClassVar[str] = "|φ|"
+    usual_unit: ClassVar[str] = "deg"
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
     absent_is_infinite: ClassVar[bool] = True
 

@@ -27,6 +27,8 @@ class SensitivityPeak(LoopMetric):
     unit: ClassVar[str] = "1"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = "How much a disturbance is amplified at worst."
+    usual_unit: ClassVar[str] = "dB"
+    seldom_beyond: ClassVar[float] = 4.0
     source: ClassVar[str] = "K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., chapter 10"
 
     @classmethod

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
@@ -29,6 +30,7 @@ class SpectralAbscissa(SystemMetric):
     definition: ClassVar[str] = (
         "Largest real part of any pole: below 0 the rate at which what lasts longest decays; 0 for an integrator."
     )
+    range: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
     source: ClassVar[str] = (
         "L. N. Trefethen, M. Embree, Spectra and Pseudospectra, chapter 14; with delays W. Michiels, S.-I. Niculescu, "
         "Stability, Control, and Computation for Time-Delay Systems, 2nd ed., section 1.2"

@@ -5,6 +5,7 @@ e∞ = lim (r - y)
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, TimeMetric, unsettled
@@ -23,6 +24,7 @@ class SteadyStateError(TimeMetric):
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = "What remains of the error reference minus output, signed."
+    range: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     amplitude_power: ClassVar[int] = 1
     of_the_end: ClassVar[bool] = True

@@ -27,6 +27,8 @@ class Undershoot(TimeMetric):
     definition: ClassVar[str] = (
         "How far the output first goes the wrong way, as a ratio of its way; 0 when it does not."
     )
+    usual_unit: ClassVar[str] = "%"
+    seldom_beyond: ClassVar[float] = 1.0
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     of_the_end: ClassVar[bool] = True
 

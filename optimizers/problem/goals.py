@@ -17,6 +17,7 @@ from engine.metric_options import MEANINGS, USUAL, Options
 from engine.metrics import catalogue as metric_catalogue
 from engine.study import MetricRequest
 from engine.verdicts import Verdict
+from optimizers.problem.bounds import check_reachable
 from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
@@ -147,6 +148,7 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
     if goal.metric not in metrics:
         raise ProblemError(f"metric must be one of {listed(metrics)}, got {goal.metric!r}", at=(*at, "metric"))
     _check_bounds(goal, at)
+    check_reachable(goal, at)
     metric = metrics[goal.metric]
     _check_mask(goal, metric.mask, at)
     _check_options(goal, metric.options, at)

@@ -16,6 +16,7 @@ from engine.errors import EngineError, Path
 from engine.study import MetricRequest
 from optimizers.commands import PREFIX, CommandPath, commands_at, info_of
 from optimizers.problem.axes import Axis, Variable, Vector, axis_of
+from optimizers.problem.bounds import doubts
 from optimizers.problem.errors import ProblemError, listed, refuse_repeats
 from optimizers.problem.experiments import Experiment, check_experiment
 from optimizers.problem.goals import Goal, check_together, request_of
@@ -24,6 +25,7 @@ from optimizers.problem.ties import Tie, resolved, tie_of
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
+    from engine.document import Remark
     from engine.parameters import ParameterInfo, Scalar
 
 
@@ -94,6 +96,11 @@ class Problem:
     def objectives(self) -> tuple[int, ...]:
         """Indices of the goals that are objectives."""
         return tuple(i for i, goal in enumerate(self.goals) if goal.sense is not None)
+
+    @cached_property
+    def doubts(self) -> tuple[Remark, ...]:
+        """What is allowed in the goals and probably not meant; places count from the root of the request."""
+        return doubts(self.goals)
 
     @cached_property
     def approached(self) -> tuple[int, ...]:

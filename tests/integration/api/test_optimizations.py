@@ -256,3 +256,28 @@ def test_named_scenarios_are_checked(client, scenarios, pointer: str, detail: st
     assert refused.status_code == 422
     assert [error["pointer"] for error in refused.json()["errors"]] == [pointer]
     assert detail in refused.json()["errors"][0]["detail"]
+
+
+def test_texts_with_units_are_bounds_and_doubtful_ones_are_told(client) -> None:
+    goals = [REQUEST["goals"][0], REQUEST["goals"][1] | {"upper": "4 %"}, REQUEST["goals"][1] | {"upper": 5}]
+    accepted = client.post("/v1/optimizations", json=REQUEST | {"goals": goals})
+    assert accepted.status_code == 202, accepted.text
+    done = finished(client, accepted.json(), within=60)
+    result = client.get(done["result"]).json()
+    assert result["best"]["c"] == pytest.approx(2 * Z, rel=1e-3)
+    wanted = {
+        "pointer": "/goals/2/upper",
+        "detail": "upper 5 of overshoot is a ratio, that is 500 %: did you mean 5 %?",
+    }
+    assert wanted in accepted.json()["warnings"]
+    assert wanted in result["warnings"]
+
+
+def test_a_bound_that_no_value_keeps_is_refused_with_the_unit_that_was_meant(client) -> None:
+    damped = {"metric": "damping_ratio", "lower": 70}
+    refused = client.post("/v1/optimizations", json=REQUEST | {"goals": [*REQUEST["goals"], damped]})
+    assert refused.status_code == 422
+    (error,) = refused.json()["errors"]
+    assert error == {
+        "pointer": "/goals/2/lower", "detail": "lower of damping_ratio must be <= 1, got 70: did you mean 70 %?"
+    }  # fmt: skip
