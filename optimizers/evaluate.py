@@ -80,6 +80,7 @@ class Evaluator:
         self.evaluations = 0
         self._screening = Screening(problem.diagram, screened_requests(problem))
         self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
+        self._refuted: dict[bytes, bool] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property
@@ -122,6 +123,23 @@ class Evaluator:
                 measured_goals(self.problem, point, scenario, gradient=True) for scenario in self.problem.scenarios
             ]
         return self._proven[key]
+
+    def refutes(self, position: Vector) -> bool:
+        """Return whether the exact path has no value of some goal at a point, whatever the fast evaluation says.
+
+        Marches of a nonlinear system look for no events: where the exact path says that a run ends before its time, it does.
+        """
+        if not self.problem.diagram.nonlinear:
+            return False
+        key = position.tobytes()
+        if key not in self._refuted:
+            point, goals = self.problem.values(position), self.problem.goals
+            try:
+                rows = [[one for one, _ in measured_goals(self.problem, point, s)] for s in self.problem.scenarios]
+                self._refuted[key] = bool(np.isnan(numbers_of(goals, rows)).any())
+            except EngineError:
+                self._refuted[key] = True
+        return self._refuted[key]
 
     def local(self, position: Vector) -> Local | None:
         """Return values and exact slopes at one point, or None where a metric has no value in some scenario."""

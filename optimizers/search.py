@@ -79,18 +79,23 @@ class Tracker:
             raise Stopped(cancelled=False)
         before = self.evaluator.evaluations
         found = self.evaluator.assess(positions, roughly=roughly)
-        # One after the other, so that the history does not depend on how points are put together.
-        objective = np.where(np.isnan(found.objective), np.inf, found.objective)
-        excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
-        places = np.empty(len(positions), dtype=int)
-        places[np.lexsort((objective, excess))] = np.arange(len(positions))
-        if roughly and not found.doubtful.all():
-            places[found.doubtful] = len(positions)
-        for index in np.flatnonzero(places == np.minimum.accumulate(places)):
+        index = self._first_refuted(positions, found, roughly=roughly)
+        while index is not None:
+            found.objective[index], found.violation[index] = np.nan, BROKEN
+            index = self._first_refuted(positions, found, roughly=roughly)
+        for index in _improving(found, roughly=roughly):
             self.offer(
-                positions[index], float(found.objective[index]), float(found.violation[index]), before + int(index) + 1
+                positions[index], float(found.objective[index]), float(found.violation[index]), before + index + 1
             )
         return found
+
+    def _first_refuted(self, positions: Matrix, found: Assessment, *, roughly: bool) -> int | None:
+        """Return the first of the points that would become the best of which the exact path says that a goal has no value."""
+        for index in _improving(found, roughly=roughly):
+            better = _rank(float(found.objective[index]), float(found.violation[index])) < self.rank
+            if better and found.violation[index] < BROKEN and self.evaluator.refutes(positions[index]):
+                return index
+        return None
 
     def local(self, position: Vector) -> Local | None:
         """Evaluate one point with slopes, remember it; None where a metric has no value.
@@ -112,7 +117,7 @@ class Tracker:
 
     def offer(self, position: Vector, objective: float, violation: float, evaluation: int | None = None) -> None:
         """Remember a point if it is the best so far; ``evaluation`` is its number, by default that of the latest."""
-        rank = (violation if violation > TOLERANCE else 0.0, objective if np.isfinite(objective) else np.inf)
+        rank = _rank(objective, violation)
         if rank < self.rank:
             self.rank, self.best = rank, np.array(position, dtype=float)
             variables = self.evaluator.problem.values(self.best)
@@ -126,6 +131,23 @@ class Tracker:
     def seconds(self) -> float:
         """Time since the search began."""
         return time.perf_counter() - self.started
+
+
+def _rank(objective: float, violation: float) -> tuple[float, float]:
+    """Return what a point is compared by: the smaller, the better."""
+    return violation if violation > TOLERANCE else 0.0, objective if np.isfinite(objective) else np.inf
+
+
+def _improving(found: Assessment, *, roughly: bool) -> list[int]:
+    """Return the points that are better than all before them: the history does not depend on how points are put together."""
+    objective = np.where(np.isnan(found.objective), np.inf, found.objective)
+    excess = np.where(found.violation <= TOLERANCE, 0.0, found.violation)
+    places = np.empty(len(objective), dtype=int)
+    places[np.lexsort((objective, excess))] = np.arange(len(objective))
+    if roughly and not found.doubtful.all():
+        places[found.doubtful] = len(objective)
+    indices: list[int] = np.flatnonzero(places == np.minimum.accumulate(places)).tolist()
+    return indices
 
 
 class _Enough(Exception):  # noqa: N818 - nothing is wrong, the descent has had its share

@@ -13,10 +13,11 @@ import pytest
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 from engine.verdicts import Verdict
-from optimizers.evaluate import Evaluator
+from optimizers.evaluate import Assessment, Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Status
+from optimizers.result import Status, Unwatched
+from optimizers.search import Tracker
 
 LONGEST = (math.pi / 6) ** 2
 WHOLE = 1 - math.exp(-3)
@@ -80,3 +81,25 @@ def test_such_a_candidate_ranks_behind_every_whole_one(goal):
     assert found.violation[0] == 0.0
     assert (found.violation[1:] >= 900).all()
     assert found.order()[0] == 0
+
+
+def test_what_the_fast_evaluation_takes_for_the_best_must_have_a_whole_run(monkeypatch):
+    """Here it finds every candidate good, the better the larger a is; the runs of the three largest end before their time."""
+    positions = np.linspace(0.0, 1.0, 6)[:, None]
+
+    def deceived(_evaluator: Evaluator, points: np.ndarray, *, roughly: bool = False) -> Assessment:
+        good = np.zeros(len(points))
+        return Assessment(
+            objective=1 - points[:, 0], violation=good.copy(), values=np.ones((len(points), 1, 1)), doubtful=good > 0
+        )
+
+    monkeypatch.setattr(Evaluator, "assess", deceived)
+    tried = problem(0.05, 2.0)
+    tracker = Tracker(Evaluator(tried), Unwatched(), 100)
+    found = tracker.assess(positions)
+    whole = np.array([tried.values(position)["a"] < LONGEST for position in positions])
+    assert 0 < whole.sum() < 6
+    assert tracker.best == positions[whole][-1]
+    assert tracker.rank == (0.0, 1 - tracker.best[0])
+    # who would have become the best on the way is known to be broken, who comes after it is not asked
+    assert (found.violation[~whole] >= 900).all()
