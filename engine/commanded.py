@@ -247,6 +247,10 @@ class _Tangent(Signal):
         """Return those of the command."""
         return self.change.signal.breaks(horizon)
 
+    def impulse(self) -> float:
+        """Return what the impulse of the command changes by."""
+        return 0.0 if self.change.perturbed is None else np.imag(self.change.perturbed.impulse()) / self.change.unit
+
     def final(self) -> float | None:
         """Return None: it is not asked for."""
         return None
@@ -262,6 +266,10 @@ class _Tangent(Signal):
 
 class _Stairs(_Tangent):
     """The integral of the impulses that moving jumps are."""
+
+    def impulse(self) -> float:
+        """Return 0."""
+        return 0.0
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return the sum of the steps so far."""

@@ -65,8 +65,16 @@ class MetricRequest:
 
     @property
     def usual(self) -> bool:
-        """Whether its metric is the one that its name alone says: no number is given that changes it."""
-        return self.metric != "settling_time" or self.options.settling_band == USUAL_BAND
+        """Whether its metric is the one that its name alone says, of the whole response: no number is given that changes it."""
+        return not self.windowed and (self.metric != "settling_time" or self.options.settling_band == USUAL_BAND)
+
+    @property
+    def windowed(self) -> bool:
+        """Whether nothing counts that lies beyond the duration."""
+        metric = catalogue().get(self.metric)
+        return (
+            self.duration is not None and metric is not None and issubclass(metric, TimeMetric) and metric.of_the_window
+        )
 
     @property
     def opened_besides(self) -> bool:

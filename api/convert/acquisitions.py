@@ -58,6 +58,8 @@ def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -
     if isinstance(given, SteppedSineSignal):
         return _stepped(given, place)
     signal = signal_from_wire(given, place=place, read_channel=read_channel)
+    if signal.impulse():
+        raise invalid("signal of a drive must not be an impulse: no output can give one", *place)
     if signal.kind in AGENT_SIGNALS:
         return {"kind": signal.kind, **{param.name: _plain(getattr(signal, param.name)) for param in signal.parameters}}
     return _sampled(signal, duration, body.sample_rate)

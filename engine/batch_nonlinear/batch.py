@@ -337,6 +337,8 @@ def _experiments(requests: Sequence[MetricRequest]) -> list[Experiment]:
     for number, request in enumerate(requests):
         if request.metric not in METRICS or not request.signals or request.output is None:
             continue
+        if any(signal.impulse() for signal in request.signals.values()):
+            continue
         endless = any(signal.final() is None for signal in request.signals.values())
         if endless and request.duration is None:
             continue

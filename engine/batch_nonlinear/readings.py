@@ -366,13 +366,11 @@ def _largest(curves: Curves) -> tuple[Real, Real, Flags]:
     top, top_at, bottom, bottom_at = curves.extremes
     high = top >= -bottom
     value, at = np.where(high, top, -bottom), np.where(high, top_at, bottom_at)
+    if curves.duration is not None:  # nothing beyond it counts
+        return value, at, curves.bend > _RESOLVED * value
     value = np.where(curves.settled, np.maximum(value, np.abs(curves.final)), value)
-    # what has not settled may still come to rest at more than it has been, or run on for ever
-    end = curves.times[-1]
-    open_end = ~curves.settled & (at >= end - 0.2 * (end - curves.last))
-    if curves.duration is None:  # how far a swing without end is followed, the exact path knows
-        open_end = open_end | ~curves.settled
-    return value, at, open_end | curves.steady | (curves.bend > _RESOLVED * value)
+    # how far a swing without end is followed, the exact path knows
+    return value, at, ~curves.settled | curves.steady | (curves.bend > _RESOLVED * value)
 
 
 def _peak(curves: Curves) -> Reading:
@@ -382,7 +380,7 @@ def _peak(curves: Curves) -> Reading:
 
 def _peak_time(curves: Curves) -> Reading:
     value, at, doubt = _largest(curves)
-    barely = curves.settled & (value - np.abs(curves.final) <= _NEARLY * value)
+    barely = (curves.duration is None) & curves.settled & (value - np.abs(curves.final) <= _NEARLY * value)
     _, b, turned, _ = curves.turning
     rivals = np.bincount(b[np.abs(turned) >= (1 - _NEARLY) * value[b]], minlength=len(value)) > 1
     return at - curves.start, doubt | barely | rivals

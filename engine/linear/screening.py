@@ -121,7 +121,7 @@ class Screening:
         timed = request.metric in TIME_METRICS or (request.metric in TIME_MASKS and request.mask is not None)
         if not timed or not request.signals:
             return False
-        if request.duration is not None and request.metric in _INTEGRALS:
+        if request.windowed or (request.duration is not None and request.metric in _INTEGRALS):
             return False
         return len({step[0] for step in map(_step, request.signals.values()) if step}) == 1 and all(
             _step(signal) is not None for signal in request.signals.values()

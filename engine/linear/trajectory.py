@@ -27,6 +27,7 @@ from engine.linear.chebyshev import DEGREE, NODES, differentiation_matrix, inter
 from engine.linear.curve import Curve
 from engine.linear.propagate import Collocation, DelayedCollocation, Exponential, Propagator, stride
 from engine.linear.resolution import Resolution
+from engine.linear.struck import struck
 
 if TYPE_CHECKING:
     from engine.linear.origin import Origin
@@ -119,9 +120,12 @@ def respond(
 
     Raises
     ------
+    SignalError
+        When an impulse goes straight to an output or into a delay.
     UnresolvedError
         When more than :data:`MAX_SEGMENTS` segments would be needed (a very lightly damped or very stiff system).
     """
+    system = struck(system, signals)
     if plan is None:
         placed = _place(system.value, signals, horizon, None if origin is None else origin.value)
         if system.dtype is np.float64 and system.lanes == 1:

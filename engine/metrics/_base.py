@@ -140,7 +140,7 @@ class TimeSubject:
         return self.y
 
     def during(self, curve: Curve, final: Array | None) -> Curve:
-        """Return the part of a curve before the duration; beyond its end it stands still where it goes to."""
+        """Return the part of a curve before the duration; beyond its end it stands still where it goes to, if anywhere."""
         assert self.duration is not None
         return curve.until(self.duration) if final is None else curve.held(self.duration, final)
 
@@ -226,6 +226,8 @@ class TimeMetric(Metric):
     domain: ClassVar[Domain] = "time"
     of_the_end: ClassVar[bool] = False
     """It is relative to where the output settles: of a window in which it does not, it is told from the last value."""
+    of_the_window: ClassVar[bool] = False
+    """It looks no further than the duration, where one is given; the others do so only where an output has not settled in it."""
 
     @classmethod
     @abc.abstractmethod

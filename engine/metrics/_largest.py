@@ -24,22 +24,30 @@ if TYPE_CHECKING:
 
 
 def largest_magnitude(subject: TimeSubject) -> Finding:
-    """Return the largest absolute value of the output; its final value where it is only approached."""
-    refusal = unsettled(subject.verdict)
-    if refusal is not None and subject.verdict is not Verdict.NOT_SETTLED:
-        return refusal
-    if refusal is None and subject.final is None and subject.end is None and _grows(subject):
-        return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
-    top, top_at = subject.curve.largest()
-    bottom, bottom_at = subject.curve.smallest()
+    """Return the largest absolute value of the output: within its duration; without one its final value where that is only approached."""
+    if subject.duration is None:
+        refusal = unsettled(subject.verdict)
+        if refusal is not None and subject.verdict is not Verdict.NOT_SETTLED:
+            return refusal
+        if refusal is None and subject.final is None and subject.end is None and _grows(subject):
+            return Absent(verdict=Verdict.DIVERGES, advice="the output grows without bound under this command")
+    curve = seen(subject)
+    top, top_at = curve.largest()
+    bottom, bottom_at = curve.smallest()
     value, at = (top, top_at) if top[0].real >= -bottom[0].real else (-bottom, bottom_at)
-    if subject.final is not None:
+    if subject.final is not None and subject.duration is None:
         limit = abs(float(subject.final[0].real))
         if limit >= float(value[0].real) * (1 - 1e-13):
             sign = 1.0 if subject.final[0].real >= 0 else -1.0
             return Found(value=sign * subject.final)
-    tied = has_rival(subject.curve, value, at, below=True)
-    return Found(value=value, at=at, kinked=tied, verdict=subject.verdict)
+    tied = has_rival(curve, value, at, below=True)
+    verdict = Verdict.NOT_SETTLED if subject.verdict is Verdict.NOT_SETTLED else Verdict.OK
+    return Found(value=value, at=at, kinked=tied, verdict=verdict)
+
+
+def seen(subject: TimeSubject) -> Curve:
+    """Return what is looked at of the output: what lies within its duration, all of it without one."""
+    return subject.curve if subject.duration is None else subject.during(subject.curve, subject.final)
 
 
 def _grows(subject: TimeSubject) -> bool:

@@ -28,6 +28,7 @@ class ControlEffort(TimeMetric):
     source: ClassVar[str] = "S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4"
     belongs_to: ClassVar[tuple[str, ...]] = ("1", "V", "A", "m**3/s")
     amplitude_power: ClassVar[int] = 1
+    of_the_window: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -28,6 +28,7 @@ class MaxAcceleration(TimeMetric):
     source: ClassVar[str] = "the dynamic behaviour parameter a_max of the influence-coefficient method"
     belongs_to: ClassVar[tuple[str, ...]] = ("m/s**2", "rad/s**2")
     amplitude_power: ClassVar[int] = 1
+    of_the_window: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

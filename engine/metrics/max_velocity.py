@@ -28,6 +28,7 @@ class MaxVelocity(TimeMetric):
     source: ClassVar[str] = "the dynamic behaviour parameter v of the influence-coefficient method"
     belongs_to: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
     amplitude_power: ClassVar[int] = 1
+    of_the_window: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -27,6 +27,7 @@ class Peak(TimeMetric):
     )
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     amplitude_power: ClassVar[int] = 1
+    of_the_window: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.metrics._base import TOUCHES, Absent, Found, TimeMetric
-from engine.metrics._largest import largest_magnitude
+from engine.metrics._largest import largest_magnitude, seen
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ class PeakTime(TimeMetric):
     definition: ClassVar[str] = "Time from the command's start to the largest absolute value of the output."
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     time_power: ClassVar[float] = 1
+    of_the_window: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:
@@ -39,7 +40,7 @@ class PeakTime(TimeMetric):
             return Absent(verdict=Verdict.NEVER_CROSSES, advice="the output approaches its final value without a peak")
         size = float(peak.value[0].real)
         return Found(
-            value=subject.since_start(subject.curve.turning(peak.at)),
+            value=subject.since_start(seen(subject).turning(peak.at)),
             at=peak.at,
             one_sided=_tied(subject, size, peak.at),
         )
@@ -47,11 +48,14 @@ class PeakTime(TimeMetric):
 
 def _tied(subject: TimeSubject, peak: float, at: float) -> bool:
     """Return whether another peak is as high: a little more or less, and the instant of the highest jumps there."""
-    instants, turns = subject.curve.turnings(0.9 * peak)
-    apart = np.abs(instants - at) > TOUCHES * subject.curve.end
+    curve = seen(subject)
+    instants, turns = curve.turnings(0.9 * peak)
+    apart = np.abs(instants - at) > TOUCHES * curve.end
     return bool(np.any(apart & (np.abs(turns) >= (1 - TOUCHES) * peak)))
 
 
 def _barely(subject: TimeSubject, peak: float) -> bool:
     """Return whether the peak exceeds the final value by so little that its instant is not defined by the curve."""
-    return subject.final is not None and peak - abs(float(subject.final[0].real)) <= 1e-8 * peak
+    if subject.final is None or subject.duration is not None:
+        return False
+    return peak - abs(float(subject.final[0].real)) <= 1e-8 * peak

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.linear.struck import areas_of, refuse_straight
 from engine.nonlinear.integrate import Integration
 from engine.nonlinear.operating_point import operating_point
 from engine.nonlinear.outcome import Outcome
@@ -104,7 +105,7 @@ def respond(
     clock, wall_limit : callable, float
         The computation ends, with a verdict, when ``clock`` has gone on by ``wall_limit`` seconds.
     """
-    run = Integration(system, signals, clock=clock, wall_limit=wall_limit)
+    run = Integration(system, signals, state=_struck(system, signals), clock=clock, wall_limit=wall_limit)
     initials = _initials(system)
     last = max((t for s in signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
     if duration is not None:
@@ -175,6 +176,26 @@ def _initials(system: NonlinearSystem) -> dict[str, Array]:
         still.rest()
     values = still.outputs()
     return {name: values[:, k] for k, name in enumerate(system.outputs)}
+
+
+def _struck(system: NonlinearSystem, signals: Mapping[str, Signal]) -> Array:
+    """Return the states right after the impulses among the commands, (lanes, n).
+
+    Raises
+    ------
+    SignalError
+        If one goes straight to an output, into a delay or into a nonlinear law.
+    """
+    areas, start = areas_of([signals.get(name) for name in system.inputs]), system.start
+    if areas is None:
+        return start
+    matrices = system.matrices
+    laws = [law.label for law in system.laws for _ in range(law.inputs.stop - law.inputs.start)]
+    for k in np.flatnonzero(areas):
+        for rows, targets in (("d11", system.outputs), ("d31", laws), ("d21", ["a delay"] * system.delays.shape[-1])):
+            refuse_straight(matrices[rows][0, :, k], system.inputs[k], targets)
+    jump = matrices["b1"] @ areas
+    return np.asarray(start + np.pad(jump, ((0, 0), (0, start.shape[-1] - jump.shape[-1]))))
 
 
 def _judged(

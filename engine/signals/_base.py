@@ -63,6 +63,10 @@ class Signal(ABC):
         """Return the period (s) of a command that repeats for ever, None for all others."""
         return None
 
+    def impulse(self) -> float:
+        """Return the integral of an impulse at time 0, 0 for all other commands; ``value`` has nothing of it."""
+        return 0.0
+
     def breaks(self, horizon: float) -> tuple[float, ...]:  # noqa: ARG002 - only what repeats needs it
         """Return the breakpoints up to ``horizon`` (s) at least; of a command that repeats, those of every period."""
         return self.breakpoints()

@@ -38,6 +38,8 @@ class Copies:
     amplitudes: Array
 
     def __post_init__(self) -> None:
+        if self.command.impulse():
+            raise SignalError("command must not be an impulse, which comes at time 0 only", at=("command",))
         if self.count > MOST_COPIES:
             msg = f"command must be copied at most {MOST_COPIES} times over all levels, got {self.count}"
             raise SignalError(msg, at=("command",))

@@ -170,6 +170,8 @@ class Marcher:
         last = max((t for signal in self._signals for t in (*signal.breakpoints(), signal.end() or 0.0)), default=0.0)
         breaks = deque(self._breaks(until))
         x = np.asarray(self._system.x0, dtype=float).copy()
+        for column, signal in enumerate(self._signals):
+            x += self._b[:, column] * signal.impulse()
         time, moved, width = 0.0, 0.0, self._first_width(until)
         calm, scale = 0, np.full(len(self._read), 1e-300)
         while until is None or time < until:

@@ -152,6 +152,10 @@ class _Bench:
         elif name == "recovery_time" and settles and request.options.recovery_band is not None:
             loads = max(signal.breakpoints()[0] for signal in signals.values())
             value = timing.recovery_time(self._trace(request, signals, None), request.options.recovery_band, loads)
+        elif request.windowed:
+            assert request.duration is not None
+            if name != "peak_time":
+                value = timing.peak_within(self._trace(request, signals, request.duration), request.duration)
         elif name in READINGS and settles:
             trace = self._trace(request, signals, None)
             value = READINGS[name](trace) if request.usual else timing.last_entry(trace, request.options.settling_band)

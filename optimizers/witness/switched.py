@@ -58,7 +58,10 @@ class Follower:
         self._laws = self._equations.laws
         self._signals = [signals.get(name) for name in system.inputs]
         self._until = until
-        self._x: Array = np.asarray(system.start[0].real, dtype=float)
+        self._x: Array = np.array(system.start[0].real, dtype=float)
+        b = self._equations.matrices["b1"]
+        for column, signal in enumerate(self._signals):
+            self._x[: len(b)] += b[:, column] * (0.0 if signal is None else signal.impulse())
         self._span = (0.0, 0.0)
         self._looks = self._events = 0
         self._largest = np.zeros(self._equations.matrices["c3"].shape[0])

@@ -198,6 +198,12 @@ def peak(trace: Trace) -> float:
     return max(trace.largest(), trace.turned().largest(), abs(trace.final or 0.0))
 
 
+def peak_within(trace: Trace, duration: float) -> float:
+    """Greatest |y| up to an instant, s."""
+    part = trace.cut(0.0, duration)
+    return max(part.largest(), part.turned().largest())
+
+
 def peak_time(trace: Trace) -> float:
     """When |y| is greatest, since the command began.
 

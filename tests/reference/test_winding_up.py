@@ -69,7 +69,7 @@ def test_a_saturated_position_loop_goes_on_while_its_integrator_winds():
     assert expected.max() == pytest.approx(1987.36, abs=0.2)
     assert found.metrics["x"]["peak"].value == pytest.approx(1987.358, abs=1e-3)
     short = simulate(made, signals=signals, duration=33.5, metrics=["settling_time"])
-    assert short.metrics["v"]["settling_time"].verdict is Verdict.TOO_SHORT
+    assert short.metrics["v"]["settling_time"].verdict is Verdict.NOT_SETTLED
 
 
 def test_what_only_ranks_candidates_does_not_call_it_settled_either():
@@ -131,7 +131,7 @@ def test_a_drive_at_its_voltage_limit_is_not_at_rest_just_before_it_reverses():
     end = instants[np.flatnonzero(np.abs(expected + limit) < 1e-6 * limit)[-1]]
     assert expected[-1] > 0.0
     found = Evaluation(made).simulated(signals, float(end))
-    assert dict(found.verdicts) == {"angle": Verdict.TOO_SHORT, "speed": Verdict.TOO_SHORT}
+    assert dict(found.verdicts) == {"angle": Verdict.NOT_SETTLED, "speed": Verdict.NOT_SETTLED}
     found = simulate(made, signals=signals)
     assert found.verdict is Verdict.NOT_SETTLED
     assert found.metrics["speed"]["settling_time"].value is None

@@ -51,6 +51,14 @@ def test_sampled_interpolates_and_holds_its_ends():
     assert sampled.degree() == 1
 
 
+def test_impulse_is_over_at_once():
+    blow = make("impulse", {"area": 3})
+    assert blow.impulse() == 3
+    assert blow.value(T).tolist() == [0, 0, 0, 0, 0]
+    assert (blow.breakpoints(), blow.final(), blow.end(), blow.degree()) == ((0.0,), 0.0, 0.0, None)
+    assert make("step").impulse() == 0
+
+
 def test_pulse_is_right_continuous():
     pulse = make("pulse", {"start": 0.5, "width": 1.0, "amplitude": 2})
     assert pulse.value(T).tolist() == [0, 2, 2, 0, 0]
