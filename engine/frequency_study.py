@@ -17,7 +17,8 @@ from engine.frequency_range import shown
 from engine.limit_cycles import PredictedCycle, predicted
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.nyquist import NyquistCount, listed_to, nyquist_count
-from engine.measuring import MetricRequest, find, measured_of
+from engine.linear.zeros import zeros
+from engine.measuring import MetricRequest, find, measured_of, metric_named
 from engine.metric_options import USUAL, Options
 from engine.metrics import catalogue
 from engine.metrics._base import LoopMetric, PathMetric, SystemMetric
@@ -44,6 +45,20 @@ class Margins:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PathStudy:
+    """The response of one path with its metrics and zeros; ``zeros`` is None where they have no end."""
+
+    source: str
+    target: str
+    frequency: Real
+    response: npt.NDArray[np.complex128]
+    phase: Real
+    metrics: Mapping[str, Measured]
+    zeros: npt.NDArray[np.complex128] | None
+    unbounded: tuple[Unbounded, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyStudy:
     """A frequency response with its metrics; ``margins`` only for an open loop, and ``nyquist`` where it can be counted.
 
@@ -59,11 +74,13 @@ class FrequencyStudy:
     margins: Margins | None
     nyquist: NyquistCount | None
     poles: npt.NDArray[np.complex128]
+    zeros: npt.NDArray[np.complex128] | None
     verdict: Verdict
     warnings: tuple[Remark, ...]
     operating_point: Rest | None = None
     limit_cycles: tuple[PredictedCycle, ...] = ()
     unbounded: tuple[Unbounded, ...] = ()
+    paths: tuple[PathStudy, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +124,7 @@ def frequency_response(
     frequencies: Real | None = None,
     metrics: Sequence[str] | None = None,
     options: Options = USUAL,
+    paths: Sequence[tuple[str, str]] = (),
 ) -> FrequencyStudy:
     """Return the response of a path, or of the open loop at ``open_at``, with its metrics.
 
@@ -126,6 +144,8 @@ def frequency_response(
         By default those of the path, the loop and the poles that apply.
     options : Options, optional
         Numbers that some metrics take.
+    paths : sequence of (input, output), optional
+        Further paths that are wanted, each with its own metrics.
 
     Raises
     ------
@@ -165,9 +185,8 @@ def frequency_response(
     phase = _unwrapped(scan, values, chosen, response)
     wanted = metrics
     if wanted is None:
-        wanted = (*((PATH_METRICS) if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
-    if metrics is None:  # one that takes a number is shown where that is given
-        wanted = [m for m in wanted if not options.lacking(catalogue()[m].options)]
+        known = (*(PATH_METRICS if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
+        wanted = _wanted(known, options)
     requests = [MetricRequest(metric=m, source=source, target=target, open_at=open_at, options=options) for m in wanted]
     found = {r.metric: measured_of(diagram, r, find(evaluation, r, {})) for r in requests}
     return FrequencyStudy(
@@ -178,12 +197,49 @@ def frequency_response(
         margins=margins,
         nyquist=nyquist,
         poles=evaluation.poles.values,
+        zeros=zeros(curve.system),
         verdict=evaluation.poles.verdict,
         warnings=(*remarks, *diagram.linearization),
         operating_point=rest,
         limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
         unbounded=unbounded,
+        paths=tuple(_path_study(evaluation, ends, frequencies, metrics, options) for ends in paths),
     )
+
+
+def _path_study(
+    evaluation: Evaluation,
+    ends: tuple[str, str],
+    frequencies: Real | None,
+    metrics: Sequence[str] | None,
+    options: Options,
+) -> PathStudy:
+    source, target = ends
+    path = evaluation.path(source, target)
+    curve = path.response
+    chosen = shown(curve, ()) if frequencies is None else np.asarray(frequencies, dtype=float)
+    response, unbounded = _defined(curve, chosen, path.static, path.own)
+    wanted = _wanted(PATH_METRICS, options) if metrics is None else metrics
+    requests = [
+        MetricRequest(metric=m, source=source, target=target, options=options)
+        for m in wanted
+        if issubclass(metric_named(m), PathMetric)
+    ]
+    return PathStudy(
+        source=source,
+        target=target,
+        frequency=chosen,
+        response=response,
+        phase=_unwrapped(*curve.scan, chosen, response),
+        metrics={r.metric: measured_of(evaluation.diagram, r, find(evaluation, r, {})) for r in requests},
+        zeros=zeros(curve.system),
+        unbounded=unbounded,
+    )
+
+
+def _wanted(names: Sequence[str], options: Options) -> tuple[str, ...]:
+    """Return those metrics that are shown by default: one that takes a number is where that is given."""
+    return tuple(name for name in names if not options.lacking(catalogue()[name].options))
 
 
 def _rest(diagram: Diagram, overrides: Mapping[str, float] | None) -> tuple[Rest, tuple[Remark, ...]]:

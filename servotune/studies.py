@@ -79,6 +79,7 @@ class Studies:
         metrics: Sequence[str] | None = None,
         operating_point: Document | None = None,
         noise_density: Any = None,
+        paths: Sequence[Document] | None = None,
         variants: Sequence[Document] | None = None,
     ) -> FrequencyResponse:
         """Return the frequency response from an input to an output, or, with `open_at`, of the loop cut at that block.
@@ -87,6 +88,7 @@ class Studies:
         outer one open. Frequencies are in rad/s, phases in rad; margins and sensitivity peaks come with `open_at`. A nonlinear system is
         linearised where it rests under the constant inputs of `operating_point`, `{"reference": 0.1}`; 0 by default.
         `noise_density` is the one-sided power spectral density of the noise of `noise_rms`, (unit of the input)² per Hz.
+        `paths` are further ones, `[{"from": "reference", "to": "control"}]`, each with its curve, metrics and zeros.
         """
         body = given(
             system=system,
@@ -96,6 +98,7 @@ class Studies:
             metrics=metrics,
             operating_point=operating_point,
             noise_density=noise_density,
+            paths=paths,
             variants=variants,
         ) | given(**{"from": from_})
         return cast("FrequencyResponse", self._transport.post("/v1/frequency-responses", body))

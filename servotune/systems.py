@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, cast
 
-from servotune.documents import Document, given
+from servotune.documents import Document, SystemLike, given
 from servotune.transport import Transport
 
 if TYPE_CHECKING:
@@ -73,20 +73,28 @@ class Systems:
         params = {"force": True} if force else None
         self._transport.send("DELETE", f"/v1/systems/{system}", params=params, headers=headers)
 
-    def state_space(self, system: str, *, open_at: str | None = None) -> StateSpace:
-        """Return the realised matrices in SI, with the names of states, inputs and outputs.
+    def state_space(
+        self, system: SystemLike, *, open_at: str | Sequence[str] | None = None, parameters: Document | None = None
+    ) -> StateSpace:
+        """Return the realised matrices in SI, with the names of states, inputs and outputs, and the poles.
 
         Parameters
         ----------
-        system : str
-            Id of a stored system.
-        open_at : str, optional
-            Block where the loop is cut; `loop` is then the last input and the last output.
+        system : str or mapping
+            Id of a stored system, or a document.
+        open_at : str or sequence of str, optional
+            Block where the loop is cut; `loop` is then the last input and the last output. Of several, opened together, the
+            first.
+        parameters : mapping, optional
+            Values that replace those of the document.
         """
-        path = f"/v1/systems/{system}/state-space"
-        return cast("StateSpace", self._transport.get(path, params=given(open_at=open_at)))
+        if isinstance(system, str) and parameters is None:
+            path = f"/v1/systems/{system}/state-space"
+            return cast("StateSpace", self._transport.get(path, params=given(open_at=open_at)))
+        body = given(system=system, open_at=open_at, parameters=parameters)
+        return cast("StateSpace", self._transport.post("/v1/state-space", body))
 
-    def matlab(self, system: str, *, open_at: str | None = None) -> bytes:
+    def matlab(self, system: str, *, open_at: str | Sequence[str] | None = None) -> bytes:
         """Return the same as the content of a .mat file."""
         query = {"format": "mat"} | given(open_at=open_at)
         return self._transport.send("GET", f"/v1/systems/{system}/state-space", params=query).content

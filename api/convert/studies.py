@@ -10,6 +10,7 @@ import numpy as np
 from api.convert.values import measured_to_wire, number, numbers
 from api.pointers import Place, pointer
 from api.problems import invalid
+from engine.frequency_study import PathStudy
 from engine.influence import Influence
 from engine.limit_cycles import PredictedCycle
 from engine.metrics import catalogue
@@ -84,24 +85,35 @@ def _predicted_cycle(cycle: PredictedCycle) -> dict[str, Any]:
     }
 
 
-def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
-    """Return one variant of a frequency response."""
+def roots_to_wire(roots: Iterable[complex]) -> list[dict[str, float | None]]:
+    """Return poles or zeros."""
+    return [{"real": number(root.real), "imag": number(root.imag)} for root in roots]
+
+
+def _curve_to_wire(study: FrequencyStudy | PathStudy) -> dict[str, Any]:
     response = np.asarray(study.response)
     body: dict[str, Any] = {
-        "verdict": str(study.verdict),
         "frequency": numbers(study.frequency),
         "magnitude": numbers(np.abs(response)),
         "phase": numbers(study.phase),
         "real": numbers(response.real),
         "imag": numbers(response.imag),
         "metrics": {metric: measured_to_wire(measured) for metric, measured in study.metrics.items()},
-        "poles": [{"real": number(pole.real), "imag": number(pole.imag)} for pole in study.poles],
+        "zeros": None if study.zeros is None else roots_to_wire(study.zeros),
     }
     if study.unbounded:
         body["unbounded"] = [
             {"frequency": point.frequency, "verdict": str(point.verdict), "advice": point.advice}
             for point in study.unbounded
         ]
+    return body
+
+
+def frequency_to_wire(study: FrequencyStudy) -> dict[str, Any]:
+    """Return one variant of a frequency response."""
+    body: dict[str, Any] = {"verdict": str(study.verdict), **_curve_to_wire(study), "poles": roots_to_wire(study.poles)}
+    if study.paths:
+        body["paths"] = [{"from": one.source, "to": one.target, **_curve_to_wire(one)} for one in study.paths]
     if study.margins is not None:
         body["margins"] = {
             kind: [{"frequency": number(frequency), "value": number(value)} for frequency, value in crossings]

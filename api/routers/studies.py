@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Response
 
 from api.auth import Runner
 from api.bodies import DocumentRoute
-from api.calls import CreationDep, InstallationDep
-from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply
-from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
-from api.services import studies
+from api.calls import CreationDep, InstallationDep, answer, respond
+from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply, StateSpaceReply
+from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest, StateSpaceRequest
+from api.services import exports, studies
+
+MATLAB = "application/x-matlab-data"
+
+FileFormat = Annotated[Literal["json", "mat"], Query(alias="format", description="a JSON document or a MATLAB file")]
 
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)
 
@@ -41,3 +47,20 @@ def influence(request: InfluenceRequest, caller: Runner, service: InstallationDe
     return creation.study(
         caller, "influence", lambda: studies.run_influence(service, caller, request), kept=request.keep
     )
+
+
+@router.post(
+    "/state-space",
+    response_model=StateSpaceReply,
+    responses={200: {"content": {MATLAB: {"schema": {"type": "string", "format": "binary"}}}}},
+    summary="Matrices and poles of a system, stored or not",
+)
+def state_space(
+    request: StateSpaceRequest, caller: Runner, service: InstallationDep, file_format: FileFormat = "json"
+) -> Response:
+    """What `/v1/systems/{id}/state-space` tells of a stored one, at given values of its parameters."""
+    found = exports.state_space(service, caller, request)
+    if file_format == "json":
+        return respond(answer(found.document()))
+    headers = {"Content-Disposition": 'attachment; filename="system.mat"'}
+    return Response(found.file(), media_type=MATLAB, headers=headers)

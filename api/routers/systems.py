@@ -30,7 +30,11 @@ MATLAB = "application/x-matlab-data"
 
 FileFormat = Annotated[Literal["json", "mat"], Query(alias="format", description="a JSON document or a MATLAB file")]
 OpenAt = Annotated[
-    str | None, Query(max_length=200, description="cut the loop here: `loop` is then the last input and output")
+    list[str] | None,
+    Query(
+        max_length=20,
+        description="cut the loop here: `loop` is then the last input and output; given again, open it there too",
+    ),
 ]
 
 DerivedFrom = Annotated[
@@ -130,9 +134,10 @@ def state_space(
     open_at: OpenAt = None,
 ) -> Response:
     """Return A, B, C, D in SI with the names of states, inputs and outputs; with delays, the form of MATLAB's `setDelayModel`."""
+    place = open_at[0] if open_at is not None and len(open_at) == 1 else open_at
     with service.database.session() as session:
-        if file_format == "json":
-            return respond(answer(exports.state_space(session, caller, identifier, open_at=open_at)))
-        content = exports.state_space_file(session, caller, identifier, open_at=open_at)
+        found = exports.stored_state_space(session, caller, identifier, open_at=place)
+    if file_format == "json":
+        return respond(answer(found.document()))
     headers = {"Content-Disposition": f'attachment; filename="{identifier}.mat"'}
-    return Response(content, media_type=MATLAB, headers=headers)
+    return Response(found.file(), media_type=MATLAB, headers=headers)

@@ -13,6 +13,7 @@ from api.schemas.values import (
     AutoOrQuantity,
     Band,
     Change,
+    Document,
     OfPaths,
     OfResponses,
     OpenAt,
@@ -38,6 +39,13 @@ class SimulationRequest(OfResponses):
     keep: bool = Field(default=False, description="remember the reply under /v1/results")
 
 
+class PathDocument(Document):
+    """From an input to an output."""
+
+    source: Port = Field(alias="from")
+    target: Port = Field(alias="to")
+
+
 class FrequencyRequest(OfPaths):
     """A path from an input to an output, or the loop opened at a block's output."""
 
@@ -49,6 +57,12 @@ class FrequencyRequest(OfPaths):
         default="auto", description="rad/s, rising, >= 0; 0 asks for the gain at rest"
     )
     metrics: Names | None = Field(default=None, description="default: those that apply")
+    paths: list[PathDocument] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=50,
+        description="further paths; the first is also shown where none is named",
+    )
     operating_point: Overrides | None = Field(
         default=None,
         description="constant inputs under which a nonlinear system rests where it is linearised; 0 where left out",
@@ -84,3 +98,15 @@ class InfluenceRequest(OfResponses, OfPaths):
         'derivatives: parameter path -> new value, or {"change": relative change}',
     )
     keep: bool = False
+
+
+class StateSpaceRequest(Document):
+    """A system whose matrices and poles are wanted: a stored one, or the document itself."""
+
+    system: SystemRef
+    parameters: Overrides | None = None
+    open_at: OpenAt | None = None
+    operating_point: Overrides | None = Field(
+        default=None,
+        description="constant inputs under which a nonlinear system rests where it is linearised; 0 where left out",
+    )

@@ -147,7 +147,9 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
     """Return the frequency response of a path or of an opened loop, one variant after the other."""
     subject = subject_of(service, caller, request.system)
     diagram = subject.diagram
-    _check_path(request, diagram)
+    paths = [(path.source, path.target) for path in request.paths or ()]
+    source, target = (request.source, request.target) if request.open_at or not paths or request.source else paths[0]
+    _check_path(request, source, target, diagram)
     metrics = check_metrics(request.metrics)
     frequencies = frequencies_of(request.frequencies)
     options = options_from_wire(request, "", place=())
@@ -155,18 +157,19 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
         diagram = diagram.about(constants_from_wire(request.operating_point, diagram))
     variants = variants_of(request.variants, diagram)
     count = 1000 if frequencies is None else frequencies.size
-    service.computing.check_size(samples=count, curves=5, variants=len(variants))
+    service.computing.check_size(samples=count, curves=5 * (1 + len(paths)), variants=len(variants))
 
     def compute(variant: Variant) -> tuple[dict[str, Any], Sequence[Any]]:
         found = frequency_response(
             diagram,
             overrides=variant.overrides,
-            source=request.source,
-            target=request.target,
+            source=source,
+            target=target,
             open_at=opening(request.open_at),
             frequencies=frequencies,
             metrics=metrics,
             options=options,
+            paths=paths,
         )
         return frequency_to_wire(found), found.warnings
 
@@ -176,11 +179,15 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
     )
 
 
-def _check_path(request: FrequencyRequest, diagram: Diagram) -> None:
+def _check_path(request: FrequencyRequest, source: str | None, target: str | None, diagram: Diagram) -> None:
     if request.open_at is None:
-        for key, value in (("from", request.source), ("to", request.target)):
+        for key, value in (("from", source), ("to", target)):
             if value is None:
                 raise invalid(f"{key} must be given where open_at is not", key)
+    for i, path in enumerate(request.paths or ()):
+        place: Place = ("paths", i)
+        check_name(path.source, diagram.inputs, name="from", what="the system's inputs", place=(*place, "from"))
+        check_name(path.target, diagram.outputs, name="to", what="the system's outputs", place=(*place, "to"))
     if (request.source is None) != (request.target is None):
         missing = "from" if request.source is None else "to"
         raise invalid("from and to must be given together, got one of them", missing)

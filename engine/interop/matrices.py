@@ -7,6 +7,7 @@ Without delays that is x' = A x + B u, y = C x + D u. With them it is the form t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.diagram import Diagram
-from engine.linear.system import LinearSystem
+from engine.linear.path import merged
+from engine.linear.poles import poles
+from engine.linear.system import LaneSystem, LinearSystem
 from engine.wires import Opening
 
 Array = npt.NDArray[np.float64]
@@ -47,6 +50,11 @@ class Matrices:
     output_units: tuple[str, ...]
 
     @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """The poles, rad/s, by falling real part; with delays the rightmost ones."""
+        return poles(merged(LaneSystem.of([self.system]).balanced())).values
+
+    @property
     def delayed(self) -> bool:
         """Whether the system has delay channels."""
         return bool(self.channels)
@@ -70,12 +78,16 @@ class Matrices:
         }
 
 
-def realized(diagram: Diagram, *, open_at: Opening | None = None) -> Matrices:
-    """Return the state space of a diagram at its document's values, with its names.
+def realized(
+    diagram: Diagram, *, overrides: Mapping[str, float] | None = None, open_at: Opening | None = None
+) -> Matrices:
+    """Return the state space of a diagram with its names.
 
     Parameters
     ----------
     diagram : Diagram
+    overrides : mapping, optional
+        Parameter values (SI) that replace those of the document.
     open_at : str or tuple of str, optional
         Endpoint where the loop is cut: the last input and the last output, ``loop``, are then its two ends.
 
@@ -84,7 +96,7 @@ def realized(diagram: Diagram, *, open_at: Opening | None = None) -> Matrices:
     DiagramError
         If the endpoint does not exist.
     """
-    system = diagram.realize(open_at=open_at)
+    system = diagram.realize(overrides, open_at)
     traced = diagram.trace(())
     blocks = list(zip(traced.interconnection.blocks, traced.realizations, strict=True))
     return Matrices(

@@ -41,7 +41,7 @@ def path(
     """
     part = connected(system, inputs, outputs)
     if part.n and poles_of(part.value).verdict is not Verdict.OK:
-        part = _minimal(part, poles_of)
+        part = minimal(part, poles_of)
     return part
 
 
@@ -99,7 +99,7 @@ def _closure(edges: npt.NDArray[np.bool_], marked: npt.NDArray[np.bool_]) -> npt
         marked = grown
 
 
-def _minimal(system: LaneSystem, poles_of: Callable[[LaneSystem], Poles]) -> LaneSystem:
+def minimal(system: LaneSystem, poles_of: Callable[[LaneSystem], Poles] = poles) -> LaneSystem:
     """Leave out the numerically uncontrollable and unobservable directions, where nothing else goes with them.
 
     What a parameter is about to bring in is hidden only as long as the parameter is just what it is: it stays, for

@@ -59,6 +59,17 @@ class Unbounded(TypedDict):
     advice: str
 
 
+FrequencyPath = TypedDict(
+    "FrequencyPath",
+    {
+        "from": str, "to": str, "frequency": list[float], "magnitude": list[float | None], "phase": list[float | None],
+        "real": list[float | None], "imag": list[float | None], "metrics": dict[str, Metric], "zeros": list[Root] | None,
+        "unbounded": NotRequired[list[Unbounded] | None],
+    },
+)  # fmt: skip
+"""One of several paths of a frequency response; `zeros` is null where delays make them endless."""
+
+
 class FrequencyVariant(TypedDict):
     """The frequency response of one set of parameter values (rad/s, rad)."""
 
@@ -73,6 +84,8 @@ class FrequencyVariant(TypedDict):
     margins: NotRequired[Margins | None]
     nyquist: NotRequired[Nyquist | None]
     poles: list[Root]
+    zeros: NotRequired[list[Root] | None]
+    paths: NotRequired[list[FrequencyPath] | None]
     unbounded: NotRequired[list[Unbounded] | None]
     operating_point: NotRequired[OperatingPoint | None]
     limit_cycles: NotRequired[list[PredictedCycle] | None]

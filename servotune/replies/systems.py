@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NotRequired, Required, TypedDict
 
-from servotune.replies.values import Warned
+from servotune.replies.values import Root, Warned
 
 
 class Stored(TypedDict):
@@ -19,8 +19,8 @@ class Stored(TypedDict):
 class StateSpace(TypedDict):
     """A realised system: A, B, C, D without delays; A, B1 to D22 with them."""
 
-    system: dict[str, Any]
-    open_at: str | None
+    system: dict[str, Any] | None
+    open_at: str | list[str] | None
     states: list[str]
     inputs: list[str]
     outputs: list[str]
@@ -40,6 +40,7 @@ class StateSpace(TypedDict):
     D22: NotRequired[list[list[float]]]
     delays: list[float]
     x0: list[float]
+    poles: list[Root]
     warnings: list[Warned]
 
 

@@ -110,6 +110,7 @@ def test_every_operation_under_v1_asks_for_a_key_and_answers_errors_as_problems(
 
 #: Repeated, they do no harm; what some of them answer is a secret, and no secret is kept to be repeated.
 UNREPEATED = {
+    "POST /v1/state-space",
     "POST /v1/jobs/{identifier}/pause",
     "POST /v1/jobs/{identifier}/resume",
     # What an agent says of its attempt is the same when it says it twice; a claim is of what waits now.

@@ -9,6 +9,7 @@ from api.schemas.replies.base import (
     MetricReply,
     Number,
     Page,
+    Pole,
     ProblemReply,
     Reply,
     StudyReply,
@@ -36,7 +37,6 @@ from api.schemas.replies.studies import (
     FrequencyVariant,
     Margins,
     NyquistReply,
-    Pole,
     SimulationReply,
     SimulationVariant,
 )

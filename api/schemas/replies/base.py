@@ -80,6 +80,13 @@ class MetricReply(Reply):
     )
 
 
+class Pole(Reply):
+    """A pole in rad/s."""
+
+    real: Number
+    imag: Number
+
+
 class StudyReply(Reply):
     """What every study says beside its numbers."""
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from api.schemas.replies.base import Curve, MetricReply, Number, Reply, StudyReply, VerdictWord
+from api.schemas.replies.base import Curve, MetricReply, Number, Pole, Reply, StudyReply, VerdictWord
 from api.schemas.replies.cycles import LimitCycleReply, OperatingPointReply, PredictedCycleReply
 
 
@@ -57,19 +57,27 @@ class NyquistReply(Reply):
     closed_loop_unstable_poles: int
 
 
-class Pole(Reply):
-    """A pole in rad/s."""
-
-    real: Number
-    imag: Number
-
-
 class UnboundedReply(Reply):
     """A frequency at which the response is null, since it meets a pole on the imaginary axis."""
 
     frequency: Number
     verdict: VerdictWord
     advice: str
+
+
+class PathReply(Reply):
+    """One of the further paths."""
+
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+    frequency: Curve
+    magnitude: Curve
+    phase: Curve
+    real: Curve
+    imag: Curve
+    metrics: dict[str, MetricReply]
+    zeros: list[Pole] | None
+    unbounded: list[UnboundedReply] | None = None
 
 
 class FrequencyVariant(Reply):
@@ -86,6 +94,11 @@ class FrequencyVariant(Reply):
     margins: Margins | None = None
     nyquist: NyquistReply | None = None
     poles: list[Pole]
+    zeros: list[Pole] | None = Field(
+        default=None,
+        description="of what is shown; null where delays beside each other, or in a circle, make them endless",
+    )
+    paths: list[PathReply] | None = Field(default=None, description="where `paths` are asked for, in their order")
     unbounded: list[UnboundedReply] | None = Field(default=None, description="of `frequencies` that have no response")
     operating_point: OperatingPointReply | None = Field(default=None, description="of a nonlinear system")
     limit_cycles: list[PredictedCycleReply] | None = Field(

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
-from api.schemas.replies.base import Reply, SystemReference, WarningReply
+from api.schemas.replies.base import Pole, Reply, SystemReference, WarningReply
 
 
 class SystemHead(Reply):
@@ -48,8 +48,8 @@ class StateSpaceReply(Reply):
     form of MATLAB's `setDelayModel`.
     """
 
-    system: SystemReference
-    open_at: str | None
+    system: SystemReference | None = Field(description="null for a system that is not stored")
+    open_at: str | list[str] | None
     states: list[str] = Field(examples=[["controller.x1", "motor.x1"]])
     inputs: list[str]
     outputs: list[str]
@@ -69,4 +69,5 @@ class StateSpaceReply(Reply):
     D22: Matrix | None = None
     delays: list[float] = Field(description="s, one for each channel")
     x0: list[float] = Field(description="initial state")
+    poles: list[Pole] = Field(description="rad/s, by falling real part; with delays the rightmost ones")
     warnings: list[WarningReply]

@@ -164,6 +164,7 @@ def _studies(ask: Callable[..., Any]) -> None:
         "POST /v1/frequency-responses",
         body={"system": SYSTEM, "open_at": "error", "from": "reference", "to": "position", "frequencies": [1, 10, 100]},
     )
+    ask("POST /v1/state-space", body={"system": SYSTEM, "parameters": {"kp": 8}})
     ask(
         "POST /v1/influence",
         body={"system": SYSTEM, "input": "reference", "output": "position", "parameters": ["kp", "tau"],

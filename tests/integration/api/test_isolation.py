@@ -116,6 +116,7 @@ REFERRING: dict[str, list[Any]] = {
         },
     ],
     "POST /v1/frequency-responses": [lambda t: {"system": t["systems"], "from": "u", "to": "y"}],
+    "POST /v1/state-space": [lambda t: {"system": t["systems"]}],
     "POST /v1/influence": [
         lambda t: {
             "system": t["systems"],
