@@ -13,7 +13,7 @@ KINDS = frozenset({"p", "pi", "pd", "pid"})
 _TRACKED = ("back_calculation", "tracking")
 
 
-class LimitsDocument(Document):
+class OutputLimits(Document):
     """The limits of an output; one that is left out is none."""
 
     lower: Scalar = None
@@ -39,7 +39,7 @@ class LimitedBlock(Document):
 
     model_config = ConfigDict(json_schema_extra=_with_objects)
 
-    limits: LimitsDocument | None = Field(default=None, description="`lower` and `upper` in one", exclude=True)
+    limits: OutputLimits | None = Field(default=None, description="`lower` and `upper` in one", exclude=True)
 
     @model_validator(mode="before")
     @classmethod

@@ -168,7 +168,6 @@ WRONG = {
         pneumatic(controller={"kind": "transfer_function", "numerator": [1, 0, 0], "denominator": [1, 1]}),
         "/blocks/controller/numerator",
     ),
-    "no filter": (without("controller", "filter_frequency"), "/blocks/controller"),
     "ill-posed loop": (ALGEBRAIC, ""),
     "a list": ([], ""),
     "a number": (5, ""),
