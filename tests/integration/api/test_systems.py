@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import threading
 
 import pytest
@@ -116,12 +115,6 @@ def change(**fields):
 
 def motor(**fields):
     return pneumatic(motor=PNEUMATIC["blocks"]["motor"] | fields)
-
-
-def without(block, key):
-    document = copy.deepcopy(PNEUMATIC)
-    del document["blocks"][block][key]
-    return document
 
 
 ALGEBRAIC = {
