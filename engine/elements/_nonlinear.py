@@ -274,6 +274,16 @@ def surface_slopes(element: type[NonlinearElement], m: Moment, mode: Mode, value
     return np.asarray(found.imag.T / STEP)
 
 
+def guard_slopes(element: type[NonlinearElement], m: Moment, guard: int, mode: Mode, values: Values) -> Array:
+    """Return the exact slopes (states + inputs,) of one guard at a real instant, as :func:`slopes` does; 0 where there are none."""
+    n, p = len(m.x), len(m.z)
+    step = 1j * STEP * np.eye(n + p)[:, :, None]
+    x, z = [m.x[k] + step[k] for k in range(n)], [m.z[k] + step[n + k] for k in range(p)]
+    moved = Moment(t=m.t, x=x, z=z, slope=m.slope, y=m.y)
+    found = np.broadcast_to(element.guards(moved, mode, values)[guard], (n + p, 1))
+    return np.asarray(np.nan_to_num(found[:, 0].imag / STEP))
+
+
 def linearized(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Realization:
     """Return the law's slopes around ``m``, arrays (lanes, 1), as a block; lanes become the batch axis.
 
@@ -346,6 +356,7 @@ __all__ = [
     "Signals",
     "Slopes",
     "first",
+    "guard_slopes",
     "linearized",
     "magnitude",
     "slopes",

@@ -51,10 +51,15 @@ class Command:
         return values + moved * slope, slope + moved * bend
 
 
+_SAME = 1e-12
+
+
 @cache
 def _stencil(theta: bytes) -> tuple[Real, Real, Real]:
     """Return the weights from node values to values, first and second derivatives at a few fixed points of a step."""
-    value = weights(np.frombuffer(theta))
+    points = np.frombuffer(theta)
+    value = weights(points)
+    value[points == 0], value[points == 1] = np.eye(DEGREE + 1)[[0, -1]]  # both ends are nodes
     slope = value @ differentiation_matrix()
     return value, slope, slope @ differentiation_matrix()
 
@@ -79,6 +84,10 @@ def command(signals: Sequence[Signal | None], start: float, width: float, consta
             values[:, k] = first + rise * (NODES - points[0])
         else:
             values[:, k] = to_nodes @ signal.value(inside)
+        if degree != 0:  # what is exactly 0 at an end is so here; where it jumps there, the limit stays
+            ends = signal.value(np.array([start, start + width]))
+            same = np.abs(ends - values[[0, -1], k]) <= _SAME * np.abs(values[:, k]).max()
+            values[[0, -1], k] = np.where(same, ends, values[[0, -1], k])
     return Command(start=start, width=width, values=values + constants)
 
 

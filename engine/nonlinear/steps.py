@@ -16,7 +16,7 @@ from engine.nonlinear.collocation import MANY_STATES, SHORT_STAGES, STAGES, Sche
 from engine.nonlinear.magnitudes import magnitudes
 from engine.nonlinear.pieces import Command, Record
 from engine.nonlinear.straight import until
-from engine.nonlinear.switching import StoppedError
+from engine.nonlinear.switching import ROUNDING, StoppedError
 from engine.nonlinear.system import Flow, Instants, NonlinearSystem
 from engine.verdicts import Verdict
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
 
-_ROUNDING = 30 * 2.3e-16
 _FEEBLE = 1e-13
 _NOISE = 1e-12
 _BLOWN = 1e4
@@ -263,7 +262,7 @@ class Stepper:
         if not path.shape[2]:
             return np.zeros(len(path))
         largest = np.abs(x).max(axis=1)
-        floor = _ROUNDING * (largest + widths[:, None] * np.abs(f).max(axis=1)) / self.tolerance
+        floor = ROUNDING * (largest + widths[:, None] * np.abs(f).max(axis=1)) / self.tolerance
         size = np.maximum(np.maximum(self.scale, largest), floor)
         size = np.maximum(size, _FEEBLE * size.max(axis=1, keepdims=True))
         missed = np.abs(method.tail @ path).sum(axis=1)
@@ -271,7 +270,7 @@ class Stepper:
 
     def noise(self) -> Real:
         """Return what rounding makes of the laws' inputs, (channels,)."""
-        return np.asarray(_ROUNDING * (self._made_of[self._laws] @ self._parts))
+        return np.asarray(ROUNDING * (self._made_of[self._laws] @ self._parts))
 
     def loudness(self, parts: Real, sums: Real) -> Real:
         """Return how large outputs, delayed signals and laws' inputs count, now that all are as large as this.
@@ -279,7 +278,7 @@ class Stepper:
         A difference of large signals is not known better than they are; ``parts`` and ``sums`` as in `remember`.
         """
         terms = self._made_of @ np.maximum(self._parts, parts)
-        found = np.maximum(np.maximum(self._sums, sums), _ROUNDING * terms / self.tolerance)
+        found = np.maximum(np.maximum(self._sums, sums), ROUNDING * terms / self.tolerance)
         for group in self._groups:
             own = found[group]
             np.maximum(own, _FEEBLE * own.max(), out=own)

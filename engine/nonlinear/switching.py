@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.elements._nonlinear import Change, Mode, Moment, stacked
+from engine.elements._nonlinear import Change, Mode, Moment, guard_slopes, stacked
+from engine.nonlinear.straight import keep
 from engine.nonlinear.system import Flow, Instants, NonlinearSystem
 from engine.verdicts import Verdict
 
@@ -21,6 +22,9 @@ Array = npt.NDArray[Any]
 
 NEGLIGIBLE = 1e-10
 """A guard below this part of its largest value is 0."""
+
+ROUNDING = 30 * 2.3e-16
+"""What a signal is known to, in parts of what it is made of."""
 
 MAX_SWITCHES = 60
 """So many changes of mode in one instant do not end by themselves."""
@@ -74,6 +78,7 @@ class Switchboard:
         self._around = around
         self._before: tuple[Array, Array, Array | None] | None = None
         self._scale: dict[tuple[int, Mode, int], float] = {}
+        self._leanings: dict[tuple[int, Mode, int], Array] = {}
         self._largest = np.zeros(system.matrices["c3"].shape[-2])
         self._noise, self._states = np.zeros_like(self._largest), np.zeros(system.states)
 
@@ -91,7 +96,7 @@ class Switchboard:
     def tolerance(self, number: int, guard: int, values: Array) -> float:
         """Return what counts as 0 for a guard that has these values on a step."""
         known = self._scale.get(self._surface(number, guard), 0.0)
-        return max(NEGLIGIBLE * max(known, float(np.abs(values).max())), self._rounding(number))
+        return max(NEGLIGIBLE * max(known, float(np.abs(values).max())), self._rounding(number, guard))
 
     def note(self, number: int, guard: int, values: Array) -> None:
         """Remember how large a guard has been on a step."""
@@ -106,8 +111,20 @@ class Switchboard:
         """
         return (number, 0, 0) if self.system.laws[number].element.continuous else (number, self.modes[number], guard)
 
-    def _rounding(self, number: int) -> float:
-        return float(self._noise[self.system.laws[number].inputs].max(initial=0.0))
+    def _rounding(self, number: int, guard: int) -> float:
+        """Return what the rounding of a law's states and inputs makes of a guard."""
+        return self._in_its_unit(number, guard, ROUNDING * self._states, self._noise)
+
+    def _in_its_unit(self, number: int, guard: int, states: Array, inputs: Array) -> float:
+        """Return sizes of states (n,) and of inputs (channels,), whose units may differ, in that of a guard: by its slopes."""
+        law = self.real.laws[number]
+        key = (number, self.modes[number], guard)
+        if key not in self._leanings:
+            at = self.instant().real
+            e, v = self.real.channels(at)
+            seen = self.real.seen(number, at, e, v, np.zeros_like(e))
+            keep(self._leanings, key, np.abs(guard_slopes(law.element, seen, guard, self.modes[number], law.real)))
+        return float(self._leanings[key] @ np.concatenate([states[law.states], inputs[law.inputs]]))
 
     # the present instant
 
@@ -219,13 +236,15 @@ class Switchboard:
     def _correct(self, at: Instants, flow: Flow) -> bool:
         """Switch the first law whose guard is positive; return whether there was one."""
         largest = np.maximum(self._largest, np.abs(flow.e[0, 0].real))
+        states = np.maximum(self._states, np.abs(at.x[0, 0].real))
         for number, law in enumerate(self.system.laws):
             mode = self.modes[number]
             seen = self.system.seen(number, at, flow.e, flow.v)
             found = law.element.guards(seen, mode, law.values)
-            size = float(largest[law.inputs].max(initial=0.0))
             for k, guard in enumerate(found):
-                least = max(NEGLIGIBLE * self._scale.get(self._surface(number, k), size), self._rounding(number))
+                known = self._scale.get(self._surface(number, k), 0.0)
+                size = max(known, self._in_its_unit(number, k, states, largest))
+                least = max(NEGLIGIBLE * size, self._rounding(number, k))
                 if float(np.ravel(guard)[0].real) > least:
                     self._change(number, k, seen)
                     return True

@@ -87,7 +87,7 @@ def follow(
     start: Sequence[float],
     end: float,
     *,
-    tolerance: float = 1e-12,
+    tolerance: float = 1e-13,
     scale: Sequence[float] | None = None,
     longest: float = np.inf,
     most: int = 4000,

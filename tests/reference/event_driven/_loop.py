@@ -47,9 +47,12 @@ class Loop(Automaton):
     ----------
     names : tuple of str
         The outputs of both.
+    lever : str
+        A number of ``p`` that is a gain of its own.
     """
 
     names: tuple[str, ...] = ()
+    lever = "kp"
     start: list[float]
     scale: list[float]
     duration: float = 1.0
@@ -68,7 +71,7 @@ class Loop(Automaton):
 
     def course(self) -> Course:
         """Return what the equations do."""
-        return follow(self, self.start, self.duration, scale=self.scale)
+        return follow(self, self.start, self.duration, scale=self.scale, longest=self.duration / 400)
 
 
 class Friction:

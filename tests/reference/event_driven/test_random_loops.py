@@ -11,18 +11,22 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.evaluation import Evaluation
 from engine.measuring import MetricRequest, measure
+from engine.nonlinear.integrate import Integration
 from engine.verdicts import Verdict
 from tests.reference.event_driven._hydraulic import Hydraulic
 from tests.reference.event_driven._loop import Loop
 from tests.reference.event_driven._mechanical import Mechanical
+from tests.reference.event_driven._pneumatic import Pneumatic
+from tests.reference.event_driven._relay import Relayed
+from tests.reference.event_driven._semi_active import SemiActive
 from tests.support.event_driven import Course
 
 LONG = settings().max_examples > 1000
-FAMILIES: list[tuple[type[Any], int, int]] = [(Mechanical, 70, 5), (Hydraulic, 50, 3)]
-"""Each with how many loops there are, and how many of them make the share."""
-GAIN = "kp.gain"
+FAMILIES: list[tuple[type[Any], int, int]] = [
+    (Mechanical, 60, 5), (Hydraulic, 40, 2), (Pneumatic, 40, 2), (SemiActive, 30, 3), (Relayed, 30, 4),
+]  # fmt: skip
+"""Each with how many loops there are, 200 together, and how many of them make the share."""
 _H = 2e-4
 
 CASES = [
@@ -61,14 +65,14 @@ def test_a_random_loop(family: type[Any], seed: int) -> None:
     loop = family.random(np.random.default_rng(seed))
     course = loop.course()
     diagram, signals = loop.diagram(), {"r": loop.command.signal()}
-    response = Evaluation(diagram).simulated(signals, loop.duration)
-    assert response.outcome.verdict is Verdict.OK, response.outcome.advice
+    outcome = Integration(diagram.laws(), signals).advance(loop.duration)
+    assert outcome.verdict is Verdict.OK, outcome.advice
     times = np.linspace(0.0, loop.duration, 301)
     exact = course.outputs(times)
     for k, name in enumerate(loop.names):
         size = np.abs(exact[:, k]).max()
-        assert np.abs(response.output(name).sample(times) - exact[:, k]).max() <= 1e-8 * size, name
-    edges = np.array([float(edge[0].real) for edge in response.outcome.record.edges])
+        assert np.abs(outcome.output(k).sample(times) - exact[:, k]).max() <= 1e-8 * size, name
+    edges = np.array([float(edge[0].real) for edge in outcome.record.edges])
     for t, _ in course.happened:
         assert np.abs(edges - t).min() <= 1e-9 * loop.duration, t
     requests = [
@@ -81,20 +85,22 @@ def test_a_random_loop(family: type[Any], seed: int) -> None:
 
 @pytest.mark.parametrize(("family", "seed"), CASES)
 def test_the_slope_of_a_random_loop(family: type[Any], seed: int) -> None:
-    """d ise/d kp, carried through every event, against differences of the equations by hand, extrapolated."""
+    """d ise/d gain, carried through every event, against differences of the equations by hand, extrapolated."""
     loop = family.random(np.random.default_rng(seed))
     request = MetricRequest(metric="ise", signals={"r": loop.command.signal()}, output="x", duration=loop.duration)
-    ((measured, gradient),) = measure(loop.diagram(), [request], gradient=[GAIN])
+    ((measured, gradient),) = measure(loop.diagram(), [request], gradient=[f"{loop.lever}.gain"])
     assert measured.value is not None
     assert gradient is not None
 
+    value = loop.p[loop.lever]
+
     def ise(part: float) -> float:
-        other = family({**loop.p, "kp": loop.p["kp"] * (1 + part)}, loop.command)
+        other = family({**loop.p, loop.lever: value * (1 + part)}, loop.command)
         return squared_error(other, other.course())
 
-    coarse, fine = ((ise(h) - ise(-h)) / (2 * h * loop.p["kp"]) for h in (_H, 0.5 * _H))
+    coarse, fine = ((ise(h) - ise(-h)) / (2 * h * value) for h in (_H, 0.5 * _H))
     slope = (4 * fine - coarse) / 3
     if abs(fine - coarse) > 1e-4 * abs(slope):  # a mode that begins or ends within the differences
         pytest.skip("differences do not converge")
-    size = max(abs(slope), 1e-3 * measured.value / loop.p["kp"])
+    size = max(abs(slope), 1e-3 * measured.value / abs(value))
     assert gradient.values[0] == pytest.approx(slope, abs=1e-6 * size)
