@@ -21,7 +21,7 @@ from engine.linear.zeros import zeros
 from engine.measuring import MetricRequest, find, measured_of, metric_named
 from engine.metric_options import USUAL, Options
 from engine.metrics import catalogue
-from engine.metrics._base import LoopMetric, PathMetric, SystemMetric
+from engine.metrics._base import LoopMetric, LoopSubject, PathMetric, SystemMetric
 from engine.metrics._loop import delay_margins, gain_margins, phase_margins
 from engine.verdicts import Measured, Verdict
 
@@ -153,8 +153,7 @@ def frequency_response(
         When neither a path nor a loop is named, or a name is unknown.
     """
     if open_at is None and (source is None or target is None):
-        msg = "a frequency response must have 'from' and 'to', or 'open_at', got neither"
-        raise DiagramError(msg)
+        raise DiagramError("a frequency response must have 'from' and 'to', or 'open_at', got neither")
     evaluation = Evaluation(diagram, overrides)
     margins = nyquist = rest = None
     remarks = diagram.warnings
@@ -166,23 +165,13 @@ def frequency_response(
         curve, static, own = loop.response, loop.static, loop.opened
         nyquist = nyquist_count(curve, loop.opened, loop.closed)
         remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
-        gains, smallest = gain_margins(curve, loop.static)
-        margins = Margins(
-            smallest_loop_gain=smallest,
-            gain=_listed(gains),
-            phase=_listed(phase_margins(curve)),
-            delay=_listed(delay_margins(curve, loop.verdict)),
-        )
+        margins = _margins(loop)
     else:
-        assert source is not None
-        assert target is not None
-        path = evaluation.path(source, target)
+        path = evaluation.path(str(source), str(target))
         curve, static, own = path.response, path.static, path.own
-    scan, values = curve.scan
     listed = margins.gain if margins is not None else ()
     chosen = shown(curve, listed) if frequencies is None else np.asarray(frequencies, dtype=float)
     response, unbounded = _defined(curve, chosen, static, own)
-    phase = _unwrapped(scan, values, chosen, response)
     wanted = metrics
     if wanted is None:
         known = (*(PATH_METRICS if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
@@ -192,7 +181,7 @@ def frequency_response(
     return FrequencyStudy(
         frequency=chosen,
         response=response,
-        phase=phase,
+        phase=_unwrapped(*curve.scan, chosen, response),
         metrics=found,
         margins=margins,
         nyquist=nyquist,
@@ -204,6 +193,16 @@ def frequency_response(
         limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
         unbounded=unbounded,
         paths=tuple(_path_study(evaluation, ends, frequencies, metrics, options) for ends in paths),
+    )
+
+
+def _margins(loop: LoopSubject) -> Margins:
+    gains, smallest = gain_margins(loop.response, loop.static)
+    return Margins(
+        smallest_loop_gain=smallest,
+        gain=_listed(gains),
+        phase=_listed(phase_margins(loop.response)),
+        delay=_listed(delay_margins(loop.response, loop.verdict)),
     )
 
 

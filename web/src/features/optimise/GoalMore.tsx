@@ -2,7 +2,7 @@ import { Group, NativeSelect, TextInput } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
-import { needsOf, type Goal } from "./schema";
+import { needsOf, numberOf, type Goal } from "./schema";
 
 interface Props {
   goal: Goal;
@@ -18,6 +18,7 @@ interface Props {
 export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange }: Props) {
   const { t } = useTranslation();
   const needs = needsOf(goal.metric);
+  const own = numberOf(goal.metric);
   const wrong = (field: string) => toldElsewhere(faultAt(`${at}.${field}`));
   const curve = (field: "upperCurve" | "lowerCurve" | "reference", example: string) => (
     <TextInput size="xs" label={t(`optimise.${field}`)} aria-label={t(`optimise.${field}Of`, { number })} title={t(needs === "magnitude" ? "optimise.curveOverFrequency" : "optimise.curveOverTime")} value={goal[field] ?? ""} placeholder={example} {...wrong(field)} spellCheck={false} onChange={(event) => onChange({ [field]: event.currentTarget.value || undefined })} w={270} />
@@ -33,6 +34,7 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
           {number_(1)}
         </>
       )}
+      {own && <NumberEntry label={t(`optimise.${own.field}`)} aria-label={t(`optimise.${own.field}Of`, { number })} value={goal.number} unit={own.unit || outputUnit} optional {...(own.needed ? {} : { placeholder: "2 %" })} {...wrong("number")} onCommit={(given) => onChange({ number: given })} w={170} />}
       {needs === "reference" && curve("reference", "0: 0; 200 ms: 1; 2: 1")}
       {needs === "envelope" && (
         <>

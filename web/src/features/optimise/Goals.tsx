@@ -11,7 +11,7 @@ import { goalMetrics } from "./problem";
 import { RowTable } from "./RowTable";
 import { needsOf, type Goal } from "./schema";
 
-const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lower", "upper", "target", "tolerance", "soft", "weight", "upperCurve", "lowerCurve", "curveScale", "reference", "band"] as const;
+const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lower", "upper", "target", "tolerance", "soft", "weight", "upperCurve", "lowerCurve", "curveScale", "reference", "band", "number"] as const;
 
 /** Whether something is said of a goal that its row has no place for. */
 const hasMore = ({ metric, target, tolerance, soft, weight }: Goal) => needsOf(metric) !== "" || target !== undefined || tolerance !== undefined || soft || weight !== undefined;

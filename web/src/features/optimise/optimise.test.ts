@@ -69,6 +69,12 @@ describe("everything that a request may hold", () => {
       { metric: "envelope", experiment: "step", output: "y", bounds: { upper: [[0, 1.1], [0.5, 1]], scale: 2 } },
       { metric: "sensitivity_bound", open_at: "e", bounds: { upper: { numerator: [1, 0], denominator: [1, 2] } } },
     ]));
+  it("a metric that takes a number is asked for with it", () =>
+    expect(bodyOf({ ...form, goals: [{ ...goal, metric: "recovery_time", number: 0.05 }, { ...goal, metric: "settling_time" }, { ...goal, metric: "overshoot", number: 3 }] }, "s", new Map([...domains, ["recovery_time", "time"], ["settling_time", "time"]])).goals).toEqual([
+      { metric: "recovery_time", experiment: "step", output: "y", sense: "minimize", recovery_band: 0.05 },
+      { metric: "settling_time", experiment: "step", output: "y", sense: "minimize" },
+      { metric: "overshoot", experiment: "step", output: "y", sense: "minimize" },
+    ]));
   it("ranges, draws, other structures, other methods, its turn", () =>
     expect(bodyOf({ ...form, scenarios: "", uncertain: [{ parameter: "m", lower: 1, upper: 2 }], draws: 256, across: "mean", structures: [{ id: "sys_2", name: "PD" }], others: ["global"], priority: "low", limit: 60, method: "grid", options: { points: [5, 7], sampling: "full" }, variables: [...form.variables, { parameter: "kd", chosen: "tied", expression: "=kp" }, { parameter: "ki", chosen: "range" }] }, "s", domains)).toMatchObject({
       uncertain: [{ parameter: "m", lower: 1, upper: 2 }],
@@ -139,6 +145,8 @@ describe("the form", () => {
     [{ weight: 0 }, ["weight: optimise.weightSign"]],
     [{ metric: "band_energy", band: [1, undefined] }, ["band: optimise.noBand"]],
     [{ metric: "tracking_error", reference: "0 1" }, ["reference: optimise.noCurve"]],
+    [{ metric: "recovery_time" }, ["number: optimise.noNumber"]],
+    [{ metric: "settling_time" }, []],
     [{ metric: "sensitivity_bound" }, ["upperCurve: optimise.noCurve"]],
     [{ metric: "sensitivity_bound", lowerCurve: "1: 2" }, ["lowerCurve: optimise.noCurve"]],
   ])("a goal with %j", (part, expected) => expect(faults({ goals: [{ ...goal, ...part }] })).toEqual(expected.map((fault) => `goals.0.${fault}`)));

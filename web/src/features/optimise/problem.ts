@@ -1,6 +1,6 @@
 import { readScenarios } from "@/shared/systems/scenarios";
 import { readCurve } from "./curves";
-import { needsOf, type Goal, type Search, type Structure, type Variable } from "./schema";
+import { needsOf, numberOf, type Goal, type Search, type Structure, type Variable } from "./schema";
 import { readParts, readRanges, WIRE } from "./structures";
 
 export interface Domains {
@@ -33,6 +33,8 @@ function placeOf(goal: Goal, domain: string | undefined, experiment: string): ob
 /** What a metric is held against besides bounds; what cannot be read has been told before. */
 function heldAgainst(goal: Goal): object {
   const needs = needsOf(goal.metric);
+  const number = numberOf(goal.metric);
+  if (number !== undefined) return said({ [number.field]: goal.number });
   if (needs === "band") return { band: goal.band };
   if (needs === "reference") return { reference: readCurve(goal.reference ?? "", "time") };
   if (needs === "") return {};

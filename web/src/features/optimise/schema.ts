@@ -36,6 +36,8 @@ export const shape = z.object({
       curveScale: maybe,
       reference: z.string().optional(),
       band: z.array(maybe).optional(),
+      /** The number that its metric takes: see `numberOf`. */
+      number: maybe,
     }),
   ),
   scenarios: z.string(),
@@ -68,6 +70,13 @@ export function needsOf(metric: string): "" | "band" | "reference" | "envelope" 
   return metric.endsWith("_bound") ? "magnitude" : "";
 }
 
+/** The field of the number that a metric takes, with its unit: "" is that of the output. */
+export function numberOf(metric: string): { field: "settling_band" | "recovery_band" | "noise_density"; unit: string; needed: boolean } | undefined {
+  if (metric === "settling_time") return { field: "settling_band", unit: "1", needed: false };
+  if (metric === "recovery_time") return { field: "recovery_band", unit: "", needed: true };
+  return metric === "noise_rms" ? { field: "noise_density", unit: "1", needed: true } : undefined;
+}
+
 const above = (lower: unknown, upper: unknown, same = false) => typeof lower === "number" && typeof upper === "number" && (same ? lower > upper : lower >= upper);
 
 /** What can be told before the service is asked. */
@@ -95,6 +104,7 @@ export const search = shape.superRefine((form, context) => {
     if (soft && !bounded) wrong(["goals", i, "soft"], "optimise.softWithout");
     if (weight !== undefined && !(weight > 0)) wrong(["goals", i, "weight"], "optimise.weightSign");
     if (needs === "band" && (band?.[0] === undefined || band[1] === undefined)) wrong(["goals", i, "band"], "optimise.noBand");
+    if (numberOf(metric)?.needed && goal.number === undefined) wrong(["goals", i, "number"], "optimise.noNumber");
     if (needs === "reference" && readCurve(reference ?? "", "time") === undefined) wrong(["goals", i, "reference"], "optimise.noCurve");
     if (needs === "envelope" || needs === "magnitude") {
       if (!upperCurve?.trim() && !lowerCurve?.trim()) wrong(["goals", i, "upperCurve"], "optimise.noCurve");
@@ -117,7 +127,7 @@ export const search = shape.superRefine((form, context) => {
 });
 
 const OF_VARIABLE = new Set(["parameter", "lower", "upper", "scale", "start", "choices", "expression"]);
-const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve" };
+const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve", settling_band: "number", recovery_band: "number", noise_density: "number" };
 const WHOLE: Record<string, string> = { scenarios: "scenarios", yield_samples: "draws", cross_check: "others", alternatives: "structures", across_scenarios: "across" };
 
 /** The field of the form that a place of the request belongs to; null for places that have none. `rows`: the row of each of its goals. */
