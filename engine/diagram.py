@@ -31,6 +31,7 @@ from engine.nonlinear.system import NonlinearSystem
 from engine.parameters import Param, ParameterInfo, Scalar
 from engine.rates import assemble_by_rates
 from engine.realize import Interconnection, Wiring
+from engine.references import References
 from engine.traced import Graph, Traced
 from engine.wires import LOOP, Opening, Wires
 
@@ -82,8 +83,10 @@ class Diagram:
         The document.
     inputs, outputs : tuple of str
         Names of the input blocks and of the declared outputs, in the order of the document.
-    input_roles, output_units : mapping of str to str
-        Role of each input ("reference" or "disturbance"); unit of each output, "" where it is not known.
+    output_units : mapping of str to str
+        Unit of each output, "" where it is not known.
+    references : References
+        What each output is compared with, and the roles of the inputs.
     parameters : mapping of str to ParameterInfo
         Every scalar by its path: ``kp``, ``motor.area``, ``inner.motor.area``. Entries of lists have no path.
     warnings : tuple of Remark
@@ -100,11 +103,11 @@ class Diagram:
         self.system = system
         self._wires = Wires(flat)
         self.inputs = self._wires.inputs
-        self.input_roles: Mapping[str, str] = {name: str(root.entries[name].role) for name in self.inputs}
         self.outputs = self._wires.outputs
         self.output_units: Mapping[str, str] = {
             name: scope.unit_of(block, port) or "" for name, (scope, block, port) in root.outputs.items()
         }
+        self.references = References.of(flat, self._wires.wiring(None), self.output_units)
         self._flat = flat
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)

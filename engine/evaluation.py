@@ -254,9 +254,10 @@ class Evaluation:
         self.output_index(output)
         y, final, verdict = response.output(output), response.finals[output], response.verdicts[output]
         start, end = _span(signals)
-        reference = _reference(self.diagram, signals)
-        error = y * -1.0
-        error_final = None if final is None else -final
+        reference = self.diagram.references.input_of(signals, output)
+        own = output in self.diagram.references.errors
+        error = y if own else y * -1.0
+        error_final = final if own or final is None else -final
         if reference is not None:
             error = response.outcome.input(self.input_index(reference)).minus(y)
             target = signals[reference].final()
@@ -339,8 +340,9 @@ class Evaluation:
         start, end = _span(signals)
         motions = self._motions(signals)
         y = error = error_final = incomplete = None
-        roles = self.diagram.input_roles
-        reference = next((k for k, name in enumerate(signals) if roles[name] == "reference"), None)
+        named = self.diagram.references.input_of(signals, output)
+        reference = None if named is None else list(signals).index(named)
+        own = output in self.diagram.references.errors
         trajectory, column = response.joint, response.columns.get(output, 0)
         too_short = duration is not None and trajectory is not None and trajectory.edges[-1, 0].real < duration
         if verdict is not Verdict.OK or (final is None and too_short):
@@ -349,13 +351,13 @@ class Evaluation:
                 incomplete = Absent(verdict=verdict, advice=_BEYOND_REACH.format(duration))
         if trajectory is not None:
             y = trajectory.output(column)
-            error = y * -1.0 if reference is None else trajectory.input(reference).minus(y)
+            error = trajectory.input(reference).minus(y) if reference is not None else y if own else y * -1.0
         if error is not None and verdict is Verdict.OK:
             target: Array | float | None = 0.0 if reference is None else list(signals.values())[reference].final()
             if motions and reference is not None and target is not None:
                 target = motions.finals()[:, reference]
             if final is not None and target is not None:
-                error_final = _without_rounding(target - final, y)
+                error_final = _without_rounding(final if own else target - final, y)
             elif y is not None and _has_settled(error, y):
                 error_final = error.values[-1, -1]
         return TimeSubject(
@@ -427,11 +429,6 @@ def _last_start(signals: Mapping[str, Signal]) -> Array:
     return np.array(
         [max((signal.breakpoints()[0] for signal in signals.values() if signal.breakpoints()), default=0.0)]
     )
-
-
-def _reference(diagram: Diagram, signals: Mapping[str, Signal]) -> str | None:
-    """Return the first of the commands that is a reference."""
-    return next((name for name in signals if diagram.input_roles[name] == "reference"), None)
 
 
 def _has_settled(error: Curve, y: Curve) -> bool:

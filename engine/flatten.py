@@ -99,7 +99,7 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
     except EngineError as error:
         raise error.of(path).within(*at) from None
     if block.kind == "input":
-        return Entry(ports=ports, role=sketch["role"])
+        return Entry(ports=ports, role=sketch["role"], role_given="role" in given)
     flat.blocks.append(FlatBlock.after(flat.blocks[-1] if flat.blocks else None, path=path, at=at, ports=ports))
     if flat.blocks[-1].first_output + len(ports.outputs) > MAX_PORTS:
         raise DiagramError(f"output ports of all blocks together must be at most {MAX_PORTS}, got more", at=at)

@@ -77,6 +77,16 @@ class MetricRequest:
         )
 
     @property
+    def compares(self) -> bool:
+        """Whether its metric is one of the error, reference minus output."""
+        metric = catalogue().get(self.metric)
+        return metric is not None and issubclass(metric, TimeMetric) and metric.of_the_error
+
+    def as_told(self, diagram: Diagram) -> bool:
+        """Return whether every evaluator knows what it means: an error is reference minus output, in one unit."""
+        return not (self.compares and self.signals) or diagram.references.plain(self.signals, str(self.output))
+
+    @property
     def opened_besides(self) -> bool:
         """Whether more is opened than the loop is cut at: then not the closed system must be stable, but one that is open there."""
         return isinstance(self.open_at, tuple)
@@ -201,7 +211,7 @@ def metric_named(name: str) -> type[Metric]:
 def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
     """Return one metric; ``together`` names, for each command, the outputs whose responses are computed with it."""
     metric = metric_named(request.metric)
-    lacking = _lacking(metric, request)
+    lacking = _lacking(metric, request) or _unlike(evaluation.diagram, request)
     if lacking:
         return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
     try:
@@ -261,6 +271,11 @@ def _lacking(metric: type[Metric], request: MetricRequest) -> str:
     return ""
 
 
+def _unlike(diagram: Diagram, request: MetricRequest) -> str:
+    """Return why an output cannot be compared with its reference, or an empty string."""
+    return diagram.references.unlike(request.signals, str(request.output)) if request.compares else ""
+
+
 def unit_of(diagram: Diagram, request: MetricRequest) -> str:
     """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
     metric = metric_named(request.metric)
@@ -284,13 +299,14 @@ def named_unit(diagram: Diagram, output: str | None) -> str:
 def measured_of(diagram: Diagram, request: MetricRequest, finding: Finding) -> Measured:
     """Return a finding as the user sees it: a number with its unit, or a verdict with advice."""
     unit = unit_of(diagram, request)
+    reference = diagram.references.said(request.signals, request.output) if request.compares else ""
     if isinstance(finding, Absent):
-        return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice)
+        return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice, reference=reference)
     value = float(np.ravel(finding.value)[0].real)
     if not np.isfinite(value):
         return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
     advice = _JUMPS if finding.one_sided else ""
     return Measured(
         value=value, unit=unit, verdict=finding.verdict, advice=advice, at=finding.at, doubt=finding.doubt,
-        settled_from=finding.settled_from,
+        settled_from=finding.settled_from, reference=reference,
     )  # fmt: skip

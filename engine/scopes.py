@@ -21,6 +21,7 @@ class Entry:
 
     ports: Ports
     role: str | None = None
+    role_given: bool = False
     number: int | None = None
     inner: Scope | None = None
 

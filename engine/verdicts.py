@@ -34,6 +34,7 @@ class Measured:
     frequency (rad/s) where it is found; ``advice`` is a sentence for the user.
     Where the output has not settled, ``settled_from`` is what was taken for where it settles,
     and ``doubt`` how far the rest may change the value (in its unit; None where that is not known).
+    ``reference`` is what an error compares the output with: an input, "0", or "itself" for an output that is the error.
     """
 
     value: float | None
@@ -43,3 +44,4 @@ class Measured:
     at: float | None = None
     doubt: float | None = None
     settled_from: str = ""
+    reference: str = ""

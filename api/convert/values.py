@@ -197,7 +197,7 @@ def number(value: float | None) -> float | None:
 
 
 def measured_to_wire(measured: Measured) -> dict[str, Any]:
-    """Return a metric as {"value", "unit", "verdict"[, "advice"][, "doubt", "settled_from"]}."""
+    """Return a metric as {"value", "unit", "verdict"[, "advice"][, "reference"][, "doubt", "settled_from"]}."""
     body: dict[str, Any] = {
         "value": number(measured.value),
         "unit": measured.unit,
@@ -205,6 +205,8 @@ def measured_to_wire(measured: Measured) -> dict[str, Any]:
     }
     if measured.advice:
         body["advice"] = measured.advice
+    if measured.reference:
+        body["reference"] = measured.reference
     if measured.settled_from:
         body |= {"doubt": number(measured.doubt), "settled_from": measured.settled_from}
     return body

@@ -104,7 +104,7 @@ class NonlinearBatch:
     ) -> None:
         self.requests = tuple(requests)
         self._diagram = diagram
-        self._experiments = _experiments(requests)
+        self._experiments = _experiments(diagram, requests)
         asked = {number for experiment in self._experiments for number in experiment.requests}
         self.measured = tuple(number in asked for number in range(len(self.requests)))
         if not asked:
@@ -295,8 +295,7 @@ class NonlinearBatch:
         return {output: replace(own, rest=rests[k], single=single) for k, (output, own) in enumerate(curves.items())}
 
     def _curves(self, experiment: Experiment, pieces: Pieces, marched: Marched, k: int, initial: Real) -> Curves:
-        roles = self._diagram.input_roles
-        reference = next((name for name in experiment.signals if roles[name] == "reference"), None)
+        reference = self._diagram.references.input_of(experiment.signals, self._diagram.outputs[self._outputs[k]])
         y = marched.values[k]
         curves = Curves(
             times=marched.times, values=y, slopes=marched.slopes[k], errors=np.empty((0, 2, 0)), start=experiment.begin,
@@ -331,10 +330,12 @@ class _Given:
         return _Given(points=self.points[rows], start=self.start[:, rows], once=self.once[:, rows])
 
 
-def _experiments(requests: Sequence[MetricRequest]) -> list[Experiment]:
+def _experiments(diagram: Diagram, requests: Sequence[MetricRequest]) -> list[Experiment]:
     """Return the experiments of the requests that can be read off curves."""
     found: dict[tuple[Any, ...], tuple[MetricRequest, list[int]]] = {}
     for number, request in enumerate(requests):
+        if not request.as_told(diagram):
+            continue
         if request.metric not in METRICS or not request.signals or request.output is None:
             continue
         if any(signal.impulse() for signal in request.signals.values()):

@@ -24,11 +24,16 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ports:
-    """Names of the inputs and outputs; a unit is None where it follows from what is connected."""
+    """Names of the inputs and outputs; a unit is None where it follows from what is connected.
+
+    ``loads`` are the inputs at which nothing but a load acts on a drive; ``input_units`` is empty where none is known.
+    """
 
     inputs: tuple[str, ...] = ("in",)
     outputs: tuple[str, ...] = ("out",)
     output_units: tuple[str | None, ...] = (None,)
+    loads: tuple[str, ...] = ()
+    input_units: tuple[str | None, ...] = ()
 
 
 def _no_delays() -> Array:

@@ -17,7 +17,10 @@ UNITS: Final = ("rad", "rad/s", "rad/s**2", "A", "N*m")
 
 def ports(command: str) -> Ports:
     """Return the command and the load torque; the motion, the current and the torque that it makes."""
-    return Ports(inputs=(command, "load_torque"), outputs=OUTPUTS, output_units=UNITS)
+    return Ports(
+        inputs=(command, "load_torque"), outputs=OUTPUTS, output_units=UNITS, loads=("load_torque",),
+        input_units=({"voltage": "V", "current": "A"}.get(command), "N*m"),
+    )  # fmt: skip
 
 
 def shaft(*, torque_constant: float, inertia: float, viscous_friction: float) -> tuple[Param, Param, Param]:

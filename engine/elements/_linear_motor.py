@@ -16,6 +16,8 @@ PORTS: Final = Ports(
     inputs=("flow", "force"),
     outputs=("position", "velocity", "acceleration", "pressure_difference"),
     output_units=("m", "m/s", "m/s**2", "Pa"),
+    loads=("force",),
+    input_units=("m**3/s", "N"),
 )
 
 

@@ -64,6 +64,8 @@ class HydraulicCylinder(NonlinearElement):
             inputs=("flow_a", "flow_b", "force"),
             outputs=("position", "velocity", "acceleration", "pressure_a", "pressure_b"),
             output_units=("m", "m/s", "m/s**2", "Pa", "Pa"),
+            loads=("force",),
+            input_units=("m**3/s", "m**3/s", "N"),
         )
 
     @classmethod

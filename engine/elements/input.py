@@ -19,7 +19,8 @@ class Input(Element):
     parameters = (
         Param(
             name="role", symbol="role", default="reference", shape="text", choices=("reference", "disturbance"),
-            doc="a reference is what the outputs are compared with; for a disturbance the wanted value is 0",
+            doc="a reference is what the outputs are compared with; for a disturbance the wanted value is 0. Where none is given, an "
+            "input that drives ports for loads only is a disturbance",
         ),
     )  # fmt: skip
 

@@ -64,6 +64,8 @@ class LinearHydraulicMotor(Element):
             inputs=symmetric.inputs,
             outputs=(*symmetric.outputs, "piston_pressure", "rod_pressure"),
             output_units=(*symmetric.output_units, "Pa", "Pa"),
+            loads=symmetric.loads,
+            input_units=symmetric.input_units,
         )
 
     @classmethod

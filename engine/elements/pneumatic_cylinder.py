@@ -89,6 +89,8 @@ class PneumaticCylinder(NonlinearElement):
             inputs=("command", "force"),
             outputs=("position", "velocity", "acceleration", "pressure_a", "pressure_b"),
             output_units=("m", "m/s", "m/s**2", "Pa", "Pa"),
+            loads=("force",),
+            input_units=(None, "N"),
         )
 
     @classmethod

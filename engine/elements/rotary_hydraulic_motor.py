@@ -54,6 +54,8 @@ class RotaryHydraulicMotor(Element):
             inputs=("flow", "load_torque"),
             outputs=("angle", "speed", "acceleration", "pressure_difference"),
             output_units=("rad", "rad/s", "rad/s**2", "Pa"),
+            loads=("load_torque",),
+            input_units=("m**3/s", "N*m"),
         )
 
     @classmethod

@@ -63,6 +63,8 @@ class TwoInertia(Element):
             inputs=("motor_torque", "load_torque"),
             outputs=(*(f"{side}_{name}" for side in ("motor", "load") for name in motion), "shaft_torque"),
             output_units=("rad", "rad/s", "rad/s**2", "rad", "rad/s", "rad/s**2", "N*m"),
+            loads=("load_torque",),
+            input_units=("N*m", "N*m"),
         )
 
     @classmethod

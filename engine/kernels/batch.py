@@ -125,6 +125,7 @@ class Batch:
         for index, request in enumerate(self.requests):
             if (
                 not request.usual
+                or not request.as_told(diagram)
                 or request.metric not in TIME_READINGS
                 or (command := _steps(request.signals, diagram)) is None
             ):
@@ -141,7 +142,11 @@ class Batch:
                 traces[trace] = len(wants)
                 wants.append(0)
                 references.append(
-                    sum(a for port, a in command.items() if diagram.input_roles[diagram.inputs[port]] == "reference")
+                    sum(
+                        a
+                        for port, a in command.items()
+                        if diagram.references.roles[diagram.inputs[port]] == "reference"
+                    )
                 )
             wants[traces[trace]] |= TIME_READINGS[request.metric]
             self._timed[index] = (traces[trace], request.metric)

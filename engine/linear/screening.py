@@ -112,7 +112,7 @@ class Screening:
         return found
 
     def _is_measurable(self, request: MetricRequest) -> bool:
-        if request.opened_besides:
+        if request.opened_besides or not request.as_told(self._diagram):
             return False
         if request.metric in LOOP_METRICS or request.metric in PATH_METRICS:
             return True
@@ -236,7 +236,7 @@ class Screening:
             key = (experiment, output, request.metric, request.mask, request.options)
             if key not in known:
                 command = self._commands[experiment]
-                roles = self._diagram.input_roles
+                roles = self._diagram.references.roles
                 reference = sum(
                     value
                     for name, value in zip(self._diagram.inputs, command, strict=True)

@@ -226,6 +226,8 @@ class TimeMetric(Metric):
     domain: ClassVar[Domain] = "time"
     of_the_end: ClassVar[bool] = False
     """It is relative to where the output settles: of a window in which it does not, it is told from the last value."""
+    of_the_error: ClassVar[bool] = False
+    """It compares the output with its reference."""
     of_the_window: ClassVar[bool] = False
     """It looks no further than the duration, where one is given; the others do so only where an output has not settled in it."""
 

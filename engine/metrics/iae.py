@@ -26,6 +26,7 @@ class Iae(TimeMetric):
     source: ClassVar[str] = "D. Graham, R. C. Lathrop, Trans. AIEE 72 (1953) 273-288"
     amplitude_power: ClassVar[int] = 1
     time_power: ClassVar[float] = 1
+    of_the_error: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

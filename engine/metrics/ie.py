@@ -28,6 +28,7 @@ class Ie(TimeMetric):
     source: ClassVar[str] = "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006, section 4.2"
     amplitude_power: ClassVar[int] = 1
     time_power: ClassVar[float] = 1
+    of_the_error: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

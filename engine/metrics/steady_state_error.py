@@ -28,6 +28,7 @@ class SteadyStateError(TimeMetric):
     source: ClassVar[str] = "K. Ogata, Modern Control Engineering, 5th ed., section 5-3"
     amplitude_power: ClassVar[int] = 1
     of_the_end: ClassVar[bool] = True
+    of_the_error: ClassVar[bool] = True
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -145,8 +145,7 @@ def _integrated(problem: Problem, index: int, goal: Goal) -> Ratio:
                 at=("experiments", number, "input"),
             )
         commands.append((port, float(signal.amplitude)))
-    roles = problem.diagram.input_roles
-    reference = next((port for port, _ in commands if roles[port] == "reference"), None)
+    reference = problem.diagram.references.input_of([port for port, _ in commands], goal.output)
     return Ratio(goal=index, response="integral", target=goal.output, commands=tuple(commands), reference=reference)
 
 

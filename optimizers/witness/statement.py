@@ -141,9 +141,10 @@ class _Bench:
         value = None
         if request.mask is not None:
             value = self._held(request, signals, settles=settles)
+        elif not request.as_told(self._diagram):
+            value = None
         elif name in timing.INTEGRALS:
-            roles = self._diagram.input_roles
-            reference = next((signal for port, signal in signals.items() if roles[port] == "reference"), None)
+            reference = signals.get(self._diagram.references.input_of(signals, request.output) or "")
             trace = self._trace(request, signals, request.duration)
             value = timing.error_integral(trace, name, reference, request.duration)
         elif name == "residual_vibration" and settles and None not in ends:

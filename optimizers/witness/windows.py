@@ -85,8 +85,9 @@ class Runs:
 
     def _read(self, request: MetricRequest, signals: Mapping[str, Signal], trace: Trace, until: float) -> float | None:
         name, mask = request.metric, request.mask
-        roles = self._diagram.input_roles
-        reference = next((signal for port, signal in signals.items() if roles[port] == "reference"), None)
+        if not request.as_told(self._diagram):
+            return None
+        reference = signals.get(self._diagram.references.input_of(signals, request.output) or "")
         ends = [signal.end() for signal in signals.values()]
         last = None if None in ends else max(float(end or 0.0) for end in ends)
         value = None

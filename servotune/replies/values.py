@@ -15,6 +15,7 @@ class Metric(TypedDict):
     at: NotRequired[float | None]
     doubt: NotRequired[float | None]
     settled_from: NotRequired[str | None]
+    reference: NotRequired[str | None]
 
 
 class Warned(TypedDict):

@@ -78,6 +78,11 @@ class MetricReply(Reply):
     settled_from: Literal["last_sample"] | None = Field(
         default=None, description="of `not_settled`: what was taken for where the output settles"
     )
+    reference: str | None = Field(
+        default=None,
+        description="of a metric of the error: the input that the output is compared with, `0` where none is a reference, "
+        "`itself` for an output that is the error",
+    )
 
 
 class Pole(Reply):

@@ -60,7 +60,7 @@ def test_what_is_known_of_a_diagram():
         )
     )
     assert diagram.inputs == ("command", "load")
-    assert diagram.input_roles == {"command": "reference", "load": "disturbance"}
+    assert diagram.references.roles == {"command": "reference", "load": "disturbance"}
     assert diagram.outputs == ("position", "pressure", "flow")
     assert diagram.output_units == {"position": "m", "pressure": "Pa", "flow": ""}
     assert diagram.warnings == ()
