@@ -99,7 +99,7 @@ class Follower:
                 self._settle(now)
                 times, dense, modes, now = self._smooth(now, end, relative, sizes)
                 later, self._equations.modes = self._equations.modes, modes
-                for a, b in pairwise(times):
+                for a, b in pairwise(sorted(set(times))):  # an event may take no time at all
                     instants = a + (b - a) * NODES
                     states = np.asarray(dense(instants)).T
                     largest = np.maximum(largest, np.abs(states).max(axis=0))

@@ -234,3 +234,36 @@ def test_no_optimum_on_an_incomplete_run(seed: int) -> None:
         assert "of 2 s" in found.goals[0].after.advice or found.goals[0].after.verdict is Verdict.ILL_POSED
         # what the grid had besides was no better: there is no whole run among its points
         assert not any(whole(run(diagram, float(b))) for b in found.map.axes["b"])
+
+
+def issued(part: Part, variable: str, lower: float, upper: float, duration: float) -> Problem:
+    """Return the search of one variable for the least error under a step."""
+    blocks, wires, output = part
+    diagram = compile_system(document({"r": block("input"), **blocks}, wires, {"y": output}))
+    return Problem(
+        diagram=diagram,
+        variables=(Variable(parameter=variable, lower=lower, upper=upper),),
+        experiments=(Experiment(name="step", signals=SIGNALS, duration=duration),),
+        goals=(Goal(metric="iae", experiment="step", output="y", sense=Sense.MINIMIZE),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "variable", "lower", "upper", "duration"),
+    [(semi_active, "law.on", 0.2, 1.0, 4.0), (hydraulic, "k.gain", 2e-3, 2e-2, 0.3)],
+)
+def test_switched_dampers_and_axes_that_stick(part, variable, lower, upper, duration):
+    """Where the best run is whole, a second integration finds the same; where none is, the result says when they end."""
+    problem = issued(part(np.random.default_rng(5)), variable, lower, upper, duration)
+    found = minimize("grid", problem, {"points": 3})
+    (proof,) = found.certificate.goals
+    for value, violation in zip(found.map.axes[variable], found.map.violation, strict=True):
+        run = Evaluation(problem.diagram, {variable: float(value)}).simulated(SIGNALS, duration)
+        assert (run.outcome.verdict is Verdict.OK) == (violation < 1.0)
+    if found.certificate.valid:
+        assert proof.independent is not None
+        assert abs(proof.independent - found.objective) <= proof.tolerance + 1e-9
+        assert proof.tolerance <= 1e-2 * found.objective
+    else:
+        assert found.status is Status.INFEASIBLE
+        assert f"of {duration:g} s" in found.goals[0].after.advice
