@@ -70,7 +70,7 @@ def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence
     positive = scan > limits
     best: Crossing | None = None
     for index in np.flatnonzero(positive.any(axis=1)):
-        place = int(np.argmax(positive[index]))
+        place = _passed(scan[index], int(np.argmax(positive[index])))
         if best is not None and _SCAN[max(place - 1, 0)] >= best.theta:
             continue
         theta = _root(nodes[index], scan[index], place)
@@ -79,8 +79,14 @@ def first_crossing(guards: Sequence[tuple[int, int, Real]], tolerances: Sequence
     return best
 
 
+def _passed(scan: Real, place: int) -> int:
+    """Return the scan point behind the one at which a guard, positive at ``place``, was last below 0; ``place`` where it never was."""
+    below = np.flatnonzero(scan[:place] < 0.0)
+    return int(below[-1]) + 1 if len(below) else place
+
+
 def _root(nodes: Real, scan: Real, place: int) -> float:
-    """Return where the polynomial passes 0 before scan point ``place``, where it is positive."""
+    """Return where the polynomial passes 0 before scan point ``place``, where it is not below 0."""
     from scipy.optimize import brentq  # noqa: PLC0415 - a fifth of a second
 
     if place == 0:
@@ -103,5 +109,5 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
 
         return float(brentq(rest, 0.0, high, xtol=1e-16, rtol=1e-15)) if rest(high) > 0.0 else low
     if value(low) >= 0.0 or value(high) <= 0.0:
-        return low
+        return low if value(low) >= 0.0 else high
     return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))

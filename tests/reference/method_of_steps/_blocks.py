@@ -1,11 +1,11 @@
-"""Blocks for :mod:`tests.support.event_driven`, each from its textbook equations, in plain numbers."""
+"""Blocks for :mod:`tests.reference.method_of_steps._steps`, each from its textbook equations, in plain numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from tests.support.event_driven import Block
+from tests.reference.method_of_steps._steps import Block
 
 Numbers = Sequence[float]
 
