@@ -130,16 +130,16 @@ def test_many_candidates_are_screened_to_the_same(unsettled):
 
 
 def test_a_stuck_axis_has_settled():
-    """1 N against 5 N of dry friction."""
+    """1 N against 5 N of dry friction: a force is a disturbance of a position, which no force is compared with."""
     blocks = {
-        "r": block("input"), "n": block("sum", signs="+-"), "f": block("friction", coulomb=5.0),
+        "r": block("input", role="disturbance"), "n": block("sum", signs="+-"), "f": block("friction", coulomb=5.0),
         "m": block("mass_spring_damper", mass=1.0, stiffness=0.0, damping=0.0),
     }  # fmt: skip
     made = compile_system(
         document(blocks, ["r -> n.in1", "f -> n.in2", "n -> m", "m.velocity -> f"], {"y": "m.position"})
     )
     metrics = simulate(made, signals=STEP, duration=1.0).metrics["y"]
-    assert metrics["steady_state_error"].value == 1.0
+    assert metrics["steady_state_error"].value == 0.0
     assert metrics["steady_state_error"].verdict is Verdict.OK
     assert {m.verdict for m in metrics.values()} <= {
         Verdict.OK,
