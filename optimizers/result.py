@@ -129,6 +129,20 @@ class Yield:
     unstable: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """One variable at another ``value``, all others at the optimum.
+
+    ``values`` are those of the goals, each in the scenario that serves it worst there (None without a value, infinite where
+    never crossed); ``objective`` (NaN where a goal has no value) and ``violation`` are those of the problem.
+    """
+
+    value: float
+    values: tuple[float | None, ...]
+    objective: float
+    violation: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
     """The best point with everything that a user needs to trust it; ``goals`` in the order of the problem.
@@ -136,6 +150,7 @@ class Result:
     ``objective`` is its exact value at the best point, NaN where a metric has none. ``conflict`` names by index the goals that
     fight each other at the point that breaks them least, each with its share in the fight. ``bound`` is an objective that no
     choice can beat, where a method knows one. ``scenario_names`` are those of the problem, none where it has none.
+    ``moves`` tell for each variable what becomes of the goals a little ``down`` and ``up``, None where a bound is in the way.
     """
 
     status: Status
@@ -156,6 +171,7 @@ class Result:
     robustness: Robustness | None = None
     expected: Yield | None = None
     scenario_names: tuple[str | None, ...] = ()
+    moves: Mapping[str, Mapping[str, Move | None]] = field(default_factory=dict)
 
 
 class Monitor(Protocol):

@@ -22,6 +22,7 @@ from optimizers.evaluate import Evaluator
 from optimizers.expectation import expected
 from optimizers.limits import Limited
 from optimizers.measuring import measured
+from optimizers.moved import with_moves
 from optimizers.neighbours import settle
 from optimizers.problem import Problem, ProblemError
 from optimizers.result import Gap, Monitor, Result, Share, Unwatched
@@ -114,6 +115,7 @@ def solve(
     check_request(problem, checks=checks, samples=samples)
     parts = 1 + len(checks)
     result = watch.told(_solved(kind, problem, options or {}, Share(watch, 0.0, 0.9 / parts)))
+    result = with_moves(problem, result, watch)
     if checks and not watch.cancelled():
         gaps = []
         for number, other in enumerate(checks, start=1):

@@ -28,6 +28,7 @@ def result_to_wire(
         **summary_to_wire(result, goals),
         "curves": dict(curves),
         "elasticities": _elasticities(goals, result.goals),
+        "sensitivity": _moves(result),
         "conflict": [{"goal": goal, "share": number(share)} for goal, share in result.conflict.items()],
         "bound": number(result.bound),
         "history": [
@@ -95,6 +96,24 @@ def _goal_report(goal: GoalDocument, report: GoalReport, names: Sequence[str | N
         "active": report.active,
         "multiplier": number(report.multiplier),
         "elasticities": {name: number(value) for name, value in report.elasticities.items()},
+    }
+
+
+def _moves(result: Result) -> dict[str, Any]:
+    """Return what becomes of the goals when a variable moves a little."""
+    return {
+        parameter: {
+            side: None
+            if move is None
+            else {
+                "value": move.value,
+                "objective": number(move.objective),
+                "violation": number(move.violation),
+                "goals": [number(value) for value in move.values],
+            }
+            for side, move in sides.items()
+        }
+        for parameter, sides in result.moves.items()
     }
 
 

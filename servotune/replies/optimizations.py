@@ -92,6 +92,15 @@ class Share(TypedDict):
     failures: list[dict[str, int]]
 
 
+class Move(TypedDict):
+    """A variable at a value a little away from the optimum, and what becomes of the goals there (in their order, SI)."""
+
+    value: float
+    objective: float | None
+    violation: float | None
+    goals: list[float | None]
+
+
 class Alternative(TypedDict):
     """How the optimisation of one structure ended."""
 
@@ -136,6 +145,7 @@ class Optimization(_Extras):
     certificate: Certificate
     curves: dict[str, Any]
     elasticities: dict[str, Any]
+    sensitivity: NotRequired[dict[str, dict[str, Move | None]]]
     history: list[Evaluated]
     evaluations: int
     seconds: float

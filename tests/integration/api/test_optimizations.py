@@ -242,6 +242,9 @@ def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) ->
     # ζ = c / (2 √(m k)) is least for the largest mass
     assert (result["goals"][0]["scenario"], result["goals"][0]["scenario_name"]) == (1, "heavy")
     assert result["certificate"]["goals"][0]["scenario_name"] == "heavy"
+    moved = result["sensitivity"]["c"]["down"]
+    assert moved["value"] == pytest.approx(0.99 * result["best"]["c"], rel=1e-9)
+    assert moved["goals"][0] > result["goals"][0]["after"]["value"]
 
 
 @pytest.mark.parametrize(
