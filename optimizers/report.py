@@ -19,6 +19,7 @@ from scipy.optimize import nnls
 from engine.verdicts import Measured, Verdict
 from optimizers.certificate import TOLERANCE, Certificate, certify, disagreement, worst_scenario
 from optimizers.compared import exactly, number_of
+from optimizers.effort import Stage, during
 from optimizers.evaluate import Evaluator, Local, Matrix
 from optimizers.excess import signed_excess
 from optimizers.problem import Goal, Problem, Vector
@@ -60,12 +61,13 @@ def conclude(
     problem = evaluator.problem
     best = problem.values(position)
     names = [axis.parameter for axis in problem.axes]
-    found = evaluator.exact(best)
+    with during(Stage.CERTIFICATE):
+        found = evaluator.exact(best)
+        certificate = certify(problem, best)
     rows = [[measured for measured, _ in row] for row in found]
     shown = np.array(
         [[np.full(len(names), np.nan) if gradient is None else gradient.values for _, gradient in row] for row in found]
     )
-    certificate = certify(problem, best)
     values, slopes = exactly(problem.goals, found, len(names))
     by_position = slopes * np.array([axis.slope(best[axis.parameter]) for axis in problem.axes])
     local = Local(values=values, slopes=np.where(np.isfinite(by_position), by_position, 0.0))

@@ -151,6 +151,7 @@ class Result:
     fight each other at the point that breaks them least, each with its share in the fight. ``bound`` is an objective that no
     choice can beat, where a method knows one. ``scenario_names`` are those of the problem, none where it has none.
     ``moves`` tell for each variable what becomes of the goals a little ``down`` and ``up``, None where a bound is in the way.
+    ``seconds`` is the wall time of everything that led to it; ``effort`` tells it by stage, with the processor time.
     """
 
     status: Status
@@ -172,6 +173,7 @@ class Result:
     expected: Yield | None = None
     scenario_names: tuple[str | None, ...] = ()
     moves: Mapping[str, Mapping[str, Move | None]] = field(default_factory=dict)
+    effort: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 class Monitor(Protocol):

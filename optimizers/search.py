@@ -21,6 +21,7 @@ from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
 from optimizers.certificate import TOLERANCE
+from optimizers.effort import Stage, during
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
 from optimizers.excess import BROKEN, excess, excess_slopes
 from optimizers.problem import Vector
@@ -78,7 +79,8 @@ class Tracker:
         if self.evaluator.evaluations + len(positions) > self.budget:
             raise Stopped(cancelled=False)
         before = self.evaluator.evaluations
-        found = self.evaluator.assess(positions, roughly=roughly)
+        with during(Stage.SCREENING):
+            found = self.evaluator.assess(positions, roughly=roughly)
         index = self._first_refuted(positions, found, roughly=roughly)
         while index is not None:
             found.objective[index], found.violation[index] = np.nan, BROKEN
@@ -109,7 +111,8 @@ class Tracker:
             raise Stopped(cancelled=True)
         if self.evaluator.evaluations >= self.budget:
             raise Stopped(cancelled=False)
-        found = self.evaluator.local(position)
+        with during(Stage.REFINING):
+            found = self.evaluator.local(position)
         if found is not None:
             objective = float(self.evaluator.objectives(found.values).max())
             self.offer(position, objective, float(self.evaluator.violations(found.values, self.margins).max()))

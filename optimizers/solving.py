@@ -18,6 +18,7 @@ from engine.verdicts import Verdict
 from optimizers import methods
 from optimizers.certificate import TOLERANCE
 from optimizers.compared import numbers_of
+from optimizers.effort import metered, seconds_of
 from optimizers.evaluate import Evaluator
 from optimizers.expectation import expected
 from optimizers.limits import Limited
@@ -110,7 +111,22 @@ def solve(
     ProblemError
         An unknown method or option, a goal that does not exist under its experiment, a yield without uncertain parameters.
     """
-    watch = Limited(monitor or Unwatched(), _time_of(options, seconds))
+    with metered() as effort:
+        watch = Limited(monitor or Unwatched(), _time_of(options, seconds))
+        result = _whole(kind, problem, options, watch, checks=checks, samples=samples)
+        spent = effort.spent()
+        return replace(result, seconds=seconds_of(spent), effort=spent)
+
+
+def _whole(
+    kind: str,
+    problem: Problem,
+    options: Mapping[str, Any] | None,
+    watch: Limited,
+    *,
+    checks: Sequence[str],
+    samples: int,
+) -> Result:
     check_applicable(problem)
     check_request(problem, checks=checks, samples=samples)
     parts = 1 + len(checks)

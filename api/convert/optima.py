@@ -42,6 +42,7 @@ def result_to_wire(
         ],
         "evaluations": result.evaluations,
         "seconds": result.seconds,
+        "effort": {stage: dict(spent) for stage, spent in result.effort.items()},
         "system": system,
         "warnings": [*warnings, *({"pointer": "", "detail": detail} for detail in result.warnings)],
     }

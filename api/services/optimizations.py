@@ -27,6 +27,7 @@ from api.services.systems import Subject, compiled, document_of, subject_of
 from engine.errors import EngineError
 from engine.study import simulate
 from optimizers import methods
+from optimizers.effort import metered, seconds_of
 from optimizers.expectation import expected
 from optimizers.limits import Limited
 from optimizers.problem import Problem
@@ -170,6 +171,25 @@ def run(
     seconds : float, optional
         How long it may take: a search that does not end before is stopped, and its best point is the result.
     """
+    with metered() as effort:
+        for part in parts.values():
+            effort.add(part.get("effort") or part.get("result", {}).get("effort", {}))
+        found = _computed(body, database=database, workspace=workspace, monitor=monitor, parts=parts, seconds=seconds)
+        if isinstance(found, Parts):
+            return found
+        spent = effort.spent()
+        return {**found, "seconds": seconds_of(spent), "effort": spent}
+
+
+def _computed(
+    body: Mapping[str, Any],
+    *,
+    database: Database,
+    workspace: str,
+    monitor: Monitor,
+    parts: Mapping[int, Mapping[str, Any]],
+    seconds: float | None,
+) -> dict[str, Any] | Parts:
     finished = spreading.with_yield(parts)
     if finished is not None:
         return finished

@@ -149,5 +149,6 @@ class Optimization(_Extras):
     history: list[Evaluated]
     evaluations: int
     seconds: float
+    effort: NotRequired[dict[str, dict[str, float]]]
     map: NotRequired[Map | None]
     system: dict[str, Any]

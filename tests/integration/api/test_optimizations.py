@@ -239,6 +239,7 @@ def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) ->
     result = client.get(finished(client, accepted.json(), within=60)["result"]).json()
     assert result["status"] == "converged"
     assert "was chosen because" in result["advice"]
+    assert result["seconds"] == pytest.approx(sum(spent["seconds"] for spent in result["effort"].values()))
     # ζ = c / (2 √(m k)) is least for the largest mass
     assert (result["goals"][0]["scenario"], result["goals"][0]["scenario_name"]) == (1, "heavy")
     assert result["certificate"]["goals"][0]["scenario_name"] == "heavy"
