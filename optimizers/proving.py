@@ -6,6 +6,7 @@ import numpy as np
 
 from optimizers.bundle import Polish
 from optimizers.certificate import certificate_of
+from optimizers.companion import descend_beside
 from optimizers.compared import exactly
 from optimizers.evaluate import Evaluator, Local
 from optimizers.problem import Vector
@@ -29,6 +30,8 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
         When cancelled or out of budget.
     """
     problem = tracker.evaluator.problem
+    if tracker.best is not None and tracker.rank[0] == 0:
+        descend_beside(tracker, tracker.best, evaluations=_EVALUATIONS)
     _mistrust(tracker, margins)
     for _ in range(_ROUNDS):
         if tracker.best is None or tracker.rank[0] > 0:
@@ -78,6 +81,7 @@ def _mistrust(tracker: Tracker, margins: Vector) -> None:
     exactly.evaluations = tracker.evaluator.evaluations
     tracker.evaluator, fast = exactly, tracker.evaluator
     try:
+        descend_beside(tracker, start, evaluations=_EVALUATIONS)
         Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
         Polish(tracker, margins).run(start if tracker.best is None else tracker.best, evaluations=_EVALUATIONS)
     finally:

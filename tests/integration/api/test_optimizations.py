@@ -231,7 +231,10 @@ def test_a_search_that_would_take_longer_returns_its_best_point_when_its_time_is
 
 
 def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) -> None:
-    goals = [{"metric": "overshoot", "experiment": "step", "output": "x", "upper": 0.04}]
+    goals = [
+        {"metric": "overshoot", "experiment": "step", "output": "x", "upper": 0.04},
+        {"metric": "bandwidth", "from": "force", "to": "x", "lower": 0.3},
+    ]
     scenarios = [{}, {"name": "heavy", "parameters": {"m": {"value": 2000, "unit": "g"}}}]
     body = {key: value for key, value in REQUEST.items() if key != "method"}
     accepted = client.post("/v1/optimizations", json=body | {"goals": goals, "scenarios": scenarios})
