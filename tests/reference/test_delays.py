@@ -10,6 +10,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from engine.diagram import Diagram
@@ -240,11 +241,18 @@ def test_every_crossing_down_to_the_cut_is_listed(delay: float) -> None:
         assert value == pytest.approx(margin, rel=1e-9)
 
 
-def test_a_margin_beyond_the_cut_is_not_called_infinite() -> None:
-    # e^{-1e-4 s}/(2 s (s+1)) crosses -180 degrees near 100 rad/s, where |L| is 5e-5
+def test_a_faint_crossing_gives_the_margin() -> None:
+    # e^{-1e-4 s}/(2 s (s+1)) crosses -180 degrees where atan(w) + 1e-4 w = pi/2; |L| is 5e-5 there
+    omega = brentq(lambda w: math.atan(w) + 1e-4 * w - math.pi / 2, 1.0, 1e3, xtol=1e-14, rtol=1e-15)
     margin = frequency_response(loop(1e-4, [0.5], [1, 1, 0]), open_at="e").metrics["gain_margin"]
+    assert margin.value == pytest.approx(2 * omega * math.hypot(1.0, omega), rel=1e-9)
+
+
+def test_a_margin_beyond_the_cut_is_not_called_infinite() -> None:
+    # with a delay of 1e-12 s the crossing lies near 1e6 rad/s, where |L| is 5e-13
+    margin = frequency_response(loop(1e-12, [0.5], [1, 1, 0]), open_at="e").metrics["gain_margin"]
     assert (margin.value, margin.verdict) == (None, Verdict.NEVER_CROSSES)
-    assert "0.001" in margin.advice
+    assert "1e-09" in margin.advice
     assert "infinite" not in margin.advice
 
 

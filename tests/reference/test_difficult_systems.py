@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from engine.diagram import Diagram
+from engine.metric_options import Options
 from engine.metrics import catalogue
 from engine.study import MetricRequest, frequency_response, measure, simulate
 from engine.verdicts import Verdict
@@ -173,7 +174,9 @@ def requests() -> dict[str, MetricRequest]:
         if metric.domain == "loop":
             found[name] = MetricRequest(metric=name, open_at="error")
         elif metric.domain == "path":
-            found[name] = MetricRequest(metric=name, source="reference", target="position")
+            found[name] = MetricRequest(
+                metric=name, source="reference", target="position", options=Options(noise_density=1.0)
+            )
         elif metric.domain == "system":
             found[name] = MetricRequest(metric=name)
     return found
