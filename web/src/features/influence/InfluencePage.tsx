@@ -10,7 +10,8 @@ import { describedQuery } from "@/shared/systems/described";
 import { loopsOf } from "@/shared/systems/loops";
 import { firstSliders } from "@/shared/systems/movable";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { formatMetric, formatNumber, words } from "@/shared/units/format";
+import { MetricValue } from "@/shared/ui/MetricValue";
+import { formatNumber, words } from "@/shared/units/format";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import classes from "./InfluencePage.module.css";
 import { barsOf, changeIn, columnIn, sizeOf } from "./table";
@@ -120,7 +121,6 @@ export function InfluencePage() {
                 <Table.Tbody>
                   {metrics.map((metric) => {
                     const base = study.data.base[metric];
-                    const shown = base?.value != null ? formatMetric(metric, base.value, base.unit) : null;
                     return (
                       <Table.Tr key={metric} data-chosen={column === null && metric === chosen} className={classes.row}>
                         <Table.Td>
@@ -129,7 +129,7 @@ export function InfluencePage() {
                           </UnstyledButton>
                         </Table.Td>
                         <Table.Td ta="right" className={`numbers ${classes.whole}`} title={base?.advice ?? undefined}>
-                          {shown ? `${shown.text} ${shown.unit}` : t(`verdicts.${base?.verdict ?? "ok"}`, base?.verdict ?? "")}
+                          {base && <MetricValue kind={metric} metric={base} />}
                         </Table.Td>
                         {parameters.map((name) => {
                           const v = value(metric, name);

@@ -2,7 +2,8 @@ import { Badge, Group, Text, Tooltip, UnstyledButton } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { Busy } from "@/shared/ui/Busy";
-import { formatMetric, formatNumber } from "@/shared/units/format";
+import { MetricValue } from "@/shared/ui/MetricValue";
+import { formatNumber } from "@/shared/units/format";
 import { holds, type PanelGoal } from "./goals";
 import classes from "./MetricStrip.module.css";
 
@@ -24,7 +25,6 @@ export function MetricStrip({ names, current, reference, stale, selected, goals,
     <Group gap={6} role="group" aria-label={t("panel.metrics")} data-testid="metrics" data-stale={stale} className={classes.strip}>
       {names.map((name) => {
         const metric = current[name];
-        const shown = metric?.value != null ? formatMetric(name, isNoise(name, metric.value, current) ? 0 : metric.value, metric.unit) : null;
         const before = reference?.[name]?.value;
         const goal = goals.find((one) => one.metric === name);
         const met = goal ? holds(goal, metric?.value) : null;
@@ -41,10 +41,8 @@ export function MetricStrip({ names, current, reference, stale, selected, goals,
                 )}
               </Text>
               <Text span className="numbers" fz="sm" fw={600} data-metric={name}>
-                {shown ? (
-                  <>
-                    {shown.text} {shown.unit}
-                  </>
+                {metric?.value != null ? (
+                  <MetricValue kind={name} metric={isNoise(name, metric.value, current) ? { ...metric, value: 0 } : metric} />
                 ) : metric ? (
                   <Badge variant="outline" color="orange" size="sm" tt="none" autoContrast>
                     {t(`verdicts.${metric.verdict}`, metric.verdict)}

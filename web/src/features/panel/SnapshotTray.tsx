@@ -3,7 +3,8 @@ import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { LiveParameter } from "@/shared/live/protocol";
 import type { Metric } from "@/shared/api/types";
-import { formatMetric, withUnit, words } from "@/shared/units/format";
+import { MetricValue } from "@/shared/ui/MetricValue";
+import { withUnit, words } from "@/shared/units/format";
 import type { Snapshot } from "./state";
 import classes from "./CompareBar.module.css";
 
@@ -81,10 +82,9 @@ export function SnapshotTray({ snapshots, parameters, values, metrics, measured,
                   <Table.Th scope="row">{t(`metrics.${metric}`, words(metric))}</Table.Th>
                   {columns.map((column) => {
                     const found = measured.find((one) => one.label === column.label)?.metrics?.[metric];
-                    const text = found?.value != null ? formatMetric(metric, found.value, found.unit) : null;
                     return (
                       <Table.Td key={column.label} ta="right" className="numbers">
-                        {text ? `${text.text} ${text.unit}` : found ? t(`verdicts.${found.verdict}`, found.verdict) : "…"}
+                        {found ? <MetricValue kind={metric} metric={found} /> : "…"}
                       </Table.Td>
                     );
                   })}

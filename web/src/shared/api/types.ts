@@ -39,5 +39,7 @@ export interface Metric {
   value: number | null;
   unit: string;
   verdict: string;
-  advice?: string;
+  advice?: string | null;
+  /** How far the value may still change where the response had not settled. */
+  doubt?: number | null;
 }

@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
 import { Chart } from "@/shared/charts/Chart";
 import { axisOf, inks } from "@/shared/charts/inks";
+import { MetricValue } from "@/shared/ui/MetricValue";
 import { formatMetric, formatNumber, named, withUnit, words } from "@/shared/units/format";
 import type { FrontPoint, GoalResult } from "../results";
 import { placeIn, placesIn, useLook } from "./look";
@@ -117,14 +118,11 @@ export function FrontView({ front, goals, variables, knee, units, selected, onSe
                     {k === knee ? " ▲" : ""}
                   </UnstyledButton>
                 </Table.Td>
-                {point.goals.map((value, i) => {
-                  const text = value.value === null ? null : formatMetric(goals[i]?.metric ?? "", value.value, value.unit);
-                  return (
-                    <Table.Td key={i} ta="right" className="numbers">
-                      {text ? `${text.text} ${text.unit}` : t(`verdicts.${value.verdict}`, value.verdict)}
-                    </Table.Td>
-                  );
-                })}
+                {point.goals.map((value, i) => (
+                  <Table.Td key={i} ta="right" className="numbers">
+                    <MetricValue kind={goals[i]?.metric ?? ""} metric={value} />
+                  </Table.Td>
+                ))}
                 {variables.map((name) => (
                   <Table.Td key={name} ta="right" className="numbers">
                     {withUnit(point.parameters[name] ?? NaN, units.get(name) ?? "")}

@@ -1,7 +1,8 @@
 import { Table } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Metric } from "@/shared/api/types";
-import { formatMetric, words } from "@/shared/units/format";
+import { MetricValue } from "@/shared/ui/MetricValue";
+import { words } from "@/shared/units/format";
 import type { GoalResult } from "../results";
 
 interface Props {
@@ -13,12 +14,7 @@ interface Props {
 /** Every goal before and after, and at the step that is looked at. */
 export function GoalTable({ goals, between }: Props) {
   const { t } = useTranslation();
-  const shown = (metric: string, found: Metric | null | undefined) => {
-    if (!found) return "–";
-    if (found.value === null) return t(`verdicts.${found.verdict}`, found.verdict);
-    const text = formatMetric(metric, found.value, found.unit);
-    return `${text.text} ${text.unit}`;
-  };
+  const shown = (metric: string, found: Metric | null | undefined) => (found ? <MetricValue kind={metric} metric={found} /> : "–");
   return (
     <Table.ScrollContainer minWidth={520}>
       <Table maw={960} data-testid="goals">
