@@ -1,0 +1,1 @@
+"""Optima against published ones, closed forms and independent searches."""
