@@ -35,6 +35,7 @@ SMALLEST_LOOP_GAIN = 1e-3
 _STRAIGHT = 0.01
 _NEAR = 0.03
 """Part of the magnitude within which a curve that is so straight may touch a level between two points of its scan."""
+_ROUNDING = 1e-12
 _SILENT = 1e-100  # below, the curve of many lags in a row is rounding, and then 0
 _MOST_POINTS = 40_000
 _FEW_STATES = 40
@@ -379,8 +380,10 @@ class FrequencyResponse:
             return np.asarray(shape(g.real, g.imag) - base)
 
         found = roots(height, omega[where], omega[where + 1])
-        # at a pole on the axis the sign changes through infinity
-        passes = np.abs(height(found)) <= np.minimum(np.abs(level_of[where]), np.abs(level_of[where + 1]))
+        # at a pole on the axis the sign changes through infinity; a neighbour on the level itself is as near as rounding
+        sides = np.minimum(np.abs(level_of[where]), np.abs(level_of[where + 1]))
+        size = np.minimum(magnitude[where], magnitude[where + 1])
+        passes = np.abs(height(found)) <= np.maximum(sides, _ROUNDING * np.maximum(size, size * size))
         found = found[passes]
         return [self._moving(shape, float(root), level) for root in found]
 

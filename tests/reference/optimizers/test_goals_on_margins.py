@@ -15,6 +15,9 @@ import pytest
 
 from engine.diagram import Diagram
 from engine.signals import make
+from engine.study import MetricRequest, measure
+from engine.verdicts import Verdict
+from optimizers.certificate import certify
 from optimizers.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
@@ -179,3 +182,17 @@ def test_damping_bounds_the_gain_from_above() -> None:
     damped = Goal(metric="damping_ratio", lower=0.7)
     result = solved(servo(), Variable(parameter="kp", lower=0.05, upper=10.0), most, damped)
     assert result.best["kp"] == pytest.approx(1 / 0.49, rel=1e-5)
+
+
+def test_a_loop_on_the_stability_limit_has_no_margin_left() -> None:
+    # kp = 1: s³ + s² + 4 s + 4 = (s² + 4)(s + 1), the limit exactly, at a frequency that is looked at
+    wanted = [
+        MetricRequest(metric=name, open_at="error") for name in ("gain_margin", "gain_margin_up", "gain_margin_down")
+    ]
+    for found, _ in measure(conditionally_stable(), wanted, overrides={"kp": 1.0}):
+        assert found.value == pytest.approx(1.0, abs=1e-12)
+        assert found.verdict is Verdict.MARGINAL
+    made = Problem(
+        diagram=conditionally_stable(), variables=(KP,), goals=(margin(lower=3.0), margin(sense=Sense.MAXIMIZE))
+    )
+    assert certify(made, {"kp": 1.0}).worst_violation == pytest.approx(2 / 3)
