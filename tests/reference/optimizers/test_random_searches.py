@@ -35,7 +35,7 @@ def test_no_search_is_worse_than_an_independent_one(seed: int) -> None:
     if feasible:
         assert excess <= BEYOND
     if feasible and broken <= BEYOND:
-        assert objective <= known + WORSE * abs(known), gains
+        assert objective <= known or objective - known <= WORSE * abs(known), gains  # both may be infinite
 
 
 def test_the_judge_sees_a_worse_point_and_a_broken_bound() -> None:
