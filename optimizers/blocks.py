@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from optimizers.evaluate import Assessment, Matrix
 from optimizers.search import Tracker
 
-_FIRST, _FIRST_SIMULATED = 128, 8
+_FIRST, _FIRST_SIMULATED = 128, 1
 """Points of the first block, and where each is simulated by itself: there a single one may take a second."""
 _LARGEST = 16_384
 _SHORT, _LONG = 0.15, 0.4
