@@ -14,7 +14,7 @@ from typing import Any
 
 IGNORED = frozenset(
     {
-        "id", "identification", "dataset", "system", "created_at", "started_at", "finished_at", "seconds", "versions",
+        "id", "identification", "dataset", "system", "created_at", "started_at", "finished_at", "seconds", "effort", "versions",
         "warnings", "request", "document",
     }
 )  # fmt: skip

@@ -232,7 +232,6 @@ WRONG = {
     "log scale through 0": (variable(lower=0, upper=1, scale="log"), "/variables/0/lower"),
     "variable twice": ({"variables": [{"parameter": "kp"}, {"parameter": "kp"}]}, "/variables/1"),
     "no goals": ({"goals": []}, "/goals"),
-    "no objective": ({"goals": [OPTIMIZATION["goals"][1]]}, "/goals"),
     "too many goals": ({"goals": OPTIMIZATION["goals"] * 51}, "/goals"),
     "unknown metric": (goal(metric="beauty"), "/goals/0/metric"),
     "unknown experiment": (goal(experiment="ghost"), "/goals/0/experiment"),
