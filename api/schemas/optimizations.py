@@ -213,5 +213,6 @@ class OptimizationRequest(Document):
         max_length=50,
         description="structures to be compared; the best one's result is returned",
     )
-    method: MethodDocument = Field(default={"kind": "auto"}, validate_default=True)
+    # made by a function, because generators of clients do not know a default that is an object
+    method: MethodDocument = Field(default_factory=lambda: {"kind": "auto"}, validate_default=True)
     queue: QueueDocument | None = None
