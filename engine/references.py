@@ -40,7 +40,7 @@ class References:
             signal = seen.first_input + wiring.inputs.index(name)
             entry = flat.root.entries[name]
             roles[name] = str(entry.role)
-            if not entry.role_given and seen.consumers(signal) and seen.loads_only(signal, frozenset()):
+            if not entry.role_given and seen.consumers(signal) and seen.loads_only(signal):
                 roles[name] = "disturbance"
             units[name] = seen.unit(signal)
         commands = {seen.first_input + k for k, name in enumerate(wiring.inputs) if roles[name] == "reference"}
@@ -93,17 +93,22 @@ class _Seen:
         """Return (block, number of its input) of all that a signal drives."""
         return self._consumers.get(signal, [])
 
-    def loads_only(self, signal: int, before: frozenset[int]) -> bool:
-        """Return whether all ways of a signal end in ports for loads."""
-        for number, k in self.consumers(signal):
-            block = self._flat.blocks[number]
-            if block.ports.inputs[k] in block.ports.loads:
-                continue
-            made = [block.first_output + j for j in range(len(block.ports.outputs))]
-            if not made or number in before:
+    def loads_only(self, signal: int) -> bool:
+        """Return whether all ways of a signal end in ports for loads; ways that meet again, as in a loop, do not."""
+        waiting, seen = [signal], {signal}
+        while waiting:
+            driven = self.consumers(own := waiting.pop())
+            if not driven and own != signal:
                 return False
-            if not all(self.consumers(own) and self.loads_only(own, before | {number}) for own in made):
-                return False
+            for number, k in driven:
+                block = self._flat.blocks[number]
+                if block.ports.inputs[k] in block.ports.loads:
+                    continue
+                made = {block.first_output + j for j in range(len(block.ports.outputs))}
+                if not made or made & seen:
+                    return False
+                waiting += made
+                seen |= made
         return True
 
     def unit(self, signal: int) -> str:

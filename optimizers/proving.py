@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optimizers.bundle import Polish
-from optimizers.certificate import certificate_of
+from optimizers.certificate import certificate_of, certify
 from optimizers.companion import descend_beside
 from optimizers.compared import exactly
 from optimizers.evaluate import Evaluator, Local
@@ -29,10 +29,24 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
     Stopped
         When cancelled or out of budget.
     """
-    problem = tracker.evaluator.problem
-    if tracker.best is not None and tracker.rank[0] == 0:
-        descend_beside(tracker, tracker.best, evaluations=_EVALUATIONS)
     _mistrust(tracker, margins)
+    _tighten(tracker, margins)
+    if tracker.best is None or tracker.rank[0] > 0:
+        return
+    proven = tracker.best, tracker.rank
+    descend_beside(tracker, tracker.best, evaluations=_EVALUATIONS)
+    if tracker.best is not proven[0] and not certify(tracker.evaluator.problem, _values(tracker)).valid:
+        tracker.best, tracker.rank = proven
+
+
+def _values(tracker: Tracker) -> dict[str, float]:
+    assert tracker.best is not None
+    return dict(tracker.evaluator.problem.values(tracker.best))
+
+
+def _tighten(tracker: Tracker, margins: Vector) -> None:
+    """Tighten ``margins`` (G,) and descend until the best point holds, in a bounded number of rounds."""
+    problem = tracker.evaluator.problem
     for _ in range(_ROUNDS):
         if tracker.best is None or tracker.rank[0] > 0:
             return

@@ -97,7 +97,7 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
     def value(theta: float) -> float:
         return float(np.cos(_ORDERS * math.acos(2 * theta - 1)) @ coefficients)
 
-    if scan[place - 1] >= 0.0:
+    if max(float(scan[place - 1]), value(low)) >= 0.0:  # the two differ by rounding
         fall = float(differentiation_matrix()[0] @ nodes)
         if place > 1 or fall >= 0.0:
             return low
@@ -108,6 +108,6 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
             return fall if theta == 0.0 else (value(theta) - first) / theta
 
         return float(brentq(rest, 0.0, high, xtol=1e-16, rtol=1e-15)) if rest(high) > 0.0 else low
-    if value(low) >= 0.0 or value(high) <= 0.0:
-        return low if value(low) >= 0.0 else high
+    if value(high) <= 0.0:
+        return high
     return float(brentq(value, low, high, xtol=1e-16, rtol=1e-15))
