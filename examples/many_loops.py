@@ -92,9 +92,9 @@ def move(client: servotune.Client) -> tuple[Simulation, Simulation]:
     """Print how a step and a movement at constant velocity are followed with more and more fed forward."""
     moves = client.simulate(AXIS, input=STEP, outputs=["position"], duration=0.5, variants=FEED_FORWARD)
     errors = client.simulate(
-        AXIS, input=RAMP, outputs=["following_error"], duration=0.5, metrics=["peak"], variants=FEED_FORWARD
+        AXIS, input=RAMP, outputs=["following_error"], duration=2.0, metrics=["peak"], variants=FEED_FORWARD
     )
-    print("\nfed forward                 rise time  overshoot  error at 0.1 m/s: largest, after 0.5 s")
+    print("\nfed forward                 rise time  overshoot  error at 0.1 m/s: largest, after 2 s")
     names = ("nothing", "velocity", "velocity and acceleration")
     for name, step, ramp in zip(names, moves["variants"], errors["variants"], strict=True):
         position, error = step["metrics"]["position"], ramp["outputs"]["following_error"][-1]
@@ -143,7 +143,7 @@ def draw(loops: dict[str, FrequencyVariant], notch: FrequencyResponse, moves: Si
         below.plot(step["time"], scaled(step["outputs"]["position"], 1e3), label=name)
         last.plot(ramp["time"], scaled(ramp["outputs"]["following_error"], 1e3), label=name)
     label(below, title="Step of 10 mm, fed forward", x="time, s", y="position, mm")
-    label(last, title="Following error at 0.1 m/s", x="time, s", y="error, mm")
+    label(last, title="Following error at 0.1 m/s", x="time, s", y="error, mm", xlim=(0, 0.5))
     return figure
 
 
