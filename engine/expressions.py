@@ -6,7 +6,7 @@
     product = unary { ("*" | "/") unary }
     unary   = ("+" | "-") unary | power
     power   = atom [ "**" unary ]                      right-associative, binds tighter than a sign on its left
-    atom    = number | name | "pi" | function "(" sum ")" | "(" sum ")"
+    atom    = number | name | "pi" | function "(" sum { "," sum } ")" | "(" sum ")"
 
 Every operation is analytic, so that an infinitesimal in the imaginary part of a parameter comes out as the exact
 derivative (complex step: Squire and Trapp, SIAM Review 40, 1998), and acts entry by entry on a batch of values.
@@ -21,7 +21,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -34,10 +34,10 @@ MAX_DEPTH: Final = 50
 _REMEMBERED: Final = 1024
 
 Values = Sequence[Scalar]
-_Evaluate = Callable[[Values], Scalar]
+Compute = Callable[[Values], Scalar]
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_.]*)|(?P<symbol>\*\*|[-+*/()]))"
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_.]*)|(?P<symbol>\*\*|[-+*/(),]))"
 )
 
 
@@ -72,9 +72,11 @@ def _log(value: Scalar) -> Scalar:
     return cmath.log(value) if isinstance(value, complex) else math.log(value)
 
 
-def _elementary(
+def elementary(
     op: Op, numpy: Any, real: Callable[[float], float], analytic: Callable[[complex], complex]
 ) -> Callable[[Scalar], Scalar]:
+    """Return a function of a number, a batch or a traced number from what it is for each."""
+
     def apply(value: Scalar) -> Scalar:
         if isinstance(value, Traced):
             return value.apply(op)
@@ -113,15 +115,17 @@ def _power(base: Scalar, exponent: Scalar) -> Scalar:
 
 FUNCTIONS: Final[Mapping[str, Callable[[Scalar], Scalar]]] = {
     "sqrt": _sqrt,
-    "exp": _elementary(Op.EXP, np.exp, math.exp, cmath.exp),
+    "exp": elementary(Op.EXP, np.exp, math.exp, cmath.exp),
     "log": _log,
-    "sin": _elementary(Op.SIN, np.sin, math.sin, cmath.sin),
-    "cos": _elementary(Op.COS, np.cos, math.cos, cmath.cos),
+    "sin": elementary(Op.SIN, np.sin, math.sin, cmath.sin),
+    "cos": elementary(Op.COS, np.cos, math.cos, cmath.cos),
 }
 RESERVED: Final = frozenset({*FUNCTIONS, "pi"})
 """Names with a meaning of their own, which no parameter may have."""
 
-_OPERATORS: Final[Mapping[str, Callable[[Any, Any], Scalar]]] = {
+Operators = Mapping[str, Callable[[Any, Any], Scalar]]
+
+OPERATORS: Final[Operators] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
@@ -135,7 +139,7 @@ class Expression:
 
     text: str
     names: tuple[str, ...]
-    compute: _Evaluate
+    compute: Compute
 
     @property
     def is_name(self) -> bool:
@@ -189,11 +193,17 @@ def parse(text: str) -> Expression:
 @lru_cache(maxsize=_REMEMBERED)
 def _parsed(text: str) -> Expression:
     # a document comes again and again, with another value or another block, and most of its expressions with it
-    return _Parser(text).expression()
+    return Parser(text).expression()
 
 
-class _Parser:
-    """Recursive descent; what it returns are nested closures over a list of values."""
+class Parser:
+    """Recursive descent; what it returns are nested closures over a list of values.
+
+    ``functions`` says how many arguments each function has.
+    """
+
+    functions: ClassVar[Mapping[str, int]] = dict.fromkeys(FUNCTIONS, 1)
+    operators: ClassVar[Operators] = OPERATORS
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -203,6 +213,7 @@ class _Parser:
         self._advance()
 
     def expression(self) -> Expression:
+        """Return what the text says; see :func:`parse`."""
         compute = self._sum()
         if self._kind != "end":
             raise self._error(f"unexpected '{self._word}'")
@@ -232,18 +243,18 @@ class _Parser:
             return token
         return None
 
-    def _sum(self) -> _Evaluate:
+    def _sum(self) -> Compute:
         return self._chain(self._product, "+", "-")
 
-    def _product(self) -> _Evaluate:
+    def _product(self) -> Compute:
         return self._chain(self._unary, "*", "/")
 
-    def _chain(self, operand: Callable[[], _Evaluate], *symbols: str) -> _Evaluate:
+    def _chain(self, operand: Callable[[], Compute], *symbols: str) -> Compute:
         # A long chain is evaluated in a loop: nested closures would recurse once for each of its terms.
         first = operand()
-        rest: list[tuple[Callable[[Any, Any], Scalar], _Evaluate]] = []
+        rest: list[tuple[Callable[[Any, Any], Scalar], Compute]] = []
         while (symbol := self._take(*symbols)) is not None:
-            rest.append((_OPERATORS[symbol], operand()))
+            rest.append((self.operators[symbol], operand()))
         if not rest:
             return first
 
@@ -255,7 +266,7 @@ class _Parser:
 
         return compute
 
-    def _unary(self) -> _Evaluate:
+    def _unary(self) -> Compute:
         # Every way of nesting (sign, power, parentheses) comes through here.
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -265,14 +276,14 @@ class _Parser:
         self._depth -= 1
         return (lambda values: -operand(values)) if symbol == "-" else operand
 
-    def _power(self) -> _Evaluate:
+    def _power(self) -> Compute:
         base = self._atom()
         if self._take("**") is None:
             return base
         exponent = self._unary()
         return lambda values: _power(base(values), exponent(values))
 
-    def _atom(self) -> _Evaluate:
+    def _atom(self) -> Compute:
         kind, token = self._kind, self._word
         if kind == "number":
             constant = float(token)
@@ -289,23 +300,38 @@ class _Parser:
             return inner
         raise self._error(f"expected a number, a name or '(', got '{token}'")
 
-    def _name(self, name: str) -> _Evaluate:
+    def _name(self, name: str) -> Compute:
         if name == "pi":
             self._advance()
             return lambda _: math.pi
-        if name in FUNCTIONS:
+        if name in self.functions:
             self._advance()
-            if self._take("(") is None:
-                raise self._error(f"expected '(' after {name}")
-            argument = self._sum()
-            if self._take(")") is None:
-                raise self._error(f"expected ')', got '{self._word}'")
-            function = FUNCTIONS[name]
-            return lambda values: function(argument(values))
+            return self.call(name, self._arguments(name))
         start = self._start
         self._advance()
         if self._kind == "symbol" and self._word == "(":
             self._start = start
-            raise self._error(f"unknown function '{name}' (known: {', '.join(FUNCTIONS)})")
+            raise self._error(f"unknown function '{name}' (known: {', '.join(self.functions)})")
+        return self.named(name)
+
+    def named(self, name: str) -> Compute:
+        """Return the value of a name."""
         index = self._names.setdefault(name, len(self._names))
         return lambda values: values[index]
+
+    def _arguments(self, name: str) -> list[Compute]:
+        if self._take("(") is None:
+            raise self._error(f"expected '(' after {name}")
+        arguments = [self._sum()]
+        while self._take(",") is not None:
+            arguments.append(self._sum())
+        if len(arguments) != self.functions[name]:
+            raise self._error(f"{name} takes {self.functions[name]} argument(s), got {len(arguments)}, ended")
+        if self._take(")") is None:
+            raise self._error(f"expected ')', got '{self._word}'")
+        return arguments
+
+    def call(self, name: str, arguments: Sequence[Compute]) -> Compute:
+        """Return a function applied to its arguments."""
+        function, (argument,) = FUNCTIONS[name], arguments
+        return lambda values: function(argument(values))

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.batch_nonlinear.batch import NonlinearBatch
-from engine.batch_nonlinear.signals import UnsuitableError as NoFormulaError
 from engine.errors import EngineError
 from engine.kernels.batch import Batch, Slopes, UnsuitableError
 from engine.kernels.readings import TIME_READINGS
 from engine.linear.screening import Screened
 from engine.linear.screening import Screening as Collocation
+from engine.traced import UnsuitableError as NoFormulaError
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram

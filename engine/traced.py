@@ -16,6 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 
+class UnsuitableError(Exception):
+    """The diagram, or a law of it, is no formula of its states and inputs; the message says why."""
+
+
 class Op(IntEnum):
     """Operations of the graph; the numbers are those that the kernels interpret."""
 

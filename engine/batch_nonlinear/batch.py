@@ -24,9 +24,9 @@ from engine.batch_nonlinear.march import Marched, Marcher, Pieces, by_input
 from engine.batch_nonlinear.program import Compiled
 from engine.batch_nonlinear.readings import INTEGRALS, METRICS, Curves, middle_of, read
 from engine.batch_nonlinear.rest import Rest, moving, reaching
-from engine.batch_nonlinear.signals import UnsuitableError
 from engine.evaluation import Evaluation
 from engine.linear.screening import Screened
+from engine.traced import UnsuitableError
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from engine.batch_nonlinear.recording import RecordedLaw
-from engine.batch_nonlinear.signals import SignalGraph, UnsuitableError, largest
+from engine.batch_nonlinear.signals import SignalGraph, largest
 from engine.batch_nonlinear.slopes import slopes
 from engine.kernels.assembly import Assembly, Row
 from engine.parameters import Param
-from engine.traced import Traced
+from engine.traced import Traced, UnsuitableError
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram

@@ -13,10 +13,11 @@ from typing import Any, Final
 import numpy as np
 
 from engine.batch_nonlinear.choices import Case, beyond, same, selected
-from engine.batch_nonlinear.signals import SignalGraph, UnsuitableError
+from engine.batch_nonlinear.signals import SignalGraph
 from engine.elements._base import Values
 from engine.elements._nonlinear import Mode, Moment
 from engine.nonlinear.laws import Law
+from engine.traced import UnsuitableError
 
 MOST_MODES: Final = 16
 _SAMPLES: Final = 256

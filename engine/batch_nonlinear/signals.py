@@ -12,11 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from engine.traced import Graph, Op, Traced
-
-
-class UnsuitableError(Exception):
-    """The diagram, or a law of it, is no formula of its states and inputs; the message says why."""
+from engine.traced import Graph, Op, Traced, UnsuitableError
 
 
 class SignalGraph(Graph):

@@ -73,6 +73,7 @@ class NonlinearElement(Element):
     """
 
     states: ClassVar[tuple[str, ...]] = ()
+    """Their names, where these do not follow from the values; :meth:`initial` tells how many there are."""
     modes: ClassVar[tuple[Mode, ...]] = (0,)
     """The modes; one stands for all others where they are numbered through (intervals, levels)."""
     continuous: ClassVar[bool] = False

@@ -93,8 +93,9 @@ class Channels:
         state, e, v = arrays["a"].shape[-1], 0, 0
         for n, element in self._elements.items():
             block = self._blocks[n]
-            states, inputs, outputs = len(element.states), len(block.ports.inputs), len(block.ports.outputs)
             lanes, real = law_values(values[n])
+            states = len(element.initial(real))
+            inputs, outputs = len(block.ports.inputs), len(block.ports.outputs)
             laws.append(
                 Law(
                     element=element, label=block.path, at=block.at, values=lanes, real=real,

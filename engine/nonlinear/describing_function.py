@@ -83,7 +83,7 @@ def fourier_gain(element: type[NonlinearElement], values: Values, amplitude: flo
     matrices["d13"][:], matrices["d31"][:] = 1.0, 1.0
     lanes, real = law_values(values)
     law = Law(
-        element=element, label=element.kind, at=(), values=lanes, real=real, states=slice(0, len(element.states)),
+        element=element, label=element.kind, at=(), values=lanes, real=real, states=slice(0, len(element.initial(real))),
         inputs=slice(0, 1), outputs=slice(0, 1),
     )  # fmt: skip
     system = NonlinearSystem(matrices, [law], ("u",), ("y",))

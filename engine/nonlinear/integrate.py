@@ -309,7 +309,7 @@ class Integration:
         longest = self._width
         while True:
             if width < 1e-14 * max(self._horizon, self.now):
-                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause)
+                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause or self._without_value())
             self._bounds.step(self.now)
             step: Step | None = None
             if straight is not None:
@@ -326,6 +326,15 @@ class Integration:
             longest = width
             self._refused = _PATIENCE
             self._stepper.forget()
+
+    def _without_value(self) -> str:
+        """Name the law that gives no number here, though it is given some."""
+        flow = self.system.value.flow(self._board.instant().real)
+        for law in self.system.value.laws:
+            given, found = flow.e[..., law.inputs], (flow.v[..., law.outputs], flow.f[..., law.states])
+            if np.isfinite(given).all() and not all(np.isfinite(part).all() for part in found):
+                return f"{law.label} has no value (a root or logarithm of a negative number, or a division by 0)"
+        return ""
 
     def _attempt(self, width: float, gap: float, straight: Straight | None) -> Step | None:
         start, modes = self._board.x[0].real, self._board.modes

@@ -18,9 +18,9 @@ import numpy.typing as npt
 from engine.batch_nonlinear.equations import Equations
 from engine.batch_nonlinear.march import Marcher, Pieces
 from engine.batch_nonlinear.program import Compiled
-from engine.batch_nonlinear.signals import UnsuitableError
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.nonlinear.operating_point import operating_point
+from engine.traced import UnsuitableError
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.exact import ExactModel
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from engine.batch_nonlinear.signals import UnsuitableError
 from engine.errors import EngineError
+from engine.traced import UnsuitableError
 from optimizers.identification.answers import Answer, Model, Samples
 from optimizers.identification.comparison import Comparison, Errors
 from optimizers.identification.exact import ExactModel

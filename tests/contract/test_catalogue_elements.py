@@ -140,11 +140,12 @@ def computed(element: type[Element], values: dict[str, Any], *, deciding: bool =
 def test_a_law_fits_the_ports(element: type[NonlinearElement]):
     values = example(element)
     ports = element.ports(values)
-    assert len(element.initial(values)) == len(element.states)
+    count = len(element.initial(values))
+    assert len(element.states) in {0, count}
     assert element.feed_through(values).shape == (len(ports.outputs), len(ports.inputs))
     found = laws(element, values)
     for mode in element.modes:
-        assert sum(name.startswith(f"rates {mode} ") for name in found) == len(element.states)
+        assert sum(name.startswith(f"rates {mode} ") for name in found) == count
         assert sum(name.startswith(f"outputs {mode} ") for name in found) == len(ports.outputs)
     assert all(np.isfinite(array).all() for array in found.values())
 

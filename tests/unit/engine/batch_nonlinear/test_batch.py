@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from engine.batch_nonlinear.batch import NonlinearBatch
-from engine.batch_nonlinear.signals import UnsuitableError
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.measuring import MetricRequest, measure
 from engine.screening import Screening
 from engine.signals import make
+from engine.traced import UnsuitableError
 
 STEP = {"r": make("step", {"amplitude": 1.5})}
 TIMED = ["rise_time", "settling_time", "overshoot", "peak", "peak_time", "iae"]

@@ -19,7 +19,13 @@ export function portsOf(block: Block, catalogue: Catalogue): Ports {
   const numbered = (count: number, name: string) => Array.from({ length: count }, (_, i) => `${name}${i + 1}`);
   if (block.kind === "sum") ports.inputs = numbered(String(block.signs ?? "++").length, "in");
   else if (block.kind === "multiplication") ports.inputs = numbered(String(block.operations ?? "**").length, "in");
-  else if (block.kind === "state_space") {
+  else if (block.kind === "function") {
+    const used = [...String(block.expression ?? "").matchAll(/\bu([1-9]\d?)\b/g)].map((match) => Number(match[1]));
+    ports.inputs = numbered(Math.max(0, ...used), "u");
+  } else if (block.kind === "user_equations") {
+    ports.inputs = Array.isArray(block.inputs) ? (block.inputs as string[]) : [];
+    ports.outputs = Array.isArray(block.outputs) ? (block.outputs as string[]) : [];
+  } else if (block.kind === "state_space") {
     const wide = (value: unknown): number => (Array.isArray(value) && Array.isArray(value[0]) ? value[0].length : 1);
     const inputs = wide(block.D);
     const outputs = Array.isArray(block.D) ? block.D.length : 1;
