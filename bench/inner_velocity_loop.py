@@ -15,6 +15,7 @@ import numpy.typing as npt
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
 from engine.diagram import Diagram
+from engine.metric_options import Options
 from engine.signals import make
 from engine.study import MetricRequest
 
@@ -69,7 +70,10 @@ def requests() -> list[MetricRequest]:
     timed = [("rise_time", "position"), ("settling_time", "position"), ("overshoot", "position")]
     timed += [("max_acceleration", "acceleration"), ("steady_state_error", "position")]
     return [
-        *(MetricRequest(metric=metric, signals=step, output=output) for metric, output in timed),
+        *(
+            MetricRequest(metric=metric, signals=step, output=output, options=Options(derivative=0))
+            for metric, output in timed
+        ),
         *(MetricRequest(metric=metric, open_at=CUT) for metric in ("gain_margin", "phase_margin", "sensitivity_peak")),
         MetricRequest(metric="bandwidth", source="reference", target="position"),
     ]

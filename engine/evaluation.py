@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
+from engine.derivatives import differentiated, with_rate
 from engine.errors import DiagramError, IllPosedError
 from engine.following import followed
 from engine.linear.curve import Curve
@@ -22,6 +23,7 @@ from engine.linear.fading import fading
 from engine.linear.frequency import FrequencyResponse
 from engine.linear.path import connected, merged, path
 from engine.linear.poles import Poles, poles
+from engine.linear.rest import static_gain
 from engine.linear.system import LaneSystem
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.linear.trajectory import Trajectory, respond
@@ -106,6 +108,7 @@ class Evaluation:
         self._fadings: dict[tuple[object, ...], Trajectory] = {}
         self._rates: dict[Opening | None, LaneSystem | None] = {}
         self._poles: dict[bytes, Poles] = {}
+        self._rated: LaneSystem | None = None
         self._simulated: dict[tuple[object, ...], nonlinear.Response] = {}
 
     def _scale(self, name: str) -> float:
@@ -163,6 +166,24 @@ class Evaluation:
     def system(self) -> LaneSystem:
         """The closed system, all inputs and outputs."""
         return self._realize(None)
+
+    @property
+    def rated(self) -> LaneSystem:
+        """The closed system with the derivatives of outputs that were asked for as further outputs."""
+        return self.system if self._rated is None else self._rated
+
+    def _rate(self, output: str, order: int) -> tuple[str, int]:
+        """Return the output that is the derivative of one, as far as the equations give it, and how often it is still to be differentiated."""
+        name = output
+        for done in range(order):
+            following = f"{name}'"
+            if following not in self.rated.outputs:
+                found = with_rate(self.rated, self.output_index(name), following)
+                if found is None:
+                    return name, order - done
+                self._rated = found
+            name = following
+        return name, 0
 
     @cached_property
     def poles(self) -> Poles:
@@ -230,6 +251,8 @@ class Evaluation:
 
     def output_index(self, name: str) -> int:
         """Return the number of an output; see :meth:`input_index`."""
+        if self._rated is not None and name in self._rated.outputs:
+            return self._rated.outputs.index(name)
         return _index(self.diagram.outputs, name, "output")
 
     def simulated(self, signals: Mapping[str, Signal], duration: float | None) -> nonlinear.Response:
@@ -285,22 +308,22 @@ class Evaluation:
         verdicts: dict[str, Verdict] = {}
         lifetime = 0.0
         for name in outputs:
-            own = self._poles_of(path(self.system, inputs, [self.output_index(name)], self._poles_of).value)
+            own = self._poles_of(path(self.rated, inputs, [self.output_index(name)], self._poles_of).value)
             verdicts[name] = own.verdict
             if own.verdict is Verdict.OK:
                 lifetime = max(lifetime, own.lifetime)
         decaying = [name for name in outputs if verdicts[name] is Verdict.OK]
-        x0 = np.einsum("poi,pi->po", self.system.c1, self.system.x0)
+        x0 = np.einsum("poi,pi->po", self.rated.c1, self.rated.x0)
         initials = {name: x0[:, self.output_index(name)] for name in outputs}
         finals: dict[str, Array | None] = dict.fromkeys(outputs)
         joint, left = None, {}
         if decaying:
             columns = [self.output_index(name) for name in decaying]
-            part = path(self.system, inputs, columns, self._poles_of)
+            part = path(self.rated, inputs, columns, self._poles_of)
             ends = [signal.final() for signal in signals.values()]
             if all(end is not None for end in ends):
                 settled = motions.finals() if motions else np.array([[float(end or 0.0) for end in ends]])
-                gains = self._resting.gains(self._by_rates(part, inputs, columns), inputs, columns)
+                gains = self._gains(part, inputs, columns)
                 values = np.asarray((gains @ settled[:, :, None])[:, :, 0])
                 finals.update({name: values[:, k] for k, name in enumerate(decaying)})
             found = followed(part, signals, lifetime, [finals[name] for name in decaying])
@@ -324,16 +347,37 @@ class Evaluation:
             left=left,
         )
 
+    def _gains(self, part: LaneSystem, inputs: Sequence[int], columns: Sequence[int]) -> Array:
+        """Return the gains at rest from inputs to outputs, (lanes, outputs, inputs); those of derivatives in double precision."""
+        known = len(self.diagram.outputs)
+        own = [k for k, column in enumerate(columns) if column < known]
+        if len(own) == len(columns):
+            return self._resting.gains(self._by_rates(part, inputs, columns), inputs, columns)
+        gains = static_gain(part)
+        if own:
+            named = [columns[k] for k in own]
+            gains[:, own] = self._gains(path(self.rated, inputs, named, self._poles_of), inputs, named)
+        return gains
+
     def time_subject(
         self,
         signals: Mapping[str, Signal],
         output: str,
         duration: float | None = None,
         outputs: Sequence[str] | None = None,
+        *,
+        order: int = 0,
     ) -> TimeSubject:
-        """Return what a time metric of ``output`` measures; ``outputs`` are computed together with it."""
+        """Return what a time metric of ``output``, differentiated ``order`` times, measures; ``outputs`` are computed together with it."""
         if self.diagram.nonlinear:
-            return self._nonlinear_subject(signals, output, duration)
+            return differentiated(self._nonlinear_subject(signals, output, duration), order)
+        name, left = self._rate(output, order)
+        together = outputs if name == output else None
+        return differentiated(self._linear_subject(signals, name, duration, together), left)
+
+    def _linear_subject(
+        self, signals: Mapping[str, Signal], output: str, duration: float | None, outputs: Sequence[str] | None
+    ) -> TimeSubject:
         response = self.time_response(signals, [output] if outputs is None else outputs)
         verdict = response.verdicts[output]
         final = response.finals[output]
@@ -381,7 +425,7 @@ class Evaluation:
         key = (tuple((name, id(signal)) for name, signal in signals.items()), tuple(response.columns))
         if key not in self._fadings:
             inputs = [self.input_index(name) for name in signals]
-            part = path(self.system, inputs, [self.output_index(name) for name in response.columns], self._poles_of)
+            part = path(self.rated, inputs, [self.output_index(name) for name in response.columns], self._poles_of)
             settled = np.array([[float(signal.final() or 0.0) for signal in signals.values()]])
             self._fadings[key] = fading(part, list(signals.values()), settled, response.joint)
         return self._fadings[key].output(response.columns[output]).since(end)
@@ -389,7 +433,7 @@ class Evaluation:
     def _limited(self, signals: Mapping[str, Signal], output: str, duration: float) -> Trajectory | None:
         """Return the response of an output that does not settle, up to ``duration``; None beyond what can be followed."""
         inputs = [self.input_index(name) for name in signals]
-        part = path(self.system, inputs, [self.output_index(output)], self._poles_of)
+        part = path(self.rated, inputs, [self.output_index(output)], self._poles_of)
         if float(self._poles_of(part.value).values.real.max(initial=0.0)) * duration > np.log(LARGEST):
             return None
         found, motions = respond(part, list(signals.values()), duration), self._motions(signals)

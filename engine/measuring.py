@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.derivatives import order_of
+from engine.derivatives import unit_of as derived_unit
 from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.evaluation import Evaluation
 from engine.failures import numerical
@@ -83,8 +85,17 @@ class MetricRequest:
         return metric is not None and issubclass(metric, TimeMetric) and metric.of_the_error
 
     def as_told(self, diagram: Diagram) -> bool:
-        """Return whether every evaluator knows what it means: an error is reference minus output, in one unit."""
-        return not (self.compares and self.signals) or diagram.references.plain(self.signals, str(self.output))
+        """Return whether every evaluator knows what it means: an error reference minus output, in one unit, nothing differentiated."""
+        if self.compares and self.signals and not diagram.references.plain(self.signals, str(self.output)):
+            return False
+        return self.order(diagram) == 0
+
+    def order(self, diagram: Diagram) -> int | str:
+        """Return how often its output is differentiated; what the request must still say where that is not known."""
+        metric = catalogue().get(self.metric)
+        if metric is None or not issubclass(metric, TimeMetric) or metric.order is None or self.output is None:
+            return 0
+        return order_of(metric.order, self.output, diagram.references, self.options.derivative)
 
     @property
     def opened_besides(self) -> bool:
@@ -211,7 +222,8 @@ def metric_named(name: str) -> type[Metric]:
 def find(evaluation: Evaluation, request: MetricRequest, together: Mapping[tuple[int, ...], Sequence[str]]) -> Finding:
     """Return one metric; ``together`` names, for each command, the outputs whose responses are computed with it."""
     metric = metric_named(request.metric)
-    lacking = _lacking(metric, request) or _unlike(evaluation.diagram, request)
+    diagram = evaluation.diagram
+    lacking = _lacking(metric, request) or _unlike(diagram, request) or _unsaid(diagram, request)
     if lacking:
         return Absent(verdict=Verdict.NOT_APPLICABLE, advice=lacking)
     try:
@@ -232,7 +244,9 @@ def _found(
 ) -> Finding:
     if issubclass(metric, TimeMetric):
         outputs = together.get(command_of(request), [str(request.output)])
-        subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs)
+        order = request.order(evaluation.diagram)
+        assert isinstance(order, int)
+        subject = evaluation.time_subject(request.signals, str(request.output), request.duration, outputs, order=order)
         subject = replace(subject, band=request.band, mask=request.mask, options=request.options)
         return _in_time(metric, subject, accepts_unsettled=request.unsettled)
     if issubclass(metric, PathMetric):
@@ -276,6 +290,12 @@ def _unlike(diagram: Diagram, request: MetricRequest) -> str:
     return diagram.references.unlike(request.signals, str(request.output)) if request.compares else ""
 
 
+def _unsaid(diagram: Diagram, request: MetricRequest) -> str:
+    """Return why it is not known which derivative of an output is meant, or an empty string."""
+    order = request.order(diagram)
+    return order if isinstance(order, str) else ""
+
+
 def unit_of(diagram: Diagram, request: MetricRequest) -> str:
     """Return the SI unit of a metric for this request; "1" where the signals carry no known unit."""
     metric = metric_named(request.metric)
@@ -285,6 +305,9 @@ def unit_of(diagram: Diagram, request: MetricRequest) -> str:
     if "output" not in unit:
         return unit
     own = named_unit(diagram, request.target if issubclass(metric, PathMetric) else request.output)
+    order = request.order(diagram)
+    if isinstance(order, int):
+        own = derived_unit(own, order)
     if own == "1":
         return unit.replace("output**2*", "").replace("output*", "").replace("output", "1")
     base = f"({own})" if any(sign in own for sign in "*/") and "**2" in unit else own

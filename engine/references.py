@@ -24,12 +24,13 @@ ZERO = "0"
 
 @dataclass(frozen=True, kw_only=True)
 class References:
-    """Roles and units of inputs ("" where not known), and the outputs that are errors themselves."""
+    """Roles and units of inputs ("" where not known), the outputs that are errors themselves, and those that errors are made of."""
 
     roles: Mapping[str, str]
     input_units: Mapping[str, str]
     output_units: Mapping[str, str]
     errors: frozenset[str]
+    measured: frozenset[str]
 
     @classmethod
     def of(cls, flat: Flat, wiring: Wiring, output_units: Mapping[str, str]) -> References:
@@ -44,10 +45,14 @@ class References:
                 roles[name] = "disturbance"
             units[name] = seen.unit(signal)
         commands = {seen.first_input + k for k, name in enumerate(wiring.inputs) if roles[name] == "reference"}
-        errors = {
-            name for name, read in zip(wiring.outputs, wiring.reads, strict=True) if seen.is_error(read, commands)
-        }
-        return cls(roles=roles, input_units=units, output_units=output_units, errors=frozenset(errors))
+        errors = {signal: taken for signal in range(seen.first_input) if (taken := seen.taken(signal, commands))}
+        measured = set().union(*errors.values())
+        reads = dict(zip(wiring.outputs, wiring.reads, strict=True))
+        return cls(
+            roles=roles, input_units=units, output_units=output_units,
+            errors=frozenset(name for name, read in reads.items() if read in errors),
+            measured=frozenset(name for name, read in reads.items() if read in measured),
+        )  # fmt: skip
 
     def input_of(self, driven: Iterable[str], output: str | None) -> str | None:
         """Return which of the inputs driven is the reference of an output; None where it is 0, or the output the error itself."""
@@ -130,18 +135,20 @@ class _Seen:
         number, k = self._makers[signal]
         return self._flat.blocks[number].ports.output_units[k]
 
-    def is_error(self, signal: int, commands: set[int]) -> bool:
-        """Return whether a signal is a reference less something that the diagram makes."""
-        if not 0 <= signal < self.first_input:
-            return False
+    def taken(self, signal: int, commands: set[int]) -> set[int]:
+        """Return what is taken from a reference to make an error; nothing where the output of a block is no error."""
         number, _ = self._makers[signal]
         if self._flat.elements[number].kind != "sum":
-            return False
+            return set()
         block, values = self._flat.blocks[number], self._flat.numbers.bindings
         signs = str(
             values.blocks[number].fill({i: values.slots[i].value for i in values.blocks[number].slots})["signs"]
         )
         sources = [self._sources[block.first_input + k] for k in range(len(block.ports.inputs))]
         added = [source for source, sign in zip(sources, signs, strict=True) if sign == "+"]
-        taken = [source for source, sign in zip(sources, signs, strict=True) if sign == "-"]
-        return len(added) == 1 and added[0] in commands and any(0 <= source < self.first_input for source in taken)
+        taken = {
+            source
+            for source, sign in zip(sources, signs, strict=True)
+            if sign == "-" and 0 <= source < self.first_input
+        }
+        return taken if len(added) == 1 and added[0] in commands else set()

@@ -29,6 +29,7 @@ class Studies:
         band: Sequence[float] | None = None,
         settling_band: Any = None,
         recovery_band: Any = None,
+        derivative: int | None = None,
         variants: Sequence[Document] | None = None,
     ) -> Simulation:
         """Return the response to a command: curves and metrics, one set for each variant of the parameters.
@@ -51,6 +52,8 @@ class Studies:
             Half of the band of `settling_time`, a part of the way; 0.02 by default.
         recovery_band : float or quantity, optional
             Half of the band of `recovery_time`, in the unit of the output.
+        derivative : int, optional
+            How often outputs without a unit are differentiated for `max_velocity`, `max_acceleration` and `control_effort`.
         variants : sequence of mappings, optional
             Parameter values to compare, `[{"kp": 50}, {"kp": 200}]`.
         """
@@ -64,6 +67,7 @@ class Studies:
             band=band,
             settling_band=settling_band,
             recovery_band=recovery_band,
+            derivative=derivative,
             variants=variants,
         )
         return cast("Simulation", self._transport.post("/v1/simulations", body))
@@ -118,6 +122,7 @@ class Studies:
         signal: Document | None = None,
         settling_band: Any = None,
         recovery_band: Any = None,
+        derivative: int | None = None,
         noise_density: Any = None,
         predict: Sequence[Document] | None = None,
     ) -> Influence:
@@ -141,6 +146,7 @@ class Studies:
             signal=signal,
             settling_band=settling_band,
             recovery_band=recovery_band,
+            derivative=derivative,
             noise_density=noise_density,
             predict=predict,
         ) | given(**{"from": from_})

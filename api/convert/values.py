@@ -90,8 +90,9 @@ def options_from_wire(given: Any, unit: str, *, place: Place) -> Options:
             value = {**value, "unit": value["unit"].replace("/Hz", "*s")}
         if value is not None:
             values[name] = si(value, expected, name=name, place=(*place, name))
+    derivative = getattr(given, "derivative", None)
     try:
-        return Options(**values)
+        return Options(**values, derivative=derivative)
     except EngineError as error:
         raise invalid(error.message, *place, *error.at) from error
 

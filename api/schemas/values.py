@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, PlainValidator, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
@@ -218,6 +218,9 @@ class OfResponses(Document):
 
     settling_band: Quantity | None = Field(default=None, description=f"{MEANINGS['settling_band']}; default 0.02")
     recovery_band: Quantity | None = Field(default=None, description=MEANINGS["recovery_band"])
+    derivative: Literal[0, 1, 2] | None = Field(
+        default=None, description=f"{MEANINGS['derivative']}; follows from the output's unit where that says it"
+    )
 
 
 class OfPaths(Document):

@@ -6,6 +6,7 @@ from bench import inner_velocity_loop as inner
 from bench.optimizers.cases_convex import CHOSEN, Case, gain, loop
 from engine.diagram import Block
 from engine.masks import FrequencyBounds, Rational
+from engine.metric_options import Options
 from engine.signals import make
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 
@@ -31,7 +32,13 @@ def settling() -> Case:
                 Goal(metric="settling_time", experiment="step", output="position", sense=Sense.MINIMIZE),
                 Goal(metric="overshoot", experiment="step", output="position", upper=OVERSHOOT),
                 Goal(metric="sensitivity_peak", open_at=inner.CUT, upper=SENSITIVITY),
-                Goal(metric="max_acceleration", experiment="step", output="acceleration", upper=ACCELERATION),
+                Goal(
+                    metric="max_acceleration",
+                    experiment="step",
+                    output="acceleration",
+                    upper=ACCELERATION,
+                    options=Options(derivative=0),
+                ),
             ),
         ),
         published=BEST_KNOWN,

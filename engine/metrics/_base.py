@@ -228,6 +228,8 @@ class TimeMetric(Metric):
     """It is relative to where the output settles: of a window in which it does not, it is told from the last value."""
     of_the_error: ClassVar[bool] = False
     """It compares the output with its reference."""
+    order: ClassVar[int | None] = None
+    """Which derivative of a position it is of; 0 of what a controller gives, None where any output is taken as it is."""
     of_the_window: ClassVar[bool] = False
     """It looks no further than the duration, where one is given; the others do so only where an output has not settled in it."""
 

@@ -23,12 +23,15 @@ class ControlEffort(TimeMetric):
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "lower"
     definition: ClassVar[str] = (
-        "The largest absolute value of the control output named. Nothing is differentiated: name the output that carries it."
+        "The largest absolute value of what a controller or actuator gives, the output named. "
+        "Without such a unit `derivative` says how often the output is differentiated."
     )
     source: ClassVar[str] = "S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4"
     belongs_to: ClassVar[tuple[str, ...]] = ("1", "V", "A", "m**3/s")
     amplitude_power: ClassVar[int] = 1
     of_the_window: ClassVar[bool] = True
+    order: ClassVar[int] = 0
+    options: ClassVar[tuple[str, ...]] = ("derivative",)
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -23,12 +23,15 @@ class MaxVelocity(TimeMetric):
     unit: ClassVar[str] = "output"
     better: ClassVar[Literal["lower", "higher"]] = "higher"
     definition: ClassVar[str] = (
-        "The largest absolute value of the velocity output named. Nothing is differentiated: name the output that carries it."
+        "The largest absolute value of the velocity: of the output named when its unit says so, of a position its first derivative. "
+        "Without such a unit `derivative` says how often the output is differentiated."
     )
     source: ClassVar[str] = "the dynamic behaviour parameter v of the influence-coefficient method"
     belongs_to: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
     amplitude_power: ClassVar[int] = 1
     of_the_window: ClassVar[bool] = True
+    order: ClassVar[int] = 1
+    options: ClassVar[tuple[str, ...]] = ("derivative",)
 
     @classmethod
     def measure(cls, subject: TimeSubject) -> Finding:

@@ -175,19 +175,31 @@ def request_of(diagram: Diagram, goal: Goal, experiments: Mapping[str, Experimen
             diagram.realize(open_at=goal.open_at)
         except EngineError as error:
             raise ProblemError(error.message, at=(*at, "open_at")) from error
-    return MetricRequest(
-        metric=goal.metric,
-        signals=experiment.signals if experiment is not None else {},
-        output=goal.output,
-        open_at=goal.open_at,
-        source=goal.source,
-        target=goal.target,
-        duration=experiment.duration if experiment is not None else None,
-        band=goal.band,
-        mask=goal.mask,
-        options=goal.options,
-        unsettled=goal.accept is Verdict.NOT_SETTLED,
+    return _told(
+        diagram,
+        MetricRequest(
+            metric=goal.metric,
+            signals=experiment.signals if experiment is not None else {},
+            output=goal.output,
+            open_at=goal.open_at,
+            source=goal.source,
+            target=goal.target,
+            duration=experiment.duration if experiment is not None else None,
+            band=goal.band,
+            mask=goal.mask,
+            options=goal.options,
+            unsettled=goal.accept is Verdict.NOT_SETTLED,
+        ),
+        at,
     )
+
+
+def _told(diagram: Diagram, request: MetricRequest, at: Path) -> MetricRequest:
+    """Return a request; refuse it where it is not known which derivative of its output is meant."""
+    order = request.order(diagram)
+    if isinstance(order, str):
+        raise ProblemError(f"{request.metric}: {order}", at=(*at, "derivative"))
+    return request
 
 
 def check_together(goals: Sequence[Goal]) -> None:

@@ -9,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from engine.diagram import Diagram
+from engine.metric_options import Options
 from engine.screening import Screening
 from engine.signals import make
 from engine.study import MetricRequest
@@ -27,7 +28,11 @@ CANDIDATES = 5
 
 def requests(source: str, outputs: list[str], cut: str | None = None) -> list[MetricRequest]:
     step = {source: make("step", {})}
-    made = [MetricRequest(metric=metric, signals=step, output=output) for output in outputs for metric in TIME]
+    made = [
+        MetricRequest(metric=metric, signals=step, output=output, options=Options(derivative=0))
+        for output in outputs
+        for metric in TIME
+    ]
     made += [MetricRequest(metric=metric, source=source, target=output) for output in outputs for metric in PATH]
     return made + ([MetricRequest(metric=metric, open_at=cut) for metric in LOOP] if cut else [])
 
@@ -112,7 +117,12 @@ def test_the_amplitude_scales_what_it_must(servo: Servo, amplitude: float) -> No
     one, other = (
         Screening(
             diagram,
-            [MetricRequest(metric=m, signals={"r": make("step", {"amplitude": a})}, output="y") for m in metrics],
+            [
+                MetricRequest(
+                    metric=m, signals={"r": make("step", {"amplitude": a})}, output="y", options=Options(derivative=0)
+                )
+                for m in metrics
+            ],
         )(candidates)
         for a in (1.0, amplitude)
     )

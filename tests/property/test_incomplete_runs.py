@@ -195,7 +195,7 @@ def test_no_metric_without_a_whole_run(seed: int) -> None:
             output="y",
             duration=DURATION,
             band=(0.5, 5.0),
-            options=Options(recovery_band=0.1),
+            options=Options(recovery_band=0.1, derivative=0),
         )
         for m in METRICS
     ]

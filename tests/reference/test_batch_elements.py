@@ -7,6 +7,7 @@ import pytest
 
 import engine.elements
 from engine.elements._nonlinear import NonlinearElement
+from engine.metric_options import Options
 from engine.screening import Screening
 from engine.signals import make
 from engine.study import MetricRequest
@@ -41,7 +42,10 @@ def test_an_element_before_a_lag(kind: str) -> None:
             {"y": "lag"},
             {f"the_{name}": value for name, value in varied.items()} | {"spare": 1.0},
         )
-        requests = [MetricRequest(metric=m, signals={"u0": make("step", {})}, output="y") for m in TIME]
+        requests = [
+            MetricRequest(metric=m, signals={"u0": make("step", {})}, output="y", options=Options(derivative=0))
+            for m in TIME
+        ]
         requests += [MetricRequest(metric="compliance_peak", source="u0", target="y")]
         if kind != "ac_servo_axis":
             # Its acceleration has no static gain, and its slow mode lies so far below the current loop that the curve

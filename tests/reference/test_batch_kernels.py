@@ -12,6 +12,7 @@ from hypothesis import settings
 from bench import inner_velocity_loop, pneumatic_loop
 from engine.diagram import Diagram
 from engine.kernels.batch import Batch
+from engine.metric_options import Options
 from engine.screening import Screened, Screening
 from engine.signals import make
 from engine.study import MetricRequest
@@ -45,7 +46,9 @@ def share_left(screened: Screened) -> float:
 
 def pneumatic_requests(output: str) -> list[MetricRequest]:
     step = {"reference": make("step", {})}
-    timed = [MetricRequest(metric=metric, signals=step, output=output) for metric in TIME]
+    timed = [
+        MetricRequest(metric=metric, signals=step, output=output, options=Options(derivative=0)) for metric in TIME
+    ]
     return [
         *(one for one in timed if output != "velocity" or not one.compares),  # a position less a velocity is no error
         *(MetricRequest(metric=metric, open_at="error") for metric in LOOP),

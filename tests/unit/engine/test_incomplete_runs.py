@@ -59,7 +59,7 @@ def every(diagram: Diagram, duration: float | None) -> dict[str, Measured]:
             duration=duration,
             band=(0.1, 10.0),
             mask=MASKS.get(metric.mask),
-            options=Options(recovery_band=0.1),
+            options=Options(recovery_band=0.1, derivative=0),
         )
         for kind, metric in catalogue().items()
         if issubclass(metric, TimeMetric)

@@ -7,6 +7,7 @@ import pytest
 
 from engine.diagram import Diagram, compile_system
 from engine.measuring import MetricRequest, measure
+from engine.metric_options import Options
 from engine.screening import Screening
 from engine.signals import make
 from engine.verdicts import Verdict
@@ -38,7 +39,10 @@ def plant(numerator, denominator, *, limited: bool = False) -> Diagram:
 )
 def test_the_largest_value_is_that_of_the_window(denominator, signal, expected, limited):
     made = plant(["=k"], denominator, limited=limited)
-    asked = [MetricRequest(metric=m, signals={"u": signal}, output="y", duration=3.0) for m in (*LARGEST, "peak_time")]
+    asked = [
+        MetricRequest(metric=m, signals={"u": signal}, output="y", duration=3.0, options=Options(derivative=0))
+        for m in (*LARGEST, "peak_time")
+    ]
     found = measure(made, asked, gradient=["k"])
     for measured, slopes in found[:-1]:
         assert measured.value == pytest.approx(expected, rel=1e-9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.metric_options import Options
 from engine.signals import make
 from engine.verdicts import Measured, Verdict
 from optimizers.certificate import certify, violation_of, worst_scenario
@@ -80,7 +81,16 @@ def test_a_spike_between_samples_is_refused() -> None:
         ),
         variables=(Variable(parameter="f", lower=1e-4, upper=1.0),),
         experiments=(Experiment(name="step", signals={"u": make("step", {})}),),
-        goals=(Goal(metric="max_velocity", experiment="step", output="rate", sense=Sense.MINIMIZE, upper=0.95),),
+        goals=(
+            Goal(
+                metric="max_velocity",
+                experiment="step",
+                output="rate",
+                sense=Sense.MINIMIZE,
+                upper=0.95,
+                options=Options(derivative=0),
+            ),
+        ),
     )
     time = np.linspace(0.0, 10.0, 101)
     assert ((np.exp(-time) - np.exp(-time / f)) / (1 - f)).max() < 0.95

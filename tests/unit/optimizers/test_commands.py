@@ -71,7 +71,7 @@ def test_a_number_of_a_command_and_one_of_the_system_are_chosen_together() -> No
     )
     goals = (
         Goal(metric="settling_time", experiment="move", output="position", sense=Sense.MINIMIZE),
-        Goal(metric="max_velocity", experiment="move", output="position", lower=2.0, upper=2.1),
+        Goal(metric="peak", experiment="move", output="position", lower=2.0, upper=2.1),
         Goal(metric="residual_vibration", experiment="move", output="position", upper=0.02),
     )
     found = minimize(

@@ -34,7 +34,7 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
           {number_(1)}
         </>
       )}
-      {own && <NumberEntry label={t(`optimise.${own.field}`)} aria-label={t(`optimise.${own.field}Of`, { number })} value={goal.number} unit={own.unit || outputUnit} optional {...(own.needed ? {} : { placeholder: "2 %" })} {...wrong("number")} onCommit={(given) => onChange({ number: given })} w={170} />}
+      {own && <NumberEntry label={t(`optimise.${own.field}`)} aria-label={t(`optimise.${own.field}Of`, { number })} value={goal.number} unit={own.unit || outputUnit} optional placeholder={own.example} {...wrong("number")} onCommit={(given) => onChange({ number: given })} w={170} />}
       {needs === "reference" && curve("reference", "0: 0; 200 ms: 1; 2: 1")}
       {needs === "envelope" && (
         <>

@@ -71,9 +71,10 @@ export function needsOf(metric: string): "" | "band" | "reference" | "envelope" 
 }
 
 /** The field of the number that a metric takes, with its unit: "" is that of the output. */
-export function numberOf(metric: string): { field: "settling_band" | "recovery_band" | "noise_density"; unit: string; needed: boolean } | undefined {
-  if (metric === "settling_time") return { field: "settling_band", unit: "1", needed: false };
+export function numberOf(metric: string): { field: "settling_band" | "recovery_band" | "noise_density" | "derivative"; unit: string; needed: boolean; example?: string } | undefined {
+  if (metric === "settling_time") return { field: "settling_band", unit: "1", needed: false, example: "2 %" };
   if (metric === "recovery_time") return { field: "recovery_band", unit: "", needed: true };
+  if (["max_velocity", "max_acceleration", "control_effort"].includes(metric)) return { field: "derivative", unit: "1", needed: false, example: "0, 1, 2" };
   return metric === "noise_rms" ? { field: "noise_density", unit: "1", needed: true } : undefined;
 }
 
@@ -127,7 +128,7 @@ export const search = shape.superRefine((form, context) => {
 });
 
 const OF_VARIABLE = new Set(["parameter", "lower", "upper", "scale", "start", "choices", "expression"]);
-const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve", settling_band: "number", recovery_band: "number", noise_density: "number" };
+const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve", settling_band: "number", recovery_band: "number", noise_density: "number", derivative: "number" };
 const WHOLE: Record<string, string> = { scenarios: "scenarios", yield_samples: "draws", cross_check: "others", alternatives: "structures", across_scenarios: "across" };
 
 /** The field of the form that a place of the request belongs to; null for places that have none. `rows`: the row of each of its goals. */

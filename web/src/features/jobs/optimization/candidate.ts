@@ -41,7 +41,7 @@ export interface StudyVariant {
 /** Samples of each curve: as many as a plot has pixels for. */
 const SAMPLES = 400;
 /** What a goal gives its metric besides a place: a study has one of each for all, so that only the search tells the metric. */
-const ITS_OWN = ["bounds", "reference", "settling_band", "recovery_band", "noise_density"];
+const ITS_OWN = ["bounds", "reference", "settling_band", "recovery_band", "noise_density", "derivative"];
 
 const pathKey = ({ from, to, open_at }: AskedGoal) => `${open_at ?? ""}|${from ?? ""}|${to ?? ""}`;
 
