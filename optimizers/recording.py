@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import BetweenSamples
 from engine.errors import Path
 from engine.names import no_parameter
 from optimizers.problem import ProblemError, Variable
@@ -35,11 +36,23 @@ class Recording:
     inputs, outputs : mapping of str to ndarray, shape (samples,)
         By the names of the diagram's inputs and outputs.
     sample_time : float
+    between_samples : mapping of str to BetweenSamples
+        What the inputs do between their samples; linear where nothing is said.
+    undecided : tuple of str
+        Inputs of which nobody knows it: every way is tried on them, all of them alike, and the best one taken.
     """
 
     inputs: Mapping[str, Samples]
     outputs: Mapping[str, Samples]
     sample_time: float
+    between_samples: Mapping[str, BetweenSamples] = field(default_factory=dict)
+    undecided: tuple[str, ...] = ()
+
+    def with_undecided(self, way: BetweenSamples) -> Recording:
+        """Return this recording with one way for all inputs that are undecided."""
+        return replace(
+            self, between_samples={**self.between_samples, **dict.fromkeys(self.undecided, way)}, undecided=()
+        )
 
     @property
     def samples(self) -> int:
@@ -220,6 +233,11 @@ class Identification:
             raise ProblemError(f"max_evaluations must be >= 1, got {self.max_evaluations}", at=("max_evaluations",))
         self._check_names()
         self._check_contents()
+
+    @property
+    def undecided(self) -> bool:
+        """Whether nobody knows what some input does between its samples."""
+        return any(experiment.recording.undecided for experiment in self.experiments)
 
     @property
     def estimating(self) -> tuple[RecordedExperiment, ...]:

@@ -11,6 +11,7 @@ from api.convert.values import si
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.acquisitions import AcquisitionBody, SteppedSineSignal
+from engine.between_samples import BetweenSamples
 from engine.signals import Signal
 
 AGENT_SIGNALS = frozenset({"step", "sine", "chirp", "multisine", "trapezoid", "sampled"})
@@ -60,7 +61,8 @@ def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -
     signal = signal_from_wire(given, place=place, read_channel=read_channel)
     if signal.impulse():
         raise invalid("signal of a drive must not be an impulse: no output can give one", *place)
-    if signal.kind in AGENT_SIGNALS:
+    # the agent joins samples by straight lines
+    if signal.kind in AGENT_SIGNALS and getattr(signal, "between_samples", None) in {None, BetweenSamples.LINEAR}:
         return {"kind": signal.kind, **{param.name: _plain(getattr(signal, param.name)) for param in signal.parameters}}
     return _sampled(signal, duration, body.sample_rate)
 

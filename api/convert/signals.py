@@ -41,7 +41,7 @@ def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) 
                 *place,
                 "channel",
             )
-        given = {"time": time, "values": values}
+        given = {"time": time, "values": values, "between_samples": document.between_samples}
     else:
         params = {param.name: param for param in catalogue()[document.kind].parameters}
         given = {

@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Path, Quantity
+from engine.between_samples import BetweenSamples
 from engine.signals import Signal, catalogue
 
 MOST_POINTS = 100_000
@@ -24,6 +25,10 @@ class SampledSignal(Document):
     values: list[Quantity] | None = Field(default=None, min_length=2, max_length=MOST_POINTS)
     dataset: Identifier | None = None
     channel: str | None = Field(default=None, min_length=1, max_length=200)
+    between_samples: BetweenSamples = Field(
+        default=BetweenSamples.LINEAR,
+        description="hold: what a D/A converter puts out; band_limited: smooth, as behind an anti-aliasing filter",
+    )
 
     @model_validator(mode="after")
     def _points_or_channel(self) -> SampledSignal:

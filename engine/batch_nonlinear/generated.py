@@ -64,7 +64,7 @@ class Generated:
         def march(registers: Real, inputs: Real, width: float, stride: int, record: Real) -> None:
             apart = record.strides[0] // (LANES * record.itemsize)
             run(
-                registers.ctypes.data, registers.shape[1], inputs.ctypes.data, len(inputs) // 2, width, stride,
+                registers.ctypes.data, registers.shape[1], inputs.ctypes.data, len(inputs) // 3, width, stride,
                 record.ctypes.data, apart,
             )  # fmt: skip
 
@@ -141,7 +141,7 @@ class _Writer:
         b.position_at_end(at["step"])
         step, begin = b.phi(_WHOLE), [b.phi(functions.DOUBLES) for _ in start]
         self._enter((step, *begin), (_whole(0), *start), at["group"])
-        row = b.mul(step, _whole(2))
+        row = b.mul(step, _whole(3))
         slopes = self._noted(step, self._run(program.whole, begin, row))
 
         b.position_at_end(at["stages"])

@@ -46,8 +46,8 @@ class Pieces:
         How often each piece is sampled besides its beginning.
     stride : int
         Steps from one sample to the next.
-    inputs : list of ndarray, each (2 steps + 1, 2 inputs)
-        Commands and their slopes at the ends and in the middle of every step.
+    inputs : list of ndarray, each (3 steps + 1, 2 inputs)
+        Commands and their slopes at the beginning, in the middle and at the end of every step, and behind the last one.
     """
 
     edges: Real
@@ -94,9 +94,8 @@ class Pieces:
             times = np.linspace(first, last, 2 * count + 1)
             margin = max(_INSIDE * (last - first) / count, 4 * np.spacing(last))
             times[0], times[-1] = first + margin, last - margin
-            tables.append(
-                np.ascontiguousarray(np.concatenate([_values(signals, times), _slopes(signals, times)], axis=1))
-            )
+            table = np.concatenate([_values(signals, times), _slopes(signals, times)], axis=1)
+            tables.append(np.ascontiguousarray(table[_rows(count)]))
         return cls(edges=edges, samples=samples, stride=stride, inputs=tables)
 
     @property
@@ -118,7 +117,9 @@ class Pieces:
         found = []
         for table in self.inputs:
             count = table.shape[1] // 2
-            ends, middles = table[:: 2 * self.stride, :count], table[self.stride :: 2 * self.stride, :count]
+            # a middle is that of the steps to the next sample: of one step, or the beginning of a later one
+            half = 1 if self.stride == 1 else 3 * (self.stride // 2)
+            ends, middles = table[:: 3 * self.stride, :count], table[half :: 3 * self.stride, :count]
             found.append(np.stack([ends, np.concatenate([middles, ends[-1:]])], axis=1))
         return np.concatenate(found)
 
@@ -197,6 +198,11 @@ class Marcher:
         bounded = (np.abs(states) <= LARGEST).all(axis=0)
         covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
         return Marched(times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, covered=covered)
+
+
+def _rows(count: int) -> npt.NDArray[np.intp]:
+    """Return the places of beginning, middle and end of each of ``count`` steps among their ends and middles, and the last."""
+    return np.append((2 * np.arange(count)[:, None] + np.arange(3)).ravel(), 2 * count)
 
 
 def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArray[np.int64]]:

@@ -113,8 +113,9 @@ def march(
         Registers of x', and of what is written down.
     registers : ndarray, shape (registers, groups, LANES)
         The first hold the states, which are at the end when the march is over; those behind hold the inputs.
-    inputs : ndarray, shape (2 steps + 1, inputs)
-        Inputs and their slopes at the beginning, in the middle and at the end of each step.
+    inputs : ndarray, shape (3 steps + 1, inputs)
+        Inputs and their slopes at the beginning, in the middle and at the end of each step, and behind the last one: what
+        jumps between two steps has another value at the end of the first than at the beginning of the second.
     width : float
         Of a step, s.
     stride : int
@@ -122,7 +123,7 @@ def march(
     record : ndarray, shape (groups, steps / stride + 1, read, LANES)
     """
     states, groups, entering = rates.shape[0], registers.shape[1], inputs.shape[1]
-    steps = inputs.shape[0] // 2
+    steps = inputs.shape[0] // 3
     half, third, sixth, full = spread(width * (1 / 2)), spread(width * (1 / 3)), spread(width * (1 / 6)), spread(width)
     begin = np.empty((states, groups, LANES))
     total = np.empty((states, groups, LANES))
@@ -130,7 +131,7 @@ def march(
         for stage in range(4 if k < steps else 1):
             for i in range(entering):
                 for j in range(groups):
-                    store2(registers, inputs[2 * k + (stage + 1) // 2, i], states + i, j)
+                    store2(registers, inputs[3 * k + (stage + 1) // 2, i], states + i, j)
             if stage == 0:
                 interpret(whole, registers)
                 if k % stride == 0:

@@ -1,24 +1,30 @@
-"""Response of a linear system to a recorded input, exact for inputs that are linear between their samples.
+"""Response of a linear system to a recorded input, exact for inputs that are held, linear or splines between their samples.
 
-    y(t_k) = g u_k + Σ_j (u_j - u_{j-1}) D_{k-j},    D_m = (1/h) ∫_{mh}^{(m+1)h} (s(t) - g) dt
+    y(t_k) = g u_k + Σ_j Σ_i a_{j,i} D_{k-j,i}
 
-s is the exact step response and g the static gain: between two samples the input is a ramp, and a ramp's response is the
-mean of step responses. D dies out with the slowest pole, so that a long recording costs one short exact response and one
-fast convolution. The input is taken to have had its first value for ever: the response starts at that equilibrium.
-Where there is none (the path integrates) g is 0, D lasts as long as the recording, and the system starts at t = 0 from
-its initial state. Nothing is discretised: a delay need not be a multiple of h, and no lag is faster than the samples allow.
+    held           a_j = u_j - u_{j-1}                                D_m = s(mh) - g
+    polynomials    h u' = Σ_i a_{j,i} φ^i from t_{j-1} to t_j         D_{m,i} = ∫_0^1 φ^i (s((m + 1 - φ) h) - g) dφ
+
+s is the exact step response, right-continuous, and g the static gain: a held input is a train of steps, and between two
+samples of any other the response to its rate is a mean of step responses. D dies out with the slowest pole, so that a long recording costs
+one short exact response and one fast convolution. The input is taken to have had its first value for ever: the response
+starts at that equilibrium. Where there is none (the path integrates) g is 0, D lasts as long as the recording, and the
+system starts at t = 0 from its initial state. Nothing is discretised: a delay need not be a multiple of h, and no lag is
+faster than the samples allow. Where a held input jumps at the instant of a sample, what feeds through at once shows its
+new value, y_k = C x_k + D u_k.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.chebyshev import integration_matrix, weights
+from engine.between_samples import BetweenSamples, polynomials, told
+from engine.linear.at_samples import means, moments, values_at
 from engine.linear.path import connected, path
 from engine.linear.poles import poles
 from engine.linear.propagate import exponentials
@@ -31,7 +37,6 @@ from engine.signals import make
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.curve import Curve
     from engine.linear.system import Array
 
 Samples = npt.NDArray[np.float64]
@@ -41,12 +46,20 @@ SETTLED = 1e-11
 
 _STEP = make("step", {})
 
+_AFTER, _AFTER_LIFTED = 1e-9, 1.5e-4
+"""Parts of a sample within which a jump behind it is one at it: rounding, or a delay of 0 that was lifted."""
+
 GROWTH_LIMIT = 1e100
 """Responses that grow beyond this multiple are no numbers a user can read: they come out as infinity."""
 
 
 def simulate_sampled(
-    system: LinearSystem, inputs: Samples, sample_time: float, *, outputs: Sequence[str] | None = None
+    system: LinearSystem,
+    inputs: Samples,
+    sample_time: float,
+    *,
+    outputs: Sequence[str] | None = None,
+    between: Mapping[str, BetweenSamples] | BetweenSamples = BetweenSamples.LINEAR,
 ) -> Samples:
     """Return the outputs at the samples of a recorded input.
 
@@ -55,11 +68,13 @@ def simulate_sampled(
     system : LinearSystem
         Real; delays of any length.
     inputs : ndarray, shape (inputs, samples)
-        Values at t = 0, h, 2h, ...; linear in between; each had its first value before t = 0.
+        Values at t = 0, h, 2h, ...; each had its first value before t = 0.
     sample_time : float
         h in s.
     outputs : sequence of str, optional
         Which outputs, in which order; all of the system's when absent.
+    between : BetweenSamples, or mapping of input to BetweenSamples
+        What the inputs do between their samples; linear where nothing is said.
 
     Returns
     -------
@@ -74,7 +89,7 @@ def simulate_sampled(
     if outputs is not None:
         rows = [system.outputs.index(name) for name in outputs]
         system = replace(system, c1=system.c1[rows], d11=system.d11[rows], d12=system.d12[rows], outputs=tuple(outputs))
-    return Drive(inputs, sample_time).respond(LaneSystem.of([system]))[0]
+    return Drive(inputs, sample_time, between=told(between, system.inputs)).respond(LaneSystem.of([system]))[0]
 
 
 class Drive:
@@ -84,11 +99,20 @@ class Drive:
     ----------
     inputs, sample_time
         As for :func:`simulate_sampled`.
+    between : sequence of BetweenSamples, optional
+        What each input does between its samples; linear by default.
     growth_limit : float
         An output that an unstable pole could make grow by more than this is infinite, and not computed.
     """
 
-    def __init__(self, inputs: Samples, sample_time: float, *, growth_limit: float = GROWTH_LIMIT) -> None:
+    def __init__(
+        self,
+        inputs: Samples,
+        sample_time: float,
+        *,
+        between: Sequence[BetweenSamples] | None = None,
+        growth_limit: float = GROWTH_LIMIT,
+    ) -> None:
         if inputs.ndim != 2 or inputs.shape[1] == 0:
             raise ValueError(f"inputs must be rows of samples, got an array of shape {inputs.shape}")
         if not np.isfinite(inputs).all():
@@ -96,6 +120,12 @@ class Drive:
         if not sample_time > 0:
             raise ValueError(f"sample_time must be > 0 s, got {sample_time}")
         self._inputs = inputs
+        self._between = tuple(between or (BetweenSamples.LINEAR,) * len(inputs))
+        if len(self._between) != len(inputs):
+            raise ValueError(
+                f"inputs must be {len(self._between)} rows of samples, got an array of shape {inputs.shape}"
+            )
+        self._rates = [_rates(row, way) for row, way in zip(inputs, self._between, strict=True)]
         self._h = sample_time
         self._instants: Samples = sample_time * np.arange(inputs.shape[1], dtype=np.float64)
         self._growth_limit = growth_limit
@@ -122,12 +152,12 @@ class Drive:
             )
         lanes = system.lanes
         system, moves = lifted(system, self._h)
-        values, tangents = self._respond(system)
+        values, tangents = self._respond(system, _AFTER_LIFTED if moves.size else _AFTER)
         for move, tangent in zip(moves, tangents[lanes:], strict=True):
             values = values + move * tangent
         return values, tangents[:lanes]
 
-    def _respond(self, system: LaneSystem) -> tuple[Samples, Samples]:
+    def _respond(self, system: LaneSystem, after: float) -> tuple[Samples, Samples]:
         samples = self._inputs.shape[1]
         rest = replace(system, x0=np.zeros_like(system.x0))
         values = np.zeros((system.n_out, samples))
@@ -137,27 +167,28 @@ class Drive:
             for source in range(system.n_in):
                 if not (self._inputs[source].any() or system.x0.any()):
                     continue  # silent inputs drive nothing
-                kernel = self._kernel(rest, source, output)
+                kernel = self._kernel(rest, source, output, after * self._h)
                 if kernel is None:
                     values[output] = np.inf
                     continue
-                value, tangent = kernel.drive(self._inputs[source])
+                value, tangent = kernel.drive(self._inputs[source], self._rates[source])
                 values[output] += value
                 tangents[:, output] += tangent
                 settles &= kernel.step is None
             if not settles and system.x0.any():
-                free = _values(respond(path(system, [], [output]), [], self._h * samples).output(0), self._instants)
+                free = values_at(respond(path(system, [], [output]), [], self._h * samples).output(0), self._instants)
                 values[output] += free[0].real
                 tangents[:, output] += slopes(free)
         return values, tangents
 
-    def _kernel(self, system: LaneSystem, source: int, output: int) -> _Kernel | None:
+    def _kernel(self, system: LaneSystem, source: int, output: int, after: float) -> _Kernel | None:
         """Return the kernel from one input to one output, None when it grows beyond the limit."""
         h, samples = self._h, self._inputs.shape[1]
+        way = _Way(way=self._between[source], rows=len(self._rates[source]), h=h, after=after)
         connection = connected(system, [source], [output])
         part = _balanced(connection)
         if guess := self._settled.get((source, output)):
-            kernel = _settled(part, h, guess)
+            kernel = _settled(part, way, guess)
             if kernel is not None:
                 return kernel
         part = _balanced(path(connection, [0], [0]))
@@ -167,38 +198,47 @@ class Drive:
             if growth > np.log(self._growth_limit):
                 return None
         if found.verdict is not Verdict.OK:
-            step, transient = _step(part, h, samples)
+            step, transient = way.step(part, samples)
             return _Kernel(gain=np.zeros(part.lanes), transient=transient, step=step)
         duration = -np.log(SETTLED) / found.slowest + float(part.delays[0].real.sum())
         count = int(np.ceil(1.2 * duration / h)) + 4
         while count < samples:
-            kernel = _settled(part, h, count)
+            kernel = _settled(part, way, count)
             if kernel is not None:
                 self._settled[source, output] = count
                 return kernel
             count *= 2
-        gain = static_gain(part)[:, 0, 0]
-        return _Kernel(gain=gain, transient=_step(part, h, samples)[1] - gain[:, None], step=None)
+        return way.kernel(part, static_gain(part)[:, 0, 0], samples)
+
+
+def _rates(u: Samples, way: BetweenSamples) -> Samples:
+    """Return what a kernel is convolved with, (rows, samples): steps of a held input, else h u' in powers of φ."""
+    if way is BetweenSamples.HOLD:
+        return np.diff(u, prepend=u[0])[None]
+    powers = polynomials(u, way)[1:]
+    rates = np.zeros((len(powers), u.size))
+    rates[:, 1:] = powers * np.arange(1, len(powers) + 1)[:, None]
+    return rates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Kernel:
-    """From one input to one output: static gain, transient means D (lanes, m), step response where nothing settles."""
+    """From one input to one output: static gain, transient D (lanes, rows, m), step response where nothing settles."""
 
     gain: Array
     transient: Array
     step: Array | None
 
-    def drive(self, u: Samples) -> tuple[Samples, Samples]:
+    def drive(self, u: Samples, rates: Samples) -> tuple[Samples, Samples]:
         """Return the response to the samples ``u`` and its tangents, shapes (samples,) and (lanes, samples)."""
         import scipy.fft  # noqa: PLC0415 - a twentieth of a second
 
         n = u.size
-        size = scipy.fft.next_fast_len(n + self.transient.shape[1] - 1, real=True)
-        spectrum = scipy.fft.rfft(np.diff(u, prepend=u[0]), size)
+        size = scipy.fft.next_fast_len(n + self.transient.shape[-1] - 1, real=True)
+        spectrum = scipy.fft.rfft(rates, size)
 
         def convolved(means: Samples) -> Samples:
-            return np.asarray(scipy.fft.irfft(spectrum * scipy.fft.rfft(means, size), size)[..., :n])
+            return np.asarray(scipy.fft.irfft((spectrum * scipy.fft.rfft(means, size)).sum(axis=-2), size)[..., :n])
 
         # real and infinitesimal parts are convolved apart: a complex transform would round one into the other
         value = self.gain[0].real * u + convolved(self.transient[0].real)
@@ -213,67 +253,76 @@ def _balanced(part: LaneSystem) -> LaneSystem:
     return part.balanced() if part.n else part
 
 
-def _settled(part: LaneSystem, h: float, count: int) -> _Kernel | None:
+@dataclass(frozen=True, kw_only=True)
+class _Way:
+    """What an input does between samples h apart; its rate is given by so many ``rows``.
+
+    What jumps within ``after`` (s) behind a sample has jumped at it.
+    """
+
+    way: BetweenSamples
+    rows: int
+    h: float
+    after: float
+
+    def kernel(self, part: LaneSystem, gain: Array, count: int) -> _Kernel:
+        """Return the kernel of a path with a static gain (lanes,) over so many intervals."""
+        return _Kernel(gain=gain, transient=self.step(part, count)[1] - self._of_a_constant(gain), step=None)
+
+    def _of_a_constant(self, gain: Array) -> Array:
+        """Return the moments of a constant, (lanes, rows, 1)."""
+        return gain[:, None, None] / np.arange(1, self.rows + 1)[:, None]
+
+    def step(self, part: LaneSystem, count: int) -> tuple[Array, Array]:
+        """Return the step response at 0, h, ..., (lanes, count), and what each interval contributes, (lanes, rows, count)."""
+        held = self.way is BetweenSamples.HOLD
+        if not part.m:
+            values, forced = _step_without_delays(part, self.h, count, 0 if held else self.rows)
+            return values, values[:, None] if held else forced
+        curve = respond(part, [_STEP], self.h * count).output(0)
+        values = values_at(curve, self.h * np.arange(count, dtype=np.float64), after=self.after)
+        if held:
+            return values, values[:, None]
+        if self.rows == 1:
+            return values, means(curve, self.h, count)[:, None]
+        return values, moments(curve, self.h, count, self.rows)
+
+
+def _settled(part: LaneSystem, way: _Way, count: int) -> _Kernel | None:
     """Return the kernel of a path that stands still within ``count`` intervals, None when it does not."""
     try:
         gain = static_gain(part)[:, 0, 0]
     except np.linalg.LinAlgError:
         return None
-    transient = _step(part, h, count)[1] - gain[:, None]
-    size = np.abs(transient[0].real)
-    tail = float(size[-max(4, count // 20) :].max())
+    kernel = way.kernel(part, gain, count)
+    size = np.abs(kernel.transient[0].real)
+    tail = float(size[:, -max(4, count // 20) :].max())
     still = tail <= SETTLED * max(float(size.max()), abs(float(gain[0].real)))
-    return _Kernel(gain=gain, transient=transient, step=None) if still else None
+    return kernel if still else None
 
 
-def _step(part: LaneSystem, h: float, count: int) -> tuple[Array, Array]:
-    """Return the step response at 0, h, ... and its exact mean over each interval, both of shape (lanes, count)."""
-    if not part.m:
-        return _step_without_delays(part, h, count)
-    horizon = h * count
-    curve = respond(part, [_STEP], horizon).output(0)
-    return _values(curve, h * np.arange(count, dtype=np.float64)), _means(curve, h, count)
+def _step_without_delays(part: LaneSystem, h: float, count: int, rows: int) -> tuple[Array, Array]:
+    """Advance x from interval to interval by one matrix exponential, however fast the lags are, with the moments of y.
 
-
-def _step_without_delays(part: LaneSystem, h: float, count: int) -> tuple[Array, Array]:
-    """Advance x and its mean from interval to interval by one matrix exponential, however fast the lags are."""
+    q_1' = y, q_{i+1}' = q_i, all 0 at the start of each interval: at its end q_{i+1} = ∫_0^1 φ^i/i! y dφ.
+    """
     n, lanes = part.n, part.lanes
-    # x' = A x + B, q' = x / h with q = 0 at the start of each interval: q becomes the mean of x
-    joint = np.zeros((lanes, 2 * n + 1, 2 * n + 1), dtype=part.dtype)
+    joint = np.zeros((lanes, n + 1 + rows, n + 1 + rows), dtype=part.dtype)
     joint[:, :n, :n] = h * part.a
-    joint[:, :n, 2 * n :] = h * part.b1
-    joint[:, n : 2 * n, :n] = np.eye(n)
+    joint[:, :n, n : n + 1] = h * part.b1
+    # the exponential is one of numbers of like size
+    size = max(float(np.abs(part.c1[0].real).max(initial=0.0)), float(np.abs(part.d11[0].real).max()), 1e-300)
+    if rows:
+        joint[:, n + 1 : n + 2, :n] = part.c1 / size
+        joint[:, n + 1 : n + 2, n : n + 1] = part.d11 / size
+        joint[:, np.arange(n + 2, n + 1 + rows), np.arange(n + 1, n + rows)] = 1.0
     grown = exponentials(joint)
-    advance, forced = grown[:, :n, :n], grown[:, :n, 2 * n :]
-    states = np.zeros((count, lanes, n, 1), dtype=part.dtype)
+    states = np.zeros((count, lanes, n + 1, 1), dtype=part.dtype)
+    states[:, :, n] = 1.0
+    advance = grown[:, : n + 1, : n + 1]
     for k in range(1, count):
-        states[k] = advance @ states[k - 1] + forced
-    means = grown[:, n : 2 * n, :n] @ states + grown[:, n : 2 * n, 2 * n :]
-    return (part.c1 @ states + part.d11)[:, :, 0, 0].T, (part.c1 @ means + part.d11)[:, :, 0, 0].T
-
-
-def _located(curve: Curve, instants: Samples) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the piece of each fixed instant and the interpolation weights there, shapes (k,) and (k, lanes, N + 1)."""
-    edges = curve.times
-    piece = np.clip(np.searchsorted(edges, instants, side="right") - 1, 0, len(edges) - 2)
-    start = curve.edges[piece]
-    # pieces move with the delays: a fixed instant then lies elsewhere in its piece, lane by lane
-    theta = (instants[:, None] - start) / (curve.edges[piece + 1] - start)
-    return piece, weights(theta)
-
-
-def _values(curve: Curve, instants: Samples) -> Array:
-    """Return the curve at fixed instants, shape (lanes, instants)."""
-    piece, w = _located(curve, instants)
-    return np.asarray(np.einsum("kpj,kjp->pk", w, curve.values[piece]))
-
-
-def _means(curve: Curve, h: float, count: int) -> Array:
-    """Return the exact mean of the curve over each of the first ``count`` intervals of length h, shape (lanes, count)."""
-    width = np.diff(curve.edges, axis=0)
-    primitive = np.einsum("jl,klp->kjp", integration_matrix(), curve.values) * width[:, None, :]
-    before = np.concatenate([np.zeros((1, width.shape[1])), np.cumsum(primitive[:, -1], axis=0)])
-    ends: Samples = h * np.arange(count + 1, dtype=np.float64)
-    piece, w = _located(curve, ends)
-    integral = before[piece] + np.einsum("kpj,kjp->kp", w, primitive[piece])
-    return np.asarray(np.diff(integral, axis=0).T / h)
+        states[k] = advance @ states[k - 1]
+    factorials = size * np.cumprod(np.maximum(np.arange(rows, dtype=np.float64), 1.0))
+    forced = (grown[:, n + 1 :, : n + 1] @ states)[..., 0] * factorials
+    values = (part.c1 @ states[:, :, :n] + part.d11)[:, :, 0, 0]
+    return values.T, forced.transpose(1, 2, 0)

@@ -1,4 +1,4 @@
-"""Response of a nonlinear system to a recorded input that is linear between its samples.
+"""Response of a nonlinear system to a recorded input that is held, linear or a spline between its samples.
 
 The input is taken to have had its first value for ever: the response starts where the system then rests, or at its
 initial state where it does not.
@@ -7,12 +7,13 @@ initial state where it does not.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import BetweenSamples, told
 from engine.errors import UnresolvedError
 from engine.linear.chebyshev import weights
 from engine.linear.tangent import slopes
@@ -38,6 +39,7 @@ def simulate_recorded(
     *,
     outputs: Sequence[str] | None = None,
     deviation: npt.NDArray[Any] | None = None,
+    between: Mapping[str, BetweenSamples] | BetweenSamples = BetweenSamples.LINEAR,
     clock: Callable[[], float] = time.monotonic,
     wall_limit: float = WALL_LIMIT,
 ) -> tuple[Samples, Samples]:
@@ -47,13 +49,16 @@ def simulate_recorded(
     ----------
     system : NonlinearSystem
     inputs : ndarray, shape (inputs, samples)
-        Values at t = 0, h, 2h, ...; linear in between; each had its first value before t = 0.
+        Values at t = 0, h, 2h, ...; each had its first value before t = 0.
     sample_time : float
         h in s.
     outputs : sequence of str, optional
         By default all of the system's.
     deviation : ndarray, shape (lanes, states), optional
         Added to the state from which the response starts; imaginary parts are its lanes.
+    between : BetweenSamples, or mapping of input to BetweenSamples
+        What the inputs do between their samples; linear where nothing is said. Where a held input jumps, the outputs are
+        those just behind the jump.
     clock, wall_limit : callable, float
         The computation is given up when ``clock`` has gone on by ``wall_limit`` seconds.
 
@@ -71,16 +76,18 @@ def simulate_recorded(
     names = system.outputs if outputs is None else tuple(outputs)
     instants: Samples = sample_time * np.arange(inputs.shape[1], dtype=np.float64)
     point = operating_point(system, dict(zip(system.inputs, inputs[:, 0].tolist(), strict=True)))
+    ways = told(between, system.inputs)
     given = {
-        name: make("sampled", {"time": instants.tolist(), "values": row.tolist()})
-        for name, row in zip(system.inputs, inputs, strict=True)
+        name: make("sampled", {"time": instants.tolist(), "values": row.tolist(), "between_samples": way})
+        for name, row, way in zip(system.inputs, inputs, ways, strict=True)
         if np.any(row)
     }
     state, modes = (point.x, point.modes) if point.rests else (None, None)
     if deviation is not None:
         state, modes = (system.start if state is None else state) + deviation, None
     run = Integration(system, given, tolerance=TOLERANCE, clock=clock, wall_limit=wall_limit, state=state, modes=modes)
-    outcome = run.advance(float(instants[-1]))
+    # the last sample of what a held input moves at once lies behind its last jump
+    outcome = run.advance(float(instants[-1]) + (sample_time / 2 if BetweenSamples.HOLD in ways else 0.0))
     values = np.full((len(names), len(instants)), np.inf)
     tangents = np.zeros((system.lanes, *values.shape))
     if outcome.verdict is Verdict.UNSTABLE:

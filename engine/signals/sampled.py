@@ -1,16 +1,17 @@
-"""Sampled command: straight lines between given points.
+"""Sampled command: held, in straight lines or in a spline between given points.
 
-u(t) = values[k] + (values[k+1] - values[k]) (t - time[k]) / (time[k+1] - time[k]) for time[k] <= t < time[k+1]
+linear:  u(t) = values[k] + (values[k+1] - values[k]) (t - time[k]) / (time[k+1] - time[k]) for time[k] <= t < time[k+1]
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from engine.between_samples import BetweenSamples, polynomials
 from engine.errors import SignalError
 from engine.parameters import Param
 from engine.signals._base import FloatArray, Signal
@@ -22,15 +23,22 @@ class Sampled(Signal):
 
     time: FloatArray
     values: FloatArray
+    between_samples: BetweenSamples = BetweenSamples.LINEAR
+    _powers: FloatArray = field(init=False, repr=False)
 
     kind = "sampled"
     title = "Sampled"
-    equation = "u(t) = linear interpolation of (time, values)"
-    source = "Definition; first-order hold."
+    equation = "u(t) = interpolation of (time, values): held, linear, or a quintic spline (band_limited)"
+    source = "Definition; zero-order hold, first-order hold, spline interpolation."
     parameters = (
         Param(name="time", symbol="t_k", unit="s", shape="list", lower=0.0, doc="times of the points, increasing"),
         Param(name="values", symbol="u_k", shape="list", doc="values at these times"),
-    )
+        Param(
+            name="between_samples", symbol="", unit="", shape="text", default=str(BetweenSamples.LINEAR),
+            choices=tuple(BetweenSamples),
+            doc="held as by a D/A converter, in straight lines, or smooth as behind an anti-aliasing filter",
+        ),
+    )  # fmt: skip
     example: ClassVar[Mapping[str, Any]] = {"time": [0.0, 1.0, 2.0], "values": [0.0, 1.0, 1.0]}
 
     @classmethod
@@ -48,18 +56,24 @@ class Sampled(Signal):
                 f"time[{index}] must be > {time[index - 1]:g} s (the one before), got {time[index]:g}",
                 at=("time", index),
             )
-        return cls(time=time, values=given)
+        return cls(time=time, values=given, between_samples=BetweenSamples(values["between_samples"]))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_powers", polynomials(self.values, self.between_samples, self.time))
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        real = np.asarray(np.interp(np.real(t), self.time, self.values), dtype=np.float64)
-        if not np.iscomplexobj(t) or self.time.size == 1:
-            return real
-        # an instant that carries an infinitesimal moves along its straight line
-        piece = np.clip(np.searchsorted(self.time, np.real(t), side="right") - 1, 0, self.time.size - 2)
-        inside = (np.real(t) >= self.time[0]) & (np.real(t) < self.time[-1])
-        slope = np.where(inside, (np.diff(self.values) / np.diff(self.time))[piece], 0.0)
-        return np.asarray(real + 1j * slope * np.imag(t))
+        after = np.searchsorted(self.time, np.real(t), side="right")
+        outside = np.where(after == 0, self.values[0], self.values[-1])
+        if self.time.size == 1:
+            return np.asarray(outside, dtype=np.float64)
+        piece = np.clip(after - 1, 0, self.time.size - 2)
+        # an instant that carries an infinitesimal moves along its polynomial
+        part = (t - self.time[piece]) / (self.time[piece + 1] - self.time[piece])
+        found = np.zeros_like(part)
+        for powers in self._powers[::-1]:
+            found = found * part + powers[piece]
+        return np.where((after > 0) & (after < self.time.size), found, outside)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Return time 0 and all points."""
@@ -75,5 +89,5 @@ class Sampled(Signal):
         return float(self.time[-1])
 
     def degree(self) -> int | None:
-        """Return 1: linear pieces, or 0 where nothing changes."""
-        return 1 if np.any(np.diff(self.values)) else 0
+        """Return that of the pieces, 0 where nothing changes."""
+        return len(self._powers) - 1 if np.any(np.diff(self.values)) else 0

@@ -6,11 +6,12 @@ The model follows the recorded inputs from the recording's first sample: a simul
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import BetweenSamples, told
 from engine.errors import UnresolvedError
 from engine.failures import numerical
 from engine.linear.path import connected
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from engine.diagram import Diagram
 
 Samples = npt.NDArray[np.float64]
+Between: TypeAlias = Mapping[str, BetweenSamples] | BetweenSamples
 
 
 @numerical()
@@ -32,6 +34,7 @@ def respond(
     *,
     outputs: Sequence[str],
     overrides: Mapping[str, float],
+    between: Between = BetweenSamples.LINEAR,
     wall_limit: float = WALL_LIMIT,
 ) -> dict[str, Samples]:
     """Return the outputs at the samples of recorded inputs; inputs that were not recorded are 0.
@@ -46,6 +49,8 @@ def respond(
     outputs : sequence of str
     overrides : mapping of str to float
         Parameter values, SI.
+    between : BetweenSamples, or mapping of input to BetweenSamples
+        What the inputs do between their samples.
     wall_limit : float
         s, after which a nonlinear response is given up.
 
@@ -62,10 +67,10 @@ def respond(
     driven = _driven(diagram, inputs)
     if diagram.nonlinear:
         values, _ = simulate_recorded(
-            diagram.laws(overrides), driven, sample_time, outputs=outputs, wall_limit=wall_limit
+            diagram.laws(overrides), driven, sample_time, outputs=outputs, between=between, wall_limit=wall_limit
         )
     else:
-        values = simulate_sampled(diagram.realize(overrides), driven, sample_time, outputs=outputs)
+        values = simulate_sampled(diagram.realize(overrides), driven, sample_time, outputs=outputs, between=between)
     return dict(zip(outputs, values, strict=True))
 
 
@@ -78,6 +83,7 @@ def tangents(
     outputs: Sequence[str],
     overrides: Mapping[str, float],
     parameters: Sequence[str],
+    between: Between = BetweenSamples.LINEAR,
     wall_limit: float = WALL_LIMIT,
 ) -> dict[str, dict[str, Samples]]:
     """Return the exact derivative of each output by each parameter, output -> parameter -> samples.
@@ -96,7 +102,7 @@ def tangents(
         laws = diagram.laws(overrides, steps)
         with np.errstate(all="ignore"):  # a parameter at the edge of its range may have no derivative: told below
             values, found = simulate_recorded(
-                laws, _driven(diagram, inputs), sample_time, outputs=outputs, wall_limit=wall_limit
+                laws, _driven(diagram, inputs), sample_time, outputs=outputs, between=between, wall_limit=wall_limit
             )
         if not np.isfinite(values).all():
             raise UnresolvedError("the response has no derivative by every one of these parameters")
@@ -104,7 +110,9 @@ def tangents(
         sources = [diagram.inputs.index(name) for name in inputs]
         targets = [diagram.outputs.index(name) for name in outputs]
         part = connected(diagram.realize_lanes(steps, overrides), sources, targets)
-        _, found = Drive(np.array(list(inputs.values())), sample_time).respond(part)
+        _, found = Drive(np.array(list(inputs.values())), sample_time, between=told(between, list(inputs))).respond(
+            part
+        )
     return {
         output: {parameter: found[lane, row] for lane, parameter in enumerate(parameters)}
         for row, output in enumerate(outputs)

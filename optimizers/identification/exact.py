@@ -28,6 +28,7 @@ class ExactModel:
         self._diagram, self._known = diagram, dict(experiment.values)
         self._outputs = tuple(recording.outputs)
         self._h = recording.sample_time
+        self._between = recording.between_samples
         self._inputs = np.zeros((len(diagram.inputs), recording.samples))
         for name, signal in recording.inputs.items():
             self._inputs[diagram.inputs.index(name)] = signal
@@ -53,4 +54,6 @@ class ExactModel:
         return Answer(values=found, slopes=np.concatenate([slopes, np.array(by_state)]))
 
     def _simulated(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples]:
-        return simulate_recorded(laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation)
+        return simulate_recorded(
+            laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation, between=self._between
+        )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,20 +14,17 @@ from optimizers.confidence import correlations, covariance
 from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
-from optimizers.identification.result import Fits, Identified, Judged
-from optimizers.identification.search import CancelledError, Search
-from optimizers.limits import Limited
-from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
+from optimizers.identification.doubts import doubts, undecided
+from optimizers.identification.result import BetweenTried, Fits, Identified, Judged
+from optimizers.identification.search import Search
+from optimizers.identification.starts import first_start
+from optimizers.identification.ways import Tried, tried_ways
 from optimizers.noise import fitted
-from optimizers.result import Keeper, Monitor, Status, Unwatched, kept_by
+from optimizers.result import Monitor, Unwatched
 
 if TYPE_CHECKING:
-    from optimizers.recording import Identification, RecordedExperiment, Unknown, Window
+    from optimizers.recording import Identification, RecordedExperiment, Window
 
-LEAST_GAIN = 1e-7
-"""A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
-_KIND = "identification"
-"""Of the states that a search keeps."""
 BASELINES = ("mean", "input", "static_gain")
 
 
@@ -48,97 +44,54 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
         Always: a search that failed says so in ``status`` and ``advice``.
     """
     began = time.perf_counter()
-    search = Search(problem, monitor or Unwatched())
+    tried = tried_ways(problem, monitor or Unwatched(), rng)
+    best = tried[0]
+    search, found, status = best.search, best.found, best.status
+    x = first_start(problem) if found is None else found.x
     with search.workers():
-        found, status = _searched(search, rng)
-        x = _first(search) if found is None else found.x
         answers = [None] * len(search.comparisons) if found is None else search.answers(x)
     shown = [_Shown(c, *answer) for c, answer in zip(search.comparisons, answers, strict=True) if answer is not None]
     cov = None if found is None else covariance(*search.blocks(found))
     unknowns, count = problem.unknowns, len(problem.unknowns)
     said = () if cov is None or found is None else words.sentences(unknowns, x, cov, found.jacobian)
     unheard = () if found is None else words.silent(unknowns, found.jacobian, x)
+    judged = tuple(s.judged() for s in shown) or tuple(_unjudged(e) for e in problem.experiments)
     validating = any(c.experiment.windows[1] is not None for c in search.comparisons)
+    estimates = {
+        u.parameter: words.estimate(u, float(x[i]), None if cov is None or i in unheard else math.sqrt(cov[i, i]))
+        for i, u in enumerate(unknowns)
+    }
     return Identified(
-        parameters={
-            u.parameter: words.estimate(u, float(x[i]), None if cov is None or i in unheard else math.sqrt(cov[i, i]))
-            for i, u in enumerate(unknowns)
-        },
+        parameters=estimates,
         correlations=np.eye(count) if cov is None else correlations(cov)[:count, :count],
         indistinguishable=said,
         estimation=_pooled((s.pairs(s.estimation) for s in shown), compare),
         validation=_pooled((s.pairs(s.validation) for s in shown), compare),
         one_step=_pooled((s.predicted(s.judging(validating=validating)) for s in shown), compare),
         baselines=_trivial(problem, validating=validating),
-        experiments=tuple(s.judged() for s in shown) or tuple(_unjudged(e) for e in problem.experiments),
+        experiments=judged,
         status=status,
         advice=words.advice(status, unknowns, x, said),
-        evaluations=search.evaluations,
+        evaluations=max(one.search.evaluations for one in tried),
         seconds=time.perf_counter() - began,
+        between_samples=best.way,
+        between_tried={one.way: _tried(one) for one in tried if one.way is not None},
+        warnings=(
+            *doubts(judged, [tuple(e.recording.inputs) for e in _seen(search, shown)]),
+            *undecided(tried, estimates),
+        ),
     )
 
 
-def _searched(search: Search, rng: np.random.Generator) -> tuple[Minimum | None, Status]:
-    """Return the best minimum and how the search ended."""
-    unknowns = search.problem.unknowns
-    free = np.full(search.coordinates - search.parameters, np.inf)
-    lower = np.append([u.coordinate(u.lower) for u in unknowns], -free)
-    upper = np.append([u.coordinate(u.upper) for u in unknowns], free)
-    further = (np.append(_elsewhere(unknowns, rng), 0 * np.isinf(free)) for _ in range(search.problem.starts - 1))
-    starts = np.array([_first(search), *further])
-    keeper = search.monitor if isinstance(search.monitor, Keeper) else None
-
-    def tell(reached: Reached) -> None:
-        if keeper is not None:
-            keeper.keep({"kind": _KIND, "evaluations": search.evaluations, **asdict(reached)})
-
-    kept = dict(kept_by(search.monitor, _KIND) or {})
-    if kept:
-        search.evaluations = int(kept.pop("evaluations"))
-    try:
-        found = minimize_squares(
-            search.errors, starts, lower=lower, upper=upper, max_evaluations=search.problem.max_evaluations,
-            least_gain=LEAST_GAIN, reached=_reached(kept), tell=tell,
-        )  # fmt: skip
-    except CancelledError:
-        over = isinstance(search.monitor, Limited) and search.monitor.over
-        return search.best, Status.BUDGET if over else Status.CANCELLED
-    if found is None:
-        return None, Status.STALLED
-    return found, Status.CONVERGED if found.converged else Status.BUDGET
+def _tried(one: Tried) -> BetweenTried:
+    if one.found is None:
+        return BetweenTried(fit_percent=None, values=None)
+    fit = 100.0 * (1.0 - math.sqrt(2.0 * one.found.cost))
+    return BetweenTried(fit_percent=fit, values=one.search.values(one.found.x))
 
 
-def _reached(kept: Mapping[str, Any]) -> Reached | None:
-    """Return how far an earlier run of the search got, None for the first one."""
-    if not kept:
-        return None
-    here, best = kept["here"], kept["best"]
-    return Reached(
-        start=int(kept["start"]),
-        here=None if here is None else tuple(here),
-        spent=int(kept["spent"]),
-        best=None if best is None else tuple(best),
-        converged=bool(kept["converged"]),
-    )
-
-
-def _first(search: Search) -> Samples:
-    """Return the coordinates of the given start; initial states begin at rest."""
-    given = [unknown.coordinate(unknown.start) for unknown in search.problem.unknowns]
-    return np.append(given, np.zeros(search.coordinates - search.parameters))
-
-
-def _elsewhere(unknowns: tuple[Unknown, ...], rng: np.random.Generator) -> Samples:
-    """Return a random start: anywhere within finite bounds, else within a decade of the given start."""
-    x = []
-    for unknown in unknowns:
-        if math.isfinite(unknown.lower) and math.isfinite(unknown.upper):
-            low, high = unknown.coordinate(unknown.lower), unknown.coordinate(unknown.upper)
-            x.append(float(rng.uniform(low, high)))
-        else:
-            value = (unknown.start or 1.0) * 10 ** float(rng.uniform(-1, 1))
-            x.append(unknown.coordinate(min(max(value, unknown.lower), unknown.upper)))
-    return np.array(x)
+def _seen(search: Search, shown: Sequence[_Shown]) -> Sequence[RecordedExperiment]:
+    return [s.experiment for s in shown] or search.problem.experiments
 
 
 Pairs = Mapping[str, tuple[Samples, Samples]]

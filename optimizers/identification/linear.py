@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import told
 from engine.linear.chebyshev import weights
 from engine.linear.path import connected, path
 from engine.linear.propagate import exponentials
@@ -47,7 +48,8 @@ class LinearModel:
         self._to = [diagram.outputs.index(name) for name in recording.outputs]
         self._h, self._samples = recording.sample_time, recording.samples
         inputs = np.array(list(recording.inputs.values())).reshape(len(recording.inputs), recording.samples)
-        self._drive = Drive(inputs, self._h, growth_limit=GROWTH_LIMIT)
+        between = told(recording.between_samples, list(recording.inputs))
+        self._drive = Drive(inputs, self._h, between=between, growth_limit=GROWTH_LIMIT)
 
     def answer(self, values: Mapping[str, float], deviation: Samples) -> Answer:
         """Return the response; its initial state is left to linear regression."""

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from engine.batch_nonlinear.equations import Equations
 from engine.batch_nonlinear.march import Marcher, Pieces
 from engine.batch_nonlinear.program import Compiled
+from engine.between_samples import polynomials, told
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.nonlinear.operating_point import operating_point
 from engine.traced import UnsuitableError
@@ -100,6 +101,8 @@ class MarchedModel:
         self._inputs = np.zeros((len(diagram.inputs), self._samples))
         for name, signal in recording.inputs.items():
             self._inputs[diagram.inputs.index(name)] = signal
+        ways = told(recording.between_samples, diagram.inputs)
+        self._powers = [polynomials(row, way) for row, way in zip(self._inputs, ways, strict=True)]
         self._stride, self._followed, self._stiff = _COARSEST, False, False
 
     def answer(self, values: Mapping[str, float], deviation: Samples) -> Answer:
@@ -180,7 +183,7 @@ class MarchedModel:
             count = min(width, self._samples - 1 - begin)
             piece = Pieces(
                 edges=self._h * np.array([0.0, count]), samples=np.array([count]), stride=stride,
-                inputs=[_table(self._inputs[:, begin : begin + count + 1], self._h, stride)],
+                inputs=[self._table(begin, begin + count, stride)],
             )  # fmt: skip
             marched = self._marcher(states, batch.once, piece)
             # a law that has left what its formula covers is no response, however finite it looks
@@ -194,6 +197,18 @@ class MarchedModel:
                 parts.append(np.full((values.shape[0], left, values.shape[2]), np.inf))
                 break
         return np.concatenate(parts, axis=1)
+
+    def _table(self, first: int, last: int, stride: int) -> Samples:
+        """Return inputs and their slopes from one sample to another, as `Pieces` wants them."""
+        parts = (np.arange(stride)[:, None] + np.array([0.0, 0.5, 1.0])).ravel() / stride
+        values, rates = [], []
+        for powers, row in zip(self._powers, self._inputs, strict=True):
+            value = rate = np.zeros((last - first, parts.size))
+            for own in powers[::-1, first:last, None]:  # Horner's scheme, and its derivative
+                rate, value = rate * parts + value, value * parts + own
+            values.append(np.append(value, row[last]))
+            rates.append(np.append(rate, rate[-1, -1]) / self._h)
+        return np.ascontiguousarray(np.array([*values, *rates]).T)
 
     def _nothing(self, parameters: int) -> Answer:
         infinite = np.full((len(self._compiled.program.read) // 2, self._samples), np.inf)
@@ -233,13 +248,3 @@ def _away(lower: float, upper: float, start: float, value: float) -> float:
     """Return how far a neighbour is: within the bounds."""
     step = _DIFFERENCE * (abs(value) or abs(start) or (min(upper - lower, 1.0)))
     return step if value + step <= upper else -step
-
-
-def _table(inputs: Samples, sample_time: float, stride: int) -> Samples:
-    """Return inputs in straight lines between their samples, and their slopes, at the ends and in the middle of every step."""
-    parts = np.arange(2 * stride) / (2 * stride)
-    rises = np.diff(inputs, axis=1)
-    values = (inputs[:, :-1, None] + rises[:, :, None] * parts).reshape(len(inputs), -1)
-    slope = np.repeat(rises / sample_time, 2 * stride, axis=1)
-    ends = np.concatenate([inputs[:, -1:], slope[:, -1:]])
-    return np.ascontiguousarray(np.concatenate([np.concatenate([values, slope]), ends], axis=1).T)

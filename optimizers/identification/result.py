@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import BetweenSamples
 from engine.fit import Fit, ResidualTests
 from optimizers.result import Status
 
@@ -54,6 +55,18 @@ class Judged:
     residuals: Mapping[str, ResidualTests]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BetweenTried:
+    """What the parameters come to with one way of inputs between their samples.
+
+    ``fit_percent`` is 100 (1 - ||y - ŷ|| / ||y - mean y||) in the estimation windows, all outputs together; ``values`` are
+    those of the parameters (SI). None where the model has no bounded response.
+    """
+
+    fit_percent: float | None
+    values: Mapping[str, float] | None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
     """Everything that a user needs to judge an identification.
@@ -72,6 +85,12 @@ class Identified:
         What models without dynamics reach where the validation is (the estimation without one).
     experiments : tuple of Judged
         One by one.
+    between_samples : BetweenSamples or None
+        The way that fits best, where it was not known what inputs do between their samples; everything else is said with it.
+    between_tried : mapping of BetweenSamples to BetweenTried
+        Each way that was tried.
+    warnings : tuple of str
+        Why the intervals may be wrong.
     """
 
     parameters: Mapping[str, Estimate]
@@ -86,6 +105,9 @@ class Identified:
     advice: str
     evaluations: int
     seconds: float
+    between_samples: BetweenSamples | None
+    between_tried: Mapping[BetweenSamples, BetweenTried]
+    warnings: tuple[str, ...]
 
     @property
     def offsets(self) -> Mapping[str, float]:

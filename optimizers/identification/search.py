@@ -46,6 +46,10 @@ class Search:
         self.problem, self.monitor = problem, monitor
         self.evaluations = 0
         self.best: Minimum | None = None
+        self.least_told = math.inf
+        """Cost of the best point of which the monitor has heard."""
+        self.stopped = False
+        """Whether the monitor ended the search."""
         build = _models(problem)
         self.comparisons = [Comparison(e, build(e), offsets=problem.offsets) for e in problem.experiments]
         self._estimating = [c for c in self.comparisons if c.experiment.windows[0] is not None]
@@ -150,6 +154,8 @@ class Search:
         )
         if self.best is None or here.cost < self.best.cost:
             self.best = here
+        if here.cost < self.least_told:
+            self.least_told = here.cost
             self.monitor.best(self.evaluations, here.cost, 0.0, self.values(here.x))
 
 

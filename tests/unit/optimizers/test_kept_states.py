@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,6 +145,28 @@ def test_an_identification_goes_on_where_it_was(after: int) -> None:
     assert starts == sorted(starts)
     assert starts[-1] == DELAYED.starts
     assert second.states[0]["evaluations"] > reached["evaluations"]
+
+
+@pytest.mark.parametrize("after", [20, 51, 53])
+def test_an_identification_goes_on_with_the_way_it_was_trying(after: int) -> None:
+    """Cut off with straight lines, behind them, and with held inputs."""
+    (experiment,) = DELAYED.experiments
+    recording = replace(experiment.recording, undecided=("u",))
+    problem = replace(DELAYED, experiments=(replace(experiment, recording=recording),))
+    whole = Memory()
+    result = identify(problem, rng=np.random.default_rng(0), monitor=whole)
+    assert whole.count > 53, "it must get so far"
+    first = Memory(most=after)
+    with pytest.raises(CutError):
+        identify(problem, rng=np.random.default_rng(0), monitor=first)
+    assert first.state is not None
+    done = len(json.loads(first.state)["done"])
+    second = Memory(first.state)
+    resumed = identify(problem, rng=np.random.default_rng(0), monitor=second)
+    assert all(len(state["done"]) >= done for state in second.states)
+    assert resumed.between_samples == result.between_samples == "linear"
+    for way, one in result.between_tried.items():
+        assert resumed.between_tried[way].fit_percent == pytest.approx(one.fit_percent, abs=1e-4)
 
 
 def test_a_minimum_that_was_reached_is_asked_for_once_again() -> None:

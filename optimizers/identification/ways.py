@@ -1,0 +1,150 @@
+"""One search for each way in which inputs may go on between their samples, where nobody knows it; the best one counts.
+
+The first search is the whole one. The others begin where it came to rest, since the ways are near each other: a few steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from engine.between_samples import BetweenSamples
+from optimizers.identification.answers import Samples
+from optimizers.identification.search import CancelledError, Search
+from optimizers.identification.starts import first_start, further_starts
+from optimizers.limits import Limited
+from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
+from optimizers.recording import Identification
+from optimizers.result import Keeper, Monitor, Status, kept_by
+
+LEAST_GAIN: Final = 1e-7
+"""A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
+_KIND = "identification"
+"""Of the states that a search keeps."""
+_ORDER: Final = (BetweenSamples.LINEAR, BetweenSamples.HOLD, BetweenSamples.BAND_LIMITED)
+_EXACT: Final = 1e-18
+"""Costs below this are rounding: errors of 1e-9 of the output's spread."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tried:
+    """How a search ended: ``found`` is None where the model has a response at no start; ``way`` where none was to be chosen."""
+
+    way: BetweenSamples | None
+    search: Search
+    found: Minimum | None
+    status: Status
+
+
+def tried_ways(problem: Identification, monitor: Monitor, rng: np.random.Generator) -> list[Tried]:
+    """Return the searches, the best first.
+
+    Parameters
+    ----------
+    problem : Identification
+    monitor : Monitor
+    rng : numpy.random.Generator
+        Chooses the starts after the first.
+    """
+    kept = dict(kept_by(monitor, _KIND) or {})
+    done: list[dict[str, Any]] = list(kept.pop("done", []))
+    evaluations = int(kept.pop("evaluations", 0))
+    starts = np.array([first_start(problem), *further_starts(problem, rng)])
+    tried: list[Tried] = []
+    ways: tuple[BetweenSamples | None, ...] = _ORDER if problem.undecided else (None,)
+    for number, way in enumerate(ways):
+        search = Search(problem if way is None else _with(problem, way), monitor)
+        search.evaluations = evaluations
+        search.least_told = min((one.found.cost for one in tried if one.found is not None), default=np.inf)
+        if number < len(done):
+            tried.append(_again(way, search, done[number]))
+            continue
+        before = tried[0].found if tried else None
+        own = _padded(search, starts) if before is None else before.x[None]
+        reached = _reached(kept) if number == len(done) else None
+        found, status = _searched(search, own, reached, done)
+        tried.append(Tried(way=way, search=search, found=found, status=status))
+        if status in {Status.CANCELLED, Status.BUDGET} and search.stopped:
+            break
+        evaluations = search.evaluations
+        done.append({
+            "x": None if found is None else found.x.tolist(), "converged": found is not None and found.converged,
+        })  # fmt: skip
+    stopped = tried[-1].status if tried[-1].search.stopped else None
+    tried.sort(key=lambda one: np.inf if one.found is None else max(one.found.cost, _EXACT))  # of equals the first
+    # the best may have come to rest before the time was over for the others
+    return tried if stopped is None else [replace(tried[0], status=stopped), *tried[1:]]
+
+
+def _with(problem: Identification, way: BetweenSamples) -> Identification:
+    experiments = (replace(e, recording=e.recording.with_undecided(way)) for e in problem.experiments)
+    return replace(problem, experiments=tuple(experiments))
+
+
+def _padded(search: Search, starts: Samples) -> Samples:
+    """Return starts of the parameters with initial states at rest."""
+    return np.pad(starts, ((0, 0), (0, search.coordinates - search.parameters)))
+
+
+def _again(way: BetweenSamples | None, search: Search, done: Mapping[str, Any]) -> Tried:
+    """Return what an earlier run of the search came to."""
+    if done["x"] is None:
+        return Tried(way=way, search=search, found=None, status=Status.STALLED)
+    x, count = np.array(done["x"]), search.evaluations
+    with search.workers():
+        residuals, jacobian = search.errors(x)
+    search.evaluations = count
+    found = Minimum(x=x, residuals=residuals, jacobian=jacobian, converged=done["converged"], evaluations=1)
+    return Tried(way=way, search=search, found=found, status=_ended(found))
+
+
+def _searched(
+    search: Search, starts: Samples, reached: Reached | None, done: list[dict[str, Any]]
+) -> tuple[Minimum | None, Status]:
+    """Return the best minimum and how the search ended."""
+    unknowns, monitor = search.problem.unknowns, search.monitor
+    free = np.full(search.coordinates - search.parameters, np.inf)
+    keeper = monitor if isinstance(monitor, Keeper) else None
+
+    def tell(now: Reached) -> None:
+        if keeper is not None:
+            keeper.keep({"kind": _KIND, "evaluations": search.evaluations, "done": done, **asdict(now)})
+
+    try:
+        with search.workers():
+            found = minimize_squares(
+                search.errors,
+                starts,
+                lower=np.append([u.coordinate(u.lower) for u in unknowns], -free),
+                upper=np.append([u.coordinate(u.upper) for u in unknowns], free),
+                max_evaluations=search.problem.max_evaluations,
+                least_gain=LEAST_GAIN,
+                reached=reached,
+                tell=tell,
+            )
+    except CancelledError:
+        search.stopped = True
+        over = isinstance(monitor, Limited) and monitor.over
+        return search.best, Status.BUDGET if over else Status.CANCELLED
+    return found, Status.STALLED if found is None else _ended(found)
+
+
+def _ended(found: Minimum) -> Status:
+    return Status.CONVERGED if found.converged else Status.BUDGET
+
+
+def _reached(kept: Mapping[str, Any]) -> Reached | None:
+    """Return how far an earlier run of the search got, None for the first one."""
+    if not kept:
+        return None
+    here, best = kept["here"], kept["best"]
+    return Reached(
+        start=int(kept["start"]),
+        here=None if here is None else tuple(here),
+        spent=int(kept["spent"]),
+        best=None if best is None else tuple(best),
+        converged=bool(kept["converged"]),
+    )
