@@ -69,3 +69,9 @@ def told(between: Mapping[str, BetweenSamples] | BetweenSamples, names: Sequence
     if isinstance(between, BetweenSamples):
         return (between,) * len(names)
     return tuple(between.get(name, BetweenSamples.LINEAR) for name in names)
+
+
+def tried(undecided: Sequence[str]) -> tuple[BetweenSamples, ...]:
+    """Return the ways that are tried on inputs of which nobody knows it, the one of equals that is taken first."""
+    every = (BetweenSamples.LINEAR, BetweenSamples.HOLD, BetweenSamples.BAND_LIMITED)
+    return every if undecided else every[:1]

@@ -235,9 +235,9 @@ class Identification:
         self._check_contents()
 
     @property
-    def undecided(self) -> bool:
-        """Whether nobody knows what some input does between its samples."""
-        return any(experiment.recording.undecided for experiment in self.experiments)
+    def undecided(self) -> tuple[str, ...]:
+        """Inputs of which nobody knows what they do between their samples."""
+        return tuple(dict.fromkeys(name for e in self.experiments for name in e.recording.undecided))
 
     @property
     def estimating(self) -> tuple[RecordedExperiment, ...]:

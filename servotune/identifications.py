@@ -26,7 +26,7 @@ class Identifications:
         *,
         parameters: Sequence[str | Document],
         dataset: str | None = None,
-        inputs: Mapping[str, str] | None = None,
+        inputs: Mapping[str, str | Document] | None = None,
         outputs: Mapping[str, str] | None = None,
         experiments: Sequence[Document] | None = None,
         offsets: str | None = None,
@@ -45,7 +45,9 @@ class Identifications:
         parameters : sequence
             Names, or `{"parameter": "lag.time_constant", "lower": 0, "upper": 0.1, "start": 0.01}`.
         dataset, inputs, outputs : str, mapping, mapping
-            A recording: which of its channels drives which port, and which one measures which output.
+            A recording: which of its channels drives which port, and which one measures which output. An input may say what it
+            does between its samples: `{"channel": "u", "between_samples": "hold"}` (a D/A converter), `"linear"`,
+            `"band_limited"` (behind an anti-aliasing filter); otherwise all three are tried (`"auto"`) and the best is taken.
         experiments : sequence, optional
             Several recordings in place of it: `{"dataset": ..., "inputs": ..., "outputs": ..., "parameters": {"load": 5}}`, the
             parameters being what is known of this one alone, and `split`, `estimation`, `validation` its parts.

@@ -230,7 +230,7 @@ class Studies:
         system: SystemLike,
         *,
         dataset: str,
-        inputs: Mapping[str, str],
+        inputs: Mapping[str, str | Document],
         outputs: Mapping[str, str],
         parameters: Mapping[str, Any] | None = None,
         offsets: Mapping[str, float] | str | None = None,
@@ -245,6 +245,9 @@ class Studies:
 
         Parameters
         ----------
+        inputs, outputs : mapping
+            Which channel drives which port, and which one measures which output. An input is a channel, or
+            `{"channel": "u", "between_samples": "hold"}`, as for `identify`.
         parameters : mapping, optional
             Adjusted values; those of the document are the theory that they are compared with.
         identification : str, optional

@@ -47,6 +47,8 @@ def residuals_to_wire(tests: ResidualTests, sample_time: float) -> dict[str, Any
     most = len(tests.autocorrelation) - 1
     return {
         "white": tests.white,
+        "ljung_box": number(tests.ljung_box),
+        "ljung_box_limit": number(tests.ljung_box_limit),
         "independent": tests.independent,
         "confidence": 0.99,
         "sample_time": sample_time,

@@ -124,6 +124,8 @@ def identified_to_wire(
         "one_step_prediction": fits_to_wire(found.one_step),
         "experiments": [_judged_to_wire(one) for one in found.experiments],
         "residuals": _residuals_to_wire(found.residuals),
+        "between_samples": None if found.between_samples is None else _between_to_wire(found),
+        "warnings": [{"pointer": "/parameters", "detail": sentence} for sentence in found.warnings],
         "windows": {
             "estimation": list(estimation) if estimation is not None else None,
             "validation": list(validation) if validation is not None else None,
@@ -131,6 +133,20 @@ def identified_to_wire(
         "evaluations": found.evaluations,
         "seconds": found.seconds,
         "system": dict(system) if system else None,
+    }
+
+
+def _between_to_wire(found: Identified) -> dict[str, Any]:
+    """Return the way that inputs between their samples are taken to go, and what every way that was tried comes to."""
+    return {
+        "chosen": str(found.between_samples),
+        "tried": {
+            str(way): {
+                "fit_percent": number(one.fit_percent),
+                "parameters": None if one.values is None else {name: number(v) for name, v in one.values.items()},
+            }
+            for way, one in found.between_tried.items()
+        },
     }
 
 
@@ -158,6 +174,8 @@ def _residuals_to_wire(residuals: Mapping[str, ResidualTests]) -> dict[str, Any]
     return {
         output: {
             "white": tests.white,
+            "ljung_box": number(tests.ljung_box),
+            "ljung_box_limit": number(tests.ljung_box_limit),
             "independent": tests.independent,
             "autocorrelation": numbers(tests.autocorrelation),
             "autocorrelation_bound": number(tests.autocorrelation_bound),

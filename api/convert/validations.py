@@ -50,6 +50,15 @@ def validation_to_wire(
         "definitions": dict(DEFINITIONS),
         "adjustment": _adjustment(found, diagram, overrides, intervals) if overrides else None,
         "diagnosis": _diagnosis(found),
+        "between_samples": None
+        if found.between is None
+        else {
+            "chosen": str(found.between.way),
+            "tried": {
+                str(way): {name: fit_to_wire(fit) for name, fit in fits.items()}
+                for way, fits in found.between.tried.items()
+            },
+        },
         "remarks": remarks,
         "advice": _advice(found),
     }

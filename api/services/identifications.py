@@ -12,6 +12,7 @@ from api.convert.identifications import identification_from_wire, identified_to_
 from api.convert.studies import warnings_to_wire
 from api.pointers import Place
 from api.schemas.identifications import IdentificationRequest
+from api.schemas.jobs import RecordedInput
 from api.services import direct_identifications, jobs
 from api.services.installation import Caller, Installation
 from api.services.recordings import recording_of
@@ -75,7 +76,7 @@ def run(
         **result,
         "dataset": _datasets(request)[0],
         "datasets": _datasets(request),
-        "warnings": warnings_to_wire(diagram.warnings, place=place),
+        "warnings": warnings_to_wire(diagram.warnings, place=place) + result["warnings"],
     }
 
 
@@ -85,7 +86,7 @@ def _recordings(
     """Return what was recorded in each experiment."""
     if request.experiments is None:
         assert request.dataset is not None  # the request was refused else
-        given: list[tuple[str, Mapping[str, str], Mapping[str, str], Place]] = [
+        given: list[tuple[str, Mapping[str, str | RecordedInput], Mapping[str, str], Place]] = [
             (request.dataset, request.inputs or {}, request.outputs or {}, ())
         ]
     else:

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from api.convert.signals import check_name
 from api.pointers import Place
 from api.problems import invalid
+from api.schemas.jobs import RecordedInput
 from api.services.datasets import read_recording
 from api.units import UnitError, factor
+from engine.between_samples import BetweenSamples
 from engine.diagram import Diagram
 from optimizers.recording import Recording
 from storage.session import Database
@@ -16,7 +18,7 @@ from storage.session import Database
 
 def recording_of(
     dataset: str,
-    inputs: Mapping[str, str],
+    inputs: Mapping[str, str | RecordedInput],
     outputs: Mapping[str, str],
     diagram: Diagram,
     *,
@@ -30,7 +32,7 @@ def recording_of(
     ----------
     dataset : str
     inputs, outputs : mapping
-        Port of the diagram -> channel.
+        Port of the diagram -> channel; what an input does between its samples is tried out where it is not said.
     diagram : Diagram
     place : tuple
         Of the document that names them all, in the request.
@@ -42,8 +44,10 @@ def recording_of(
         something else than the output is; 409 for a dataset not ready.
     """
     names: dict[Place, str] = {}
+    driving = {name: given if isinstance(given, str) else given.channel for name, given in inputs.items()}
+    ways = {name: "auto" if isinstance(given, str) else given.between_samples for name, given in inputs.items()}
     for key, given, known, what in (
-        ("inputs", inputs, diagram.inputs, "the system's inputs"),
+        ("inputs", driving, diagram.inputs, "the system's inputs"),
         ("outputs", outputs, diagram.outputs, "the system's outputs"),
     ):
         for name, channel in given.items():
@@ -62,9 +66,11 @@ def recording_of(
                 *place, "outputs", name,
             ) from error  # fmt: skip
     return Recording(
-        inputs={name: read.channels[channel] for name, channel in inputs.items()},
+        inputs={name: read.channels[channel] for name, channel in driving.items()},
         outputs={name: read.channels[channel] for name, channel in outputs.items()},
         sample_time=read.sample_time,
+        between_samples={name: BetweenSamples(way) for name, way in ways.items() if way != "auto"},
+        undecided=tuple(name for name, way in ways.items() if way == "auto"),
     )
 
 

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,13 +26,15 @@ from api.services.installation import Caller, Installation
 from api.services.recordings import recording_of
 from api.services.results import Study
 from api.services.systems import Subject, compiled, subject_of
+from engine.between_samples import tried
 from engine.diagram import Diagram
 from engine.errors import EngineError, UnresolvedError
 from engine.names import no_parameter
 from engine.nonlinear.recorded import WALL_LIMIT
 from engine.parameters import ParameterInfo
+from engine.validation.between import Chosen, chosen
 from engine.validation.diagnosis import diagnose
-from engine.validation.response import respond, tangents
+from engine.validation.response import Between, respond, tangents
 from engine.validation.steps import Movable
 from engine.validation.validate import Compared, Validated, validate
 from engine.validation.verdict import Grade
@@ -209,22 +211,27 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     names = tuple(recording.outputs)
     place: Place = ("parameters",) if prepared.overrides else ("system",)
 
-    def answer(overrides: Mapping[str, float], wall_limit: float = WALL_LIMIT) -> dict[str, Values]:
+    def simulated_with(
+        between: Between, overrides: Mapping[str, float], limit: float = WALL_LIMIT
+    ) -> dict[str, Values]:
         found = respond(
-            diagram, inputs, recording.sample_time, outputs=names, overrides=overrides, wall_limit=wall_limit
-        )
+            diagram, inputs, recording.sample_time, outputs=names, overrides=overrides, between=between, wall_limit=limit
+        )  # fmt: skip
         return {name: values[shown] for name, values in found.items()}
 
+    def finite(between: Between) -> dict[str, Values]:
+        with at(*place):
+            found = simulated_with(between, prepared.overrides)
+        _check_finite(found, place)
+        return found
+
     tell(0.1, "simulating")
-    with at(*place):
-        simulated = answer(prepared.overrides)
-    for name, values in simulated.items():
-        if not np.isfinite(values).all():
-            raise invalid(
-                f"the model must have a finite response to the recording, output {name} grows beyond any number "
-                "(it is unstable at these parameters)",
-                *place,
-            )
+    measured = {name: values[part] for name, values in recording.outputs.items()}
+    simulated, between, decided = _best_way(prepared, measured, finite)
+
+    def answer(overrides: Mapping[str, float], wall_limit: float = WALL_LIMIT) -> dict[str, Values]:
+        return simulated_with(between, overrides, wall_limit)
+
     theoretical = None
     if prepared.overrides:
         tell(0.4, "simulating with the document's own parameters")
@@ -232,7 +239,7 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
             theoretical = answer({})
     found = validate(
         Compared(
-            measured={name: values[part] for name, values in recording.outputs.items()},
+            measured=measured,
             simulated=simulated,
             theoretical=theoretical,
             inputs={name: values[part] for name, values in recording.inputs.items()},
@@ -241,13 +248,14 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
         ),
         limit_percent=prepared.request.limit_percent,
     )
+    found = replace(found, between=decided)
     wanted = prepared.request.diagnose
     if wanted == "never" or (wanted == "failed" and found.grade is not Grade.FAIL):
         return found
     tell(0.6, "looking for what would make the error smaller")
     try:
         by = tangents(
-            diagram, inputs, recording.sample_time, outputs=names, overrides=prepared.overrides,
+            diagram, inputs, recording.sample_time, outputs=names, overrides=prepared.overrides, between=between,
             parameters=[movable.parameter for movable in prepared.movable], wall_limit=seconds,
         )  # fmt: skip
     except UnresolvedError as error:
@@ -264,6 +272,27 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
         lambda values: answer({**prepared.overrides, **values}, min(end - time.monotonic(), WALL_LIMIT)),
         go_on=lambda: time.monotonic() < end,
     )
+
+
+def _best_way(
+    prepared: Prepared, measured: Mapping[str, Values], simulate: Callable[[Between], dict[str, Values]]
+) -> tuple[dict[str, Values], Between, Chosen | None]:
+    """Return the response that fits best, what its inputs do between their samples, and how that was decided, if it was."""
+    undecided = prepared.recording.undecided
+    ways = {way: prepared.recording.with_undecided(way).between_samples for way in tried(undecided)}
+    answers = {way: simulate(between) for way, between in ways.items()}
+    decided = chosen(measured, answers, prepared.offsets)
+    return answers[decided.way], ways[decided.way], decided if undecided else None
+
+
+def _check_finite(simulated: Mapping[str, Values], place: Place) -> None:
+    for name, values in simulated.items():
+        if not np.isfinite(values).all():
+            raise invalid(
+                f"the model must have a finite response to the recording, output {name} grows beyond any number "
+                "(it is unstable at these parameters)",
+                *place,
+            )
 
 
 def run_validation(service: Installation, caller: Caller, request: ValidationRequest) -> Study:

@@ -34,8 +34,8 @@ class Sampled(Signal):
         Param(name="time", symbol="t_k", unit="s", shape="list", lower=0.0, doc="times of the points, increasing"),
         Param(name="values", symbol="u_k", shape="list", doc="values at these times"),
         Param(
-            name="between_samples", symbol="", unit="", shape="text", default=str(BetweenSamples.LINEAR),
-            choices=tuple(BetweenSamples),
+            name="between_samples", symbol="u(t)", shape="text", default=str(BetweenSamples.LINEAR),
+            choices=tuple(str(way) for way in BetweenSamples),
             doc="held as by a D/A converter, in straight lines, or smooth as behind an anti-aliasing filter",
         ),
     )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from engine.errors import EngineError
 from engine.fit import Fit, ResidualTests, baselines, compare, examine_residuals, worst_interval
+from engine.validation.between import Chosen
 from engine.validation.comparison import Comparison
 from engine.validation.diagnosis import Diagnosis
 from engine.validation.prediction import OneStep, one_step
@@ -85,6 +86,8 @@ class Validated:
         The best of each step, its half and its quarter: by parameter, and ``together``.
     note : str
         Why a diagnosis is incomplete.
+    between : Chosen, optional
+        Which way inputs go on between their samples, where that was not known.
     """
 
     outputs: Mapping[str, Output]
@@ -92,6 +95,7 @@ class Validated:
     diagnosis: Diagnosis | None = None
     checks: Mapping[str, Check] = field(default_factory=dict)
     note: str = ""
+    between: Chosen | None = None
 
     def comparisons(self, tangents: Mapping[str, Mapping[str, Samples]]) -> list[Comparison]:
         """Return the comparisons with derivatives, output -> parameter -> samples."""

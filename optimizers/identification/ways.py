@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from engine.between_samples import BetweenSamples
+from engine.between_samples import tried as every_way
 from optimizers.identification.answers import Samples
 from optimizers.identification.search import CancelledError, Search
 from optimizers.identification.starts import first_start, further_starts
@@ -24,7 +25,6 @@ LEAST_GAIN: Final = 1e-7
 """A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
 _KIND = "identification"
 """Of the states that a search keeps."""
-_ORDER: Final = (BetweenSamples.LINEAR, BetweenSamples.HOLD, BetweenSamples.BAND_LIMITED)
 _EXACT: Final = 1e-18
 """Costs below this are rounding: errors of 1e-9 of the output's spread."""
 
@@ -54,7 +54,7 @@ def tried_ways(problem: Identification, monitor: Monitor, rng: np.random.Generat
     evaluations = int(kept.pop("evaluations", 0))
     starts = np.array([first_start(problem), *further_starts(problem, rng)])
     tried: list[Tried] = []
-    ways: tuple[BetweenSamples | None, ...] = _ORDER if problem.undecided else (None,)
+    ways: tuple[BetweenSamples | None, ...] = every_way(problem.undecided) if problem.undecided else (None,)
     for number, way in enumerate(ways):
         search = Search(problem if way is None else _with(problem, way), monitor)
         search.evaluations = evaluations

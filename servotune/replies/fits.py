@@ -43,6 +43,8 @@ class Identification(TypedDict):
     one_step_prediction: dict[str, Fit]
     experiments: list[dict[str, Any]]
     residuals: dict[str, Any]
+    between_samples: dict[str, Any] | None
+    warnings: list[dict[str, str]]
     status: str
     advice: str
 
@@ -120,5 +122,6 @@ class Validation(TypedDict):
     grade: str
     adjustment: dict[str, Any] | None
     diagnosis: dict[str, Any] | None
+    between_samples: dict[str, Any] | None
     remarks: list[str]
     advice: str

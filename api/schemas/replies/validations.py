@@ -30,6 +30,8 @@ class ResidualReply(Reply):
     """What the residuals still hold; `lags` of the cross-correlation in s, positive where the input came before."""
 
     white: bool
+    ljung_box: Number
+    ljung_box_limit: Number = Field(description="what white residuals stay below, with this confidence")
     independent: bool
     confidence: float
     lags: Curve
@@ -201,6 +203,13 @@ class DiagnosisReply(Reply):
     note: str
 
 
+class BetweenReply(Reply):
+    """What inputs are taken to do between their samples, and the fits with each way that was tried, output by output."""
+
+    chosen: Literal["hold", "linear", "band_limited"]
+    tried: dict[str, dict[str, FitReply]]
+
+
 class ValidationReply(StudyReply):
     """Measured against simulated."""
 
@@ -214,5 +223,6 @@ class ValidationReply(StudyReply):
     identification: str | None
     adjustment: AdjustmentReply | None
     diagnosis: DiagnosisReply | None
+    between_samples: BetweenReply | None = Field(description="null where the request says what every input does")
     remarks: list[str]
     advice: str

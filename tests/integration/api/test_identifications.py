@@ -175,3 +175,26 @@ def test_the_recursion_of_the_test_is_the_lag() -> None:
     p = np.exp(-1 / (20 * RATE * TAU))
     y = lfilter([0.0, K * (1 - p)], [1.0, -p], fine, zi=[K * U[0] * p])[0]
     assert lag(K, TAU)[5:] == pytest.approx(y[::20][5:], abs=0.02)
+
+
+def test_a_held_input_is_found_out_and_an_assumption_that_is_wrong_is_told(client, sqlite_worker) -> None:
+    u = RNG.normal(size=800)
+    u[0] = 0.0
+    y = lfilter([0.0, 2.0 * (1 - np.exp(-1 / 4))], [1.0, -np.exp(-1 / 4)], u)  # a lag of 20 ms at 200 Hz, held
+    dataset = made(client, u=u, y=y + 0.02 * RNG.normal(size=u.size))
+    body = {"system": SYSTEM, "dataset": dataset, **CHANNELS, "parameters": ["k", "tau"], "split": 0.9}
+    found = result(client, body)
+    assert found["between_samples"]["chosen"] == "hold"
+    assert found["warnings"] == []
+    tau = found["parameters"]["tau"]
+    assert tau["lower95"] < 0.02 < tau["upper95"]
+    tried = found["between_samples"]["tried"]
+    assert set(tried) == {"hold", "linear", "band_limited"}
+    assert tried["hold"]["parameters"]["tau"] == tau["value"]
+    assert tried["linear"]["fit_percent"] < tried["hold"]["fit_percent"]
+    wrong = result(client, {**body, "inputs": {"u": {"channel": "u", "between_samples": "linear"}}})
+    assert wrong["between_samples"] is None
+    assert not wrong["parameters"]["tau"]["lower95"] < 0.02 < wrong["parameters"]["tau"]["upper95"]
+    details = [warning["detail"] for warning in wrong["warnings"]]
+    assert any("u still explains a part of the residuals of y" in detail for detail in details)
+    assert not wrong["residuals"]["y"]["independent"]

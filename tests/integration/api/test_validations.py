@@ -319,3 +319,33 @@ def test_a_model_does_not_run_across_the_joint_of_two_experiments(client) -> Non
     alone = answered(client, asked(second, **TRUE))["outputs"]["y"]
     assert behind["fit_percent"] == pytest.approx(alone["fit_percent"], abs=1e-9)
     assert behind["curves"]["time"][0] == 1.0
+
+
+def test_a_held_input_is_found_out_and_told(client) -> None:
+    """A lag of 3 and 8 ms at 1 kHz behind a D/A converter: its answer by its own recursion."""
+    rng = np.random.default_rng(9)
+    u = rng.normal(size=2000)
+    u[0] = 0.0
+    p, y = np.exp(-1 / 8), np.zeros(2000)
+    for k in range(1, 2000):
+        y[k] = p * y[k - 1] + 3000 * (1 - p) * u[k - 1]
+    dataset = made(client, {"u": u, "y": y + rng.normal(size=2000)})
+    body = asked(dataset, parameters={"k": 3, "tau": 0.008})
+    found = answered(client, body)
+    assert found["between_samples"]["chosen"] == "hold"
+    fits = {way: one["y"]["fit_percent"] for way, one in found["between_samples"]["tried"].items()}
+    assert set(fits) == {"hold", "linear", "band_limited"}
+    assert fits["hold"] == found["outputs"]["y"]["fit_percent"] > 99.5
+    assert max(fits["linear"], fits["band_limited"]) < 80
+    said = answered(client, {**body, "inputs": {"u": {"channel": "u", "between_samples": "linear"}}})
+    assert said["between_samples"] is None
+    assert said["outputs"]["y"]["fit_percent"] == pytest.approx(fits["linear"])
+
+
+def test_an_input_does_one_of_the_known_things_between_its_samples(client, recording) -> None:
+    wrong = asked(recording) | {"inputs": {"u": {"channel": "u", "between_samples": "cubic"}}}
+    reply = client.post("/v1/validations", json=wrong)
+    assert reply.status_code == 422
+    (error,) = reply.json()["errors"]
+    assert error["pointer"] == "/inputs/u/between_samples"
+    assert "'auto', 'hold', 'linear' or 'band_limited'" in error["detail"]
