@@ -75,6 +75,7 @@ class Measured:
         from_: str | None = None,
         to: str | None = None,
         parameters: Document | None = None,
+        between_samples: str | None = None,
         modes: Document | None = None,
         keep: bool | None = None,
     ) -> Frf:
@@ -101,6 +102,8 @@ class Measured:
             Probability of the bands, 0.95 by default.
         system, from_, to, parameters : optional
             A model that is held against the measurement.
+        between_samples : {"auto", "hold", "linear", "band_limited"}, optional
+            With `system`: what the input does between its samples; the model answers from sample to sample then.
         modes : mapping, optional
             `{}`: natural frequencies and damping ratios are wanted; `{"count": 3, "band": [..]}`.
         keep : bool, optional
@@ -126,6 +129,7 @@ class Measured:
             system=system,
             to=to,
             parameters=parameters,
+            between_samples=between_samples,
             modes=modes,
             keep=keep,
         ) | given(**{"from": from_})

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from api.schemas.datasets import ChannelName
-from api.schemas.jobs import Window
+from api.schemas.jobs import Between, Window
 from api.schemas.replies import Curve, Number, Reply, StudyReply
 from api.schemas.spectra import AppliedWindow
 from api.schemas.systems import SystemRef
@@ -88,6 +88,11 @@ class FrfRequest(Document):
     source: Port | None = Field(default=None, alias="from", description="with `system`: its input")
     target: Port | None = Field(default=None, alias="to", description="with `system`: its output")
     parameters: Overrides | None = Field(default=None, description="with `system`: values other than its own")
+    between_samples: Between = Field(
+        default="auto",
+        description="with `system`: what the input does between its samples; the model answers from sample to sample then. "
+        "auto: the way that fits best, band_limited with `form`",
+    )
     modes: ModesRequest | None = Field(
         default=None, description="natural frequencies and damping ratios are wanted, too"
     )
@@ -103,6 +108,10 @@ class FrfRequest(Document):
             raise ValueError("must have system, from and to together")
         if self.system is None and self.parameters is not None:
             raise ValueError("must have parameters only with system")
+        if self.form is not None and self.between_samples not in {"auto", "band_limited"}:
+            raise ValueError(
+                "must have between_samples band_limited (or auto) with form, which is of continuous motions"
+            )
         if self.system is not None and isinstance(self.output, list) and len(self.output) > 1:
             raise ValueError("must have one output to be held against a system")
         return self
@@ -114,6 +123,13 @@ class DoubtReply(Reply):
     kind: str
     detail: str
     frequency: Number = None
+
+
+class BetweenErrorsReply(Reply):
+    """What the input is taken to do between its samples, and the relative error (%) with each way that was tried."""
+
+    chosen: Literal["hold", "linear", "band_limited"]
+    tried: dict[str, Number]
 
 
 class SimulatedReply(Reply):
@@ -128,6 +144,7 @@ class SimulatedReply(Reply):
     worst_frequency: Number
     relative_error_percent: Number
     within_percent: Number
+    between_samples: BetweenErrorsReply
 
 
 class FrfOutput(Reply):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext, suppress
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from api.convert.frfs import (
     doubt_to_warning,
@@ -28,6 +30,10 @@ from api.services.measured_parts import Part, check_lines, part_of_recording
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
 from api.units import UnitError, factor
+from engine.between_samples import BetweenSamples
+from engine.errors import UnresolvedError
+from engine.evaluation import Evaluation
+from engine.linear.sampled_frequency import sampled_frequency_response
 from engine.modal.modes import modes_of
 from engine.spectra.averaged import averaged_frf
 from engine.spectra.comparison import compared
@@ -70,7 +76,7 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
             warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
             if subject is not None:
                 _check_unit(request, subject, name, unit)
-                outputs[name]["simulated"] = _simulated(request, subject, frf)
+                outputs[name]["simulated"] = _simulated(request, subject, frf, 1.0 / measured.rate)
         modes = _modes(request, found, measured.units)
     body = {
         "dataset": request.dataset,
@@ -172,18 +178,46 @@ def _check_unit(request: FrfRequest, subject: Subject, name: str, unit: str) -> 
         raise invalid(detail, "to") from error
 
 
-def _simulated(request: FrfRequest, subject: Subject, frf: Frf) -> dict[str, Any]:
+def _simulated(request: FrfRequest, subject: Subject, frf: Frf, sample_time: float) -> dict[str, Any]:
     overrides = overrides_from_wire(request.parameters or {}, subject.diagram, place=("parameters",))
+    ways: tuple[BetweenSamples, ...] = (BetweenSamples.BAND_LIMITED,)
+    if request.form is None:
+        # the continuous response first: of equals it is taken
+        ways = (*ways, BetweenSamples.HOLD, BetweenSamples.LINEAR)
+    if request.between_samples != "auto":
+        ways = (BetweenSamples(request.between_samples),)
+    found = {}
+    for way in ways:
+        with nullcontext() if len(ways) == 1 else suppress(UnresolvedError):  # what was asked for is refused in words
+            found[way] = _response(request, subject, frf.frequency, overrides, sample_time=sample_time, way=way)
+    errors = {way: compared(frf, values, level=request.confidence) for way, values in found.items()}
+    best = min(errors, key=lambda way: errors[way].relative_error_percent)
+    return simulated_to_wire(found[best], errors[best]) | {
+        "between_samples": {
+            "chosen": str(best),
+            "tried": {str(way): number(one.relative_error_percent) for way, one in errors.items()},
+        }
+    }
+
+
+def _response(
+    request: FrfRequest,
+    subject: Subject,
+    frequency: npt.NDArray[np.float64],
+    overrides: Mapping[str, float],
+    *,
+    sample_time: float,
+    way: BetweenSamples,
+) -> npt.NDArray[np.complex128]:
+    diagram = subject.diagram
+    if way is not BetweenSamples.BAND_LIMITED:
+        ends = diagram.inputs.index(str(request.source)), diagram.outputs.index(str(request.target))
+        system = Evaluation(diagram, overrides).system
+        return sampled_frequency_response(system, ends, frequency, sample_time=sample_time, way=way)
     found = frequency_response(
-        subject.diagram,
-        overrides=overrides,
-        source=request.source,
-        target=request.target,
-        frequencies=frf.frequency,
-        metrics=(),
-    )
-    values = np.asarray(found.response, dtype=np.complex128)
-    return simulated_to_wire(values, compared(frf, values, level=request.confidence))
+        diagram, overrides=overrides, source=request.source, target=request.target, frequencies=frequency, metrics=(),
+    )  # fmt: skip
+    return np.asarray(found.response, dtype=np.complex128)
 
 
 def _modes(request: FrfRequest, found: Mapping[str, Frf], units: Mapping[str, str]) -> dict[str, Any] | None:

@@ -46,7 +46,7 @@ SETTLED = 1e-11
 
 _STEP = make("step", {})
 
-_AFTER, _AFTER_LIFTED = 1e-9, 1.5e-4
+AFTER, AFTER_LIFTED = 1e-9, 1.5e-4
 """Parts of a sample within which a jump behind it is one at it: rounding, or a delay of 0 that was lifted."""
 
 GROWTH_LIMIT = 1e100
@@ -152,7 +152,7 @@ class Drive:
             )
         lanes = system.lanes
         system, moves = lifted(system, self._h)
-        values, tangents = self._respond(system, _AFTER_LIFTED if moves.size else _AFTER)
+        values, tangents = self._respond(system, AFTER_LIFTED if moves.size else AFTER)
         for move, tangent in zip(moves, tangents[lanes:], strict=True):
             values = values + move * tangent
         return values, tangents[:lanes]
@@ -184,14 +184,14 @@ class Drive:
     def _kernel(self, system: LaneSystem, source: int, output: int, after: float) -> _Kernel | None:
         """Return the kernel from one input to one output, None when it grows beyond the limit."""
         h, samples = self._h, self._inputs.shape[1]
-        way = _Way(way=self._between[source], rows=len(self._rates[source]), h=h, after=after)
+        way = Way(way=self._between[source], rows=len(self._rates[source]), h=h, after=after)
         connection = connected(system, [source], [output])
-        part = _balanced(connection)
+        part = balanced(connection)
         if guess := self._settled.get((source, output)):
             kernel = _settled(part, way, guess)
             if kernel is not None:
                 return kernel
-        part = _balanced(path(connection, [0], [0]))
+        part = balanced(path(connection, [0], [0]))
         found = poles(part.value)
         if found.verdict is Verdict.UNSTABLE:
             growth = np.inf if found.neutral else float(found.values.real.max()) * h * samples
@@ -249,12 +249,13 @@ class _Kernel:
         return value, tangent
 
 
-def _balanced(part: LaneSystem) -> LaneSystem:
+def balanced(part: LaneSystem) -> LaneSystem:
+    """Return a path with states of like size, where it has any."""
     return part.balanced() if part.n else part
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Way:
+class Way:
     """What an input does between samples h apart; its rate is given by so many ``rows``.
 
     What jumps within ``after`` (s) behind a sample has jumped at it.
@@ -288,7 +289,7 @@ class _Way:
         return values, moments(curve, self.h, count, self.rows)
 
 
-def _settled(part: LaneSystem, way: _Way, count: int) -> _Kernel | None:
+def _settled(part: LaneSystem, way: Way, count: int) -> _Kernel | None:
     """Return the kernel of a path that stands still within ``count`` intervals, None when it does not."""
     try:
         gain = static_gain(part)[:, 0, 0]
@@ -301,28 +302,41 @@ def _settled(part: LaneSystem, way: _Way, count: int) -> _Kernel | None:
     return kernel if still else None
 
 
-def _step_without_delays(part: LaneSystem, h: float, count: int, rows: int) -> tuple[Array, Array]:
-    """Advance x from interval to interval by one matrix exponential, however fast the lags are, with the moments of y.
+def interval(part: LaneSystem, h: float, rows: int) -> tuple[Array, Array]:
+    """Return how the step response of a path without delays goes on: z_{k+1} = A z_k from z_0 = (0, 1), and what is read of it.
 
     q_1' = y, q_{i+1}' = q_i, all 0 at the start of each interval: at its end q_{i+1} = ∫_0^1 φ^i/i! y dφ.
+
+    Returns
+    -------
+    advance : ndarray, shape (lanes, n + 1, n + 1)
+        One matrix exponential, however fast the lags are.
+    read : ndarray, shape (lanes, rows + 1, n + 1)
+        Of y at the sample, and of its moments over the interval behind it.
     """
-    n, lanes = part.n, part.lanes
-    joint = np.zeros((lanes, n + 1 + rows, n + 1 + rows), dtype=part.dtype)
+    n = part.n
+    joint = np.zeros((part.lanes, n + 1 + rows, n + 1 + rows), dtype=part.dtype)
     joint[:, :n, :n] = h * part.a
     joint[:, :n, n : n + 1] = h * part.b1
+    output = np.concatenate([part.c1, part.d11], axis=2)
     # the exponential is one of numbers of like size
-    size = max(float(np.abs(part.c1[0].real).max(initial=0.0)), float(np.abs(part.d11[0].real).max()), 1e-300)
+    size = max(float(np.abs(output[0].real).max()), 1e-300)
     if rows:
-        joint[:, n + 1 : n + 2, :n] = part.c1 / size
-        joint[:, n + 1 : n + 2, n : n + 1] = part.d11 / size
+        joint[:, n + 1 : n + 2, : n + 1] = output / size
         joint[:, np.arange(n + 2, n + 1 + rows), np.arange(n + 1, n + rows)] = 1.0
     grown = exponentials(joint)
-    states = np.zeros((count, lanes, n + 1, 1), dtype=part.dtype)
-    states[:, :, n] = 1.0
-    advance = grown[:, : n + 1, : n + 1]
+    factorials = size * np.cumprod(np.maximum(np.arange(rows, dtype=np.float64), 1.0))
+    return grown[:, : n + 1, : n + 1], np.concatenate(
+        [output, grown[:, n + 1 :, : n + 1] * factorials[:, None]], axis=1
+    )
+
+
+def _step_without_delays(part: LaneSystem, h: float, count: int, rows: int) -> tuple[Array, Array]:
+    """Return the step response at the samples, (lanes, count), and its moments, (lanes, rows, count)."""
+    advance, read = interval(part, h, rows)
+    states = np.zeros((count, part.lanes, part.n + 1, 1), dtype=part.dtype)
+    states[0, :, part.n] = 1.0
     for k in range(1, count):
         states[k] = advance @ states[k - 1]
-    factorials = size * np.cumprod(np.maximum(np.arange(rows, dtype=np.float64), 1.0))
-    forced = (grown[:, n + 1 :, : n + 1] @ states)[..., 0] * factorials
-    values = (part.c1 @ states[:, :, :n] + part.d11)[:, :, 0, 0]
-    return values.T, forced.transpose(1, 2, 0)
+    found = (read @ states)[..., 0].transpose(1, 2, 0)
+    return found[:, 0], found[:, 1:]

@@ -335,3 +335,28 @@ def test_refuses(client, shaken, fields, pointer, detail) -> None:
     (error,) = reply.json()["errors"]
     assert error["pointer"] == pointer
     assert detail in error["detail"]
+
+
+def test_a_model_answers_from_sample_to_sample_where_its_input_is_held(client) -> None:
+    """A mass on a spring shaken by a converter that holds a new force at every sample, up to half the sample rate."""
+    force = 50 * np.random.default_rng(6).standard_normal(int(RATE) * 40)
+    b, a, _ = signal.cont2discrete(([1 / MASS], [1.0, 2 * ZETA * W0, W0**2]), 1 / RATE)
+    columns = [force / 1000, 0 * force, signal.lfilter(b.ravel(), a, force) * 1000, 0 * force]
+    body = RAW | {"name": "held", "sample_rate": RATE, "channels": CHANNELS}
+    dataset = upload(client, body, np.column_stack(columns).astype("<f8").tobytes(), segment=320_000).json()["id"]
+    path = {"system": MODEL, "from": "force", "to": "position", "output": "displacement", "segment": 8}
+    path["band"] = [{"value": 60, "unit": "Hz"}, {"value": 0.45 * RATE, "unit": "Hz"}]
+    found = good(ask(client, dataset, **path))
+    simulated = found["outputs"]["displacement"]["simulated"]
+    assert simulated["between_samples"]["chosen"] == "hold"
+    tried = simulated["between_samples"]["tried"]
+    assert tried["hold"] == simulated["relative_error_percent"] < 1
+    assert tried["band_limited"] > 20 * tried["hold"]
+    z = np.exp(1j * np.array(found["frequency"]) / RATE)
+    expected = np.polyval(b.ravel(), z) / np.polyval(a, z)
+    assert simulated["magnitude"] == pytest.approx(np.abs(expected), rel=1e-6)
+    said = good(ask(client, dataset, **path, between_samples="band_limited"))["outputs"]["displacement"]["simulated"]
+    assert said["between_samples"] == {"chosen": "band_limited", "tried": {"band_limited": tried["band_limited"]}}
+    refused = ask(client, dataset, **path, form="receptance", between_samples="hold")
+    assert refused.status_code == 422
+    assert "between_samples band_limited" in refused.json()["errors"][0]["detail"]
