@@ -33,7 +33,11 @@ LAYOUT = {
 UP, DOWN = (0, 178), (178.02, 321)
 """The staircase turns in between, s."""
 
-CHANNELS: Mapping[str, Any] = {"inputs": {"reference": "reference"}, "outputs": {"position": "position"}}
+CHANNELS: Mapping[str, Any] = {
+    # straight lines, as the values were computed that these are compared with
+    "inputs": {"reference": {"channel": "reference", "between_samples": "linear"}},
+    "outputs": {"position": "position"},
+}
 
 LAG = {
     "name": "Cylinder under its controller, one lag",
