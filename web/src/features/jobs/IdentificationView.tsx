@@ -67,6 +67,23 @@ export function IdentificationView({ id, result }: { id: string; result: Identif
           <Text fz="xs" c="dimmed">
             {t("found.intervalDoc")}
           </Text>
+          {result.warnings && result.warnings.length > 0 && (
+            <Alert color="orange" variant="outline" mt="xs" title={t("found.doubts")} data-testid="doubts">
+              <List size="sm">
+                {result.warnings.map(({ detail }) => (
+                  <List.Item key={detail}>{detail}</List.Item>
+                ))}
+              </List>
+            </Alert>
+          )}
+          {result.between_samples && (
+            <Text fz="sm" mt="xs" data-testid="between">
+              {t("found.between", { way: t(`matching.ways.${result.between_samples.chosen}`) })}{" "}
+              {Object.entries(result.between_samples.tried)
+                .map(([way, { fit_percent }]) => `${t(`matching.ways.${way}`)} ${fit_percent === null ? "–" : `${formatNumber(fit_percent, 5)} %`}`)
+                .join(", ")}
+            </Text>
+          )}
         </section>
       )}
       {result.indistinguishable && sought.length > 1 && (

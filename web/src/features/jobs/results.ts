@@ -74,6 +74,8 @@ export interface IdentificationResult {
   indistinguishable?: string[];
   correlations?: (number | null)[][];
   residuals?: Record<string, { white: boolean; independent: boolean; autocorrelation: (number | null)[]; autocorrelation_bound: number | null }>;
+  between_samples?: { chosen: string; tried: Record<string, { fit_percent: number | null }> } | null;
+  warnings?: { pointer: string; detail: string }[];
   /** Of a model that was made without a document. */
   tried?: { order?: number; degree?: number; estimation?: number | null; validation: number | null }[];
   order?: number;

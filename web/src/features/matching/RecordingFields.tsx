@@ -1,9 +1,9 @@
-import { Anchor, Select, Stack, Table, Text } from "@mantine/core";
+import { Anchor, NativeSelect, Select, Stack, Table, Text } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
 import type { Opened } from "@/shared/live/protocol";
 import { prettyUnit } from "@/shared/units/format";
-import type { Recorded } from "./address";
+import { WAYS, type Recorded } from "./address";
 import { channelsOf, type Dataset } from "./sources";
 
 interface Props {
@@ -19,6 +19,7 @@ interface Props {
 export function RecordingFields({ recorded, change, opened, dataset, datasets, wrong }: Props) {
   const { t } = useTranslation();
   const data = [{ value: "", label: t("matching.nothing") }, ...channelsOf(dataset).map(({ name, unit }) => ({ value: name, label: unit ? `${name} [${prettyUnit(unit)}]` : name }))];
+  const ways = [{ value: "", label: t("matching.ways.auto") }, ...WAYS.map((way) => ({ value: way, label: t(`matching.ways.${way}`) }))];
   const rows = [
     ...(opened?.inputs ?? []).map((name) => ({ side: "inputs" as const, name, said: t("matching.input", { name }) })),
     ...(opened?.outputs ?? []).map(({ name, unit }) => ({ side: "outputs" as const, name, said: `${t("matching.output", { name })} ${prettyUnit(unit) && `[${prettyUnit(unit)}]`}` })),
@@ -27,11 +28,12 @@ export function RecordingFields({ recorded, change, opened, dataset, datasets, w
     <Stack gap="xs">
       <Select label={t("matching.dataset")} data={datasets.map((row) => ({ value: row.id, label: row.name }))} value={recorded.dataset || null} onChange={(value) => value && change({ dataset: value, inputs: {}, outputs: {} })} searchable error={wrong("/dataset")} maw={420} />
       {opened && dataset && (
-        <Table maw={640} withRowBorders={false} data-testid="mapping">
+        <Table maw={820} withRowBorders={false} data-testid="mapping">
           <Table.Thead>
             <Table.Tr>
               <Table.Th>{t("matching.signal")}</Table.Th>
               <Table.Th>{t("matching.channel")}</Table.Th>
+              <Table.Th>{t("matching.between")}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -39,7 +41,12 @@ export function RecordingFields({ recorded, change, opened, dataset, datasets, w
               <Table.Tr key={`${side}.${name}`}>
                 <Table.Td>{said}</Table.Td>
                 <Table.Td>
-                  <Select aria-label={t("matching.channelOf", { name })} data={data} value={recorded[side][name] ?? ""} onChange={(value) => change({ [side]: { ...recorded[side], [name]: value ?? "" } })} error={wrong(`/${side}/${name}`)} />
+                  <Select aria-label={t("matching.channelOf", { name })} data={data} value={recorded[side][name] ?? ""} onChange={(value) => change({ [side]: { ...recorded[side], [name]: value ?? "" } })} error={wrong(`/${side}/${name}`) ?? wrong(`/${side}/${name}/channel`)} />
+                </Table.Td>
+                <Table.Td>
+                  {side === "inputs" && (
+                    <NativeSelect aria-label={t("matching.betweenOf", { name })} data={ways} value={recorded.between?.[name] ?? ""} onChange={(event) => change({ between: { ...recorded.between, [name]: event.currentTarget.value } })} />
+                  )}
                 </Table.Td>
               </Table.Tr>
             ))}

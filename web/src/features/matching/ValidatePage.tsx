@@ -14,7 +14,7 @@ import { NumberField } from "@/shared/forms/NumberField";
 import { useAddress } from "@/shared/forms/useAddress";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { given, placesOf } from "./address";
+import { driven, given, placesOf } from "./address";
 import { MatchFields, useMatch } from "./MatchFields";
 import { OffsetsSelect, StartButtons } from "./parts";
 
@@ -63,7 +63,7 @@ function Form({ found }: { found: ReturnType<typeof useMatch> }) {
   const bodyOf = ({ limit, identification, from, to, ...rest }: Fields) => ({
     system: found.match.system,
     dataset: found.match.dataset,
-    inputs: given(found.match.inputs),
+    inputs: driven(found.match),
     outputs: given(found.match.outputs),
     limit_percent: limit,
     ...rest,

@@ -8,9 +8,13 @@ export interface Recorded {
   dataset: string;
   inputs: Record<string, string>;
   outputs: Record<string, string>;
+  /** What inputs do between their samples, where it is not to be tried out. */
+  between?: Record<string, string>;
 }
 
-/** What both forms are about, in the address: `system`, `dataset`, `in.<port>` and `out.<output>` with their channels. */
+export const WAYS = ["hold", "linear", "band_limited"] as const;
+
+/** What both forms are about, in the address: `system`, `dataset`, `in.<port>` and `out.<output>` with their channels, `between.<port>`. */
 export interface Match extends Recorded {
   system: string;
 }
@@ -28,16 +32,18 @@ export function readMatch(query: URLSearchParams): Match {
   for (const [key, value] of query) {
     if (key.startsWith("in.")) found.inputs[key.slice(3)] = value;
     else if (key.startsWith("out.")) found.outputs[key.slice(4)] = value;
+    else if (key.startsWith("between.")) found.between = { ...found.between, [key.slice(8)]: value };
   }
   return found;
 }
 
 export function writeMatch(query: URLSearchParams, match: Match): URLSearchParams {
-  const next = new URLSearchParams([...query].filter(([key]) => !/^(in|out)\.|^(system|dataset)$/.test(key)));
+  const next = new URLSearchParams([...query].filter(([key]) => !/^(in|out|between)\.|^(system|dataset)$/.test(key)));
   if (match.system) next.set("system", match.system);
   if (match.dataset) next.set("dataset", match.dataset);
   for (const [port, channel] of Object.entries(match.inputs)) if (channel) next.set(`in.${port}`, channel);
   for (const [output, channel] of Object.entries(match.outputs)) if (channel) next.set(`out.${output}`, channel);
+  for (const [port, way] of Object.entries(match.between ?? {})) if (way) next.set(`between.${port}`, way);
   return next;
 }
 
@@ -48,7 +54,7 @@ export function readMore(query: URLSearchParams): Experiment[] {
   try {
     const found: unknown = JSON.parse(query.get("more") ?? "[]");
     if (!Array.isArray(found)) return [];
-    return (found as Partial<Experiment>[]).map((one) => ({ dataset: text(one.dataset), inputs: ports(one.inputs), outputs: ports(one.outputs), split: typeof one.split === "number" ? one.split : 0.5, known: text(one.known) }));
+    return (found as Partial<Experiment>[]).map((one) => ({ dataset: text(one.dataset), inputs: ports(one.inputs), outputs: ports(one.outputs), ...(one.between ? { between: ports(one.between) } : {}), split: typeof one.split === "number" ? one.split : 0.5, known: text(one.known) }));
   } catch {
     return [];
   }
@@ -66,6 +72,11 @@ export function given(ports: Record<string, string>): Record<string, string> {
   return Object.fromEntries(Object.entries(ports).filter(([, channel]) => channel !== ""));
 }
 
+/** The inputs of a request: a channel, and what it does between its samples where that is said. */
+export function driven({ inputs, between = {} }: Pick<Recorded, "inputs" | "between">): Record<string, string | { channel: string; between_samples: string }> {
+  return Object.fromEntries(Object.entries(given(inputs)).map(([port, channel]) => [port, between[port] ? { channel, between_samples: between[port] } : channel]));
+}
+
 /** What is known of one recording alone; undefined where it cannot be read. */
 export function readKnown(text: string): Record<string, Scalar> | undefined {
   const lines = readScenarios(text.replaceAll("\n", ";"));
@@ -74,7 +85,7 @@ export function readKnown(text: string): Record<string, Scalar> | undefined {
 
 /** Where the recordings stand in a request: one beside its system, several as experiments. */
 export function recordingsOf(match: Match, first: { split: number; known: string }, more: Experiment[]): Record<string, unknown> {
-  const one = ({ dataset, inputs, outputs }: Recorded) => ({ dataset, inputs: given(inputs), outputs: given(outputs) });
+  const one = (recorded: Recorded) => ({ dataset: recorded.dataset, inputs: driven(recorded), outputs: given(recorded.outputs) });
   if (more.length === 0 && first.known.trim() === "") return { ...one(match), split: first.split };
   const experiments = [{ ...match, ...first }, ...more].map((each) => ({ ...one(each), split: each.split, parameters: readKnown(each.known) ?? {} }));
   return { experiments };

@@ -13,6 +13,14 @@ it("keeps what is matched in the address, and what else is there", () => {
   expect(readMatch(query)).toEqual({ ...match, outputs: { y: "position" } });
 });
 
+it("keeps what an input does between its samples, and asks for it", () => {
+  const held = { system: "sys_1", dataset: "ds_1", inputs: { u: "valve", w: "load" }, outputs: { y: "position" }, between: { u: "hold" } };
+  const query = writeMatch(new URLSearchParams("between.old=linear"), { ...held, between: { u: "hold", w: "" } });
+  expect(readMatch(query)).toEqual(held);
+  expect(recordingsOf(held, { split: 0.5, known: "" }, [])).toEqual({ dataset: "ds_1", inputs: { u: { channel: "valve", between_samples: "hold" }, w: "load" }, outputs: { y: "position" }, split: 0.5 });
+  expect(readMore(writeMore(new URLSearchParams(), [{ ...laden, between: { u: "linear" } }]))).toEqual([{ ...laden, between: { u: "linear" } }]);
+});
+
 it("asks only for what has a channel", () => expect(given({ y: "position", x: "" })).toEqual({ y: "position" }));
 
 it("takes names that agree for the same", () => {
