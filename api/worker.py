@@ -20,7 +20,7 @@ from storage.session import Database, open_database
 
 
 class _Watch:
-    """The monitor of an optimisation, told to whoever follows the job; cancelling kills the process instead.
+    """The monitor of an optimisation, told to whoever follows the job.
 
     Parameters
     ----------
@@ -35,6 +35,7 @@ class _Watch:
         self, reporter: Reporter, *, kept: Mapping[str, Any] | None = None, given: Mapping[str, Any] | None = None
     ) -> None:
         self._reporter = reporter
+        reporter.listen()
         self._kept = dict(kept or {})
         self._given = dict(given or {})
 
@@ -50,8 +51,8 @@ class _Watch:
         )
 
     def cancelled(self) -> bool:
-        """Return False: this process is killed when its job is cancelled."""
-        return False
+        """Return whether the job was cancelled: the process is killed soon, but may hand over its best point before."""
+        return self._reporter.ending()
 
     def keep(self, state: Mapping[str, Any]) -> None:
         """Keep a state, for the next worker if this one dies."""

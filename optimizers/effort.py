@@ -70,6 +70,12 @@ def seconds_of(spent: Mapping[str, Mapping[str, float]]) -> float:
 _CURRENT: ContextVar[Effort | None] = ContextVar("effort", default=None)
 
 
+def elapsed() -> float | None:
+    """Return the wall time (s) of all that is measured now, None where nobody measures."""
+    effort = _CURRENT.get()
+    return None if effort is None else seconds_of(effort.spent())
+
+
 @contextmanager
 def metered() -> Iterator[Effort]:
     """Measure what is done inside; when it is left, every stage is complete. Inside another one it is that one."""

@@ -45,12 +45,13 @@ class GoalReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HistoryPoint:
-    """The best point known after so many evaluations, and where it lies (for the path on a map)."""
+    """The best point known after so many evaluations and ``seconds`` of the search, and where it lies (for the path on a map)."""
 
     evaluation: int
     objective: float
     violation: float
     variables: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

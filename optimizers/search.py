@@ -21,7 +21,7 @@ from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
 from optimizers.certificate import TOLERANCE
-from optimizers.effort import Stage, during
+from optimizers.effort import Stage, during, elapsed
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
 from optimizers.excess import BROKEN, excess, excess_slopes
 from optimizers.problem import Vector
@@ -125,9 +125,12 @@ class Tracker:
             self.rank, self.best = rank, np.array(position, dtype=float)
             variables = self.evaluator.problem.values(self.best)
             count = self.evaluator.evaluations if evaluation is None else evaluation
-            self.history.append(
-                HistoryPoint(evaluation=count, objective=objective, violation=violation, variables=variables)
-            )
+            seconds = elapsed()
+            point = HistoryPoint(
+                evaluation=count, objective=objective, violation=violation, variables=variables,
+                seconds=self.seconds if seconds is None else seconds,
+            )  # fmt: skip
+            self.history.append(point)
             self.monitor.best(count, objective, violation, variables)
 
     @property

@@ -154,15 +154,17 @@ class Job(Generic[ResultT]):
         return self.refresh().result()
 
     def result(self) -> ResultT:
-        """Return the result of a job that has succeeded.
+        """Return the result of a job that has succeeded, or the best point of a search that was cancelled.
+
+        A cancelled search needs some seconds to prove its best point; until then it has none.
 
         Raises
         ------
         JobFailedError, JobCancelledError
             It has none.
         """
-        if self.status == "cancelled":
-            message = f"job {self.id} ({self.kind}) was cancelled"
+        if self.status == "cancelled" and not self.refresh().state.get("result"):
+            message = f"job {self.id} ({self.kind}) was cancelled and has no result"
             raise JobCancelledError(message)
         if self.status == "failed":
             problem = self.state.get("error") or {}

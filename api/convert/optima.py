@@ -37,6 +37,7 @@ def result_to_wire(
                 "objective": number(point.objective),
                 "violation": number(point.violation),
                 "variables": dict(point.variables),
+                "seconds": point.seconds,
             }
             for point in result.history
         ],

@@ -87,7 +87,7 @@ def get(identifier: str, caller: Reader, service: InstallationDep) -> Response:
 
 @router.get("/jobs/{identifier}/result", response_model=dict[str, object], summary="Get the result of a job")
 def result(identifier: str, caller: Reader, service: InstallationDep) -> Response:
-    """Return what came out of a succeeded job; 409 before."""
+    """Return what came out of a succeeded job, or the best point of a search that was cancelled; 409 before, and where there is none."""
     with service.database.session() as session:
         body = jobs.result(session, caller, identifier)
     return respond(answer(body))

@@ -27,6 +27,7 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "created_at": job.created_at.isoformat(),
         "started_at": job.started_at.isoformat() if job.started_at else None,
         "finished_at": job.finished_at.isoformat() if job.finished_at else None,
+        "seconds": _seconds(job),
         "result": f"/v1/jobs/{job.id}/result" if job.result_id else None,
         "error": job.error,
         "paused": job.paused,
@@ -38,6 +39,13 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "system": job.body.get("system_reference"),
         "warnings": job.body.get("warnings", []),
     }
+
+
+def _seconds(job: Job) -> float | None:
+    """Return how long a job took, s; None before its end."""
+    if job.started_at is None or job.finished_at is None:
+        return None
+    return max((job.finished_at - job.started_at).total_seconds(), 0.0)
 
 
 def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
@@ -66,7 +74,11 @@ def result(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     """Return what came out; 409 for a job that has nothing (yet)."""
     job = JobRepository(session, caller.workspace).get(identifier)
     if job.result_id is None:
-        raise Problem(409, "no-result", f"job {identifier!r} must have succeeded to have a result, it is {job.status}")
+        raise Problem(
+            409,
+            "no-result",
+            f"job {identifier!r} must have succeeded to have a result, or have been a search with a best point when it was cancelled; it is {job.status}",
+        )
     results = ResultRepository(session, caller.workspace)
     return results.body(results.get(job.result_id))
 

@@ -15,6 +15,7 @@ class JobState(TypedDict):
     message: NotRequired[str | None]
     created_at: NotRequired[str | None]
     started_at: NotRequired[str | None]
+    seconds: NotRequired[float | None]
     finished_at: NotRequired[str | None]
     result: NotRequired[str | None]
     error: NotRequired[dict[str, Any] | None]

@@ -53,6 +53,7 @@ class Evaluated(TypedDict):
     objective: float | None
     violation: float | None
     variables: NotRequired[dict[str, float]]
+    seconds: NotRequired[float]
 
 
 class Map(TypedDict):

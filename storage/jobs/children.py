@@ -20,6 +20,7 @@ from storage.jobs.compute import HEADER, ComputeJob, Frame, send
 from storage.jobs.zygote import COMMAND, EXITED, KILL, NOT_STARTED, PREPARED, START
 
 _PIECE = 1 << 20
+_END = b"e"
 
 
 class ChildDied(Exception):  # noqa: N818 - said as it is
@@ -63,6 +64,11 @@ class Child:
             if not piece:
                 raise ChildDied(self._how_it_ended())
             self._received += piece
+
+    def end(self) -> None:
+        """Ask a computation that listens to hand over what it has."""
+        with suppress(OSError):  # it has just ended
+            self._pipe.send(_END)
 
     def kill(self) -> None:
         """Kill the process and all that it started; nothing happens when it has ended."""

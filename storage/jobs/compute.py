@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import select
 import socket
 import struct
 import time
@@ -127,7 +128,12 @@ class Crashed:
     traceback: str
 
 
-Frame = Progress | Message | Kept | Done | Refused | Crashed
+@dataclass(frozen=True, slots=True)
+class Listening:
+    """The computation looks whether it is to end: when its job is cancelled it hands over what it has."""
+
+
+Frame = Progress | Message | Kept | Listening | Done | Refused | Crashed
 
 
 class Reporter:
@@ -139,6 +145,14 @@ class Reporter:
         self._next_keep = 0.0
         self._messages = float(_BURST)
         self._counted_at = time.monotonic()
+
+    def listen(self) -> None:
+        """Say that this computation asks `ending` now and then, and then has a result soon."""
+        send(self._pipe, Listening())
+
+    def ending(self) -> bool:
+        """Return whether the job was cancelled, so that what there is should be handed over."""
+        return bool(select.select([self._pipe], [], [], 0)[0])
 
     def progress(self, fraction: float, message: str = "") -> None:
         """Report the done fraction, 0 ... 1, at most every `REPORT_INTERVAL`."""

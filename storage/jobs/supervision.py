@@ -25,6 +25,7 @@ from storage.jobs.compute import (
     Done,
     Frame,
     Kept,
+    Listening,
     Message,
     Parts,
     Progress,
@@ -43,6 +44,8 @@ MAX_ATTEMPTS = 3
 _PART_INTERVAL = 1.0
 #: How often (s) a running job is asked whether it is still wanted.
 _LOOK_INTERVAL = 0.2
+#: How long (s) a cancelled computation that listens may take to hand over what it has.
+_LAST_WORD = 20.0
 #: The pauses (s) between two tries to write while the database is away, and the longest of them.
 _PAUSE, _LONGEST_PAUSE = 0.5, 5.0
 
@@ -198,7 +201,7 @@ class Supervisor:
         job, look_at = begun.job, 0.0
         # What is left is measured by a clock that nobody sets.
         ends_at = None if begun.seconds is None else time.monotonic() + begun.seconds
-        ended = False
+        ended = listens = False
         while not ended:
             if self._stopping.is_set():
                 self._give_back(job)
@@ -208,13 +211,41 @@ class Supervisor:
             if time.monotonic() >= look_at:
                 look_at = time.monotonic() + _LOOK_INTERVAL
                 if not self._write(lambda session: jobs.is_wanted(session, job.id, attempt=job.attempts)):
+                    if listens:
+                        self._hear_out(job, child)
                     return
             try:
                 frame = child.receive(_LOOK_INTERVAL)
             except ChildDied as death:
                 self._fail(job, "process-died", "The computation was cut off", str(death))
                 return
+            listens = listens or isinstance(frame, Listening)
             ended = frame is not None and self._take(job, frame)
+
+    def _hear_out(self, job: Job, child: Child) -> None:
+        """Keep what a cancelled computation has, if it hands that over in time."""
+        if not self._write(lambda session: jobs.is_cancelled(session, job.id, attempt=job.attempts)):
+            return
+        child.end()
+        until = time.monotonic() + _LAST_WORD
+        while time.monotonic() < until and not self._stopping.is_set():
+            try:
+                frame = child.receive(_LOOK_INTERVAL)
+            except ChildDied:
+                return
+            if isinstance(frame, Refused | Crashed):
+                return
+            if isinstance(frame, Done):
+                if not isinstance(frame.result, Parts):
+                    self._keep_best(job, frame.result)
+                return
+
+    def _keep_best(self, job: Job, result: Mapping[str, Any]) -> None:
+        def keep(session: Session) -> None:
+            if jobs.is_cancelled(session, job.id, attempt=job.attempts):
+                jobs.attach(session, job.id, self._result(session, job, result))
+
+        self._write(keep)
 
     def _take(self, job: Job, frame: Frame) -> bool:
         """Write down what the child tells; True when it was its last word."""
@@ -283,19 +314,8 @@ class Supervisor:
                 return
             if not jobs.lock(session, job.id, attempt=job.attempts):
                 return
-            system = result.get("system")
-            system = system if isinstance(system, Mapping) else {}
-            versions = result.get("versions")
-            row = ResultRepository(session, job.workspace_id).create(
-                kind=job.kind,
-                body=result,
-                request=job.body if parent is None else None,
-                system_id=system.get("id"),
-                system_revision=system.get("revision"),
-                versions=versions if isinstance(versions, Mapping) else None,
-                within_quota=False,
-            )
-            jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=row.id)
+            kept = self._result(session, job, result)
+            jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=kept)
             if parent is None:
                 return
             left, mean = parts.progress(session, parent)
@@ -305,6 +325,22 @@ class Supervisor:
                 jobs.append_event(session, parent, "progress", {"progress": mean}, progress=mean)
 
         self._write(keep)
+
+    def _result(self, session: Session, job: Job, result: Mapping[str, Any]) -> str:
+        """Store a result and return its id."""
+        system = result.get("system")
+        system = system if isinstance(system, Mapping) else {}
+        versions = result.get("versions")
+        row = ResultRepository(session, job.workspace_id).create(
+            kind=job.kind,
+            body=result,
+            request=job.body if job.parent_id is None else None,
+            system_id=system.get("id"),
+            system_revision=system.get("revision"),
+            versions=versions if isinstance(versions, Mapping) else None,
+            within_quota=False,
+        )
+        return row.id
 
     def _internal_error(self, job: Job, kind: str) -> None:
         detail = f"the computation met an internal error ({kind}); the service's log tells more under {job.id}"

@@ -128,7 +128,10 @@ class JobRepository:
         return self._session.scalars(rows.order_by(JobEvent.id).limit(limit)).all()
 
     def cancel(self, identifier: str) -> Job:
-        """Mark a job that is not finished as cancelled; whoever computes it stops within a second."""
+        """Mark a job that is not finished as cancelled.
+
+        Whoever computes it stops within a second; a search hands over its best point before, which may take some seconds.
+        """
         self.get(identifier)
         if finish(self._session, identifier, status=JobStatus.CANCELLED):
             record(self._session, self._workspace_id, "job.cancel", identifier)
@@ -316,6 +319,22 @@ def is_wanted(session: Session, job_id: str, *, attempt: int) -> bool:
     """Tell, without a lock, whether a job is running in the hands of ``attempt``."""
     row = session.execute(select(Job.status, Job.attempts).where(Job.id == job_id)).one_or_none()
     return row is not None and (row.status, row.attempts) == (JobStatus.RUNNING, attempt)
+
+
+def is_cancelled(session: Session, job_id: str, *, attempt: int) -> bool:
+    """Tell, without a lock, whether a job was cancelled while ``attempt`` had it."""
+    row = session.execute(select(Job.status, Job.attempts).where(Job.id == job_id)).one_or_none()
+    return row is not None and (row.status, row.attempts) == (JobStatus.CANCELLED, attempt)
+
+
+def attach(session: Session, job_id: str, result_id: str) -> None:
+    """Give a cancelled job what its computation had until then."""
+    session.execute(
+        update(Job)
+        .where(Job.id == job_id, Job.status == JobStatus.CANCELLED, Job.result_id.is_(None))
+        .values(result_id=result_id)
+        .execution_options(synchronize_session=False)
+    )
 
 
 def lock(session: Session, job_id: str, *, attempt: int | None) -> bool:

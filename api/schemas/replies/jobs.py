@@ -21,6 +21,10 @@ class JobReply(Reply):
     created_at: datetime
     started_at: datetime | None
     finished_at: datetime | None
+    seconds: float | None = Field(
+        default=None,
+        description="from its start to its end, s; what a search spent on what, by processor time too, is `effort` of its result",
+    )
     result: str | None
     error: dict[str, Any] | None
     paused: bool = Field(description="it waits until it is resumed, and then goes on from where it was")

@@ -144,6 +144,9 @@ def test_an_optimization_improves_its_goal_and_proves_it(client, worker) -> None
     assert set(result["curves"]) == {"before", "after"}
     assert len(result["curves"]["after"]["step"]["outputs"]["position"]) == 1000
     assert result["history"]
+    spent = [point["seconds"] for point in result["history"]]
+    assert spent == sorted(spent)
+    assert 0 < spent[-1] <= result["seconds"] <= done["seconds"]
     assert result["evaluations"] >= 1
     assert result["elasticities"]["response_time"]["kp"]["verdict"] == "ok"
 
@@ -155,7 +158,7 @@ def test_a_cancelled_job_stops_within_a_second(client, worker) -> None:
     }  # fmt: skip
     job = client.post("/v1/optimizations", json=long).json()
     until = time.monotonic() + 60
-    while client.get(f"/v1/jobs/{job['id']}").json()["status"] == "queued" and time.monotonic() < until:
+    while "best after" not in str(client.get(f"/v1/jobs/{job['id']}").json()["message"]) and time.monotonic() < until:
         time.sleep(0.05)
     asked = time.monotonic()
     reply = client.post(f"/v1/jobs/{job['id']}/cancel")
@@ -163,7 +166,14 @@ def test_a_cancelled_job_stops_within_a_second(client, worker) -> None:
     assert finished(client, job, within=5)["status"] == "cancelled"
     assert time.monotonic() - asked < 1.0
     assert events(client, job["id"])[-1][1:] == ("status", {"status": "cancelled"})
-    assert client.get(f"/v1/jobs/{job['id']}/result").status_code == 409
+    # its best point until then follows, with its proof
+    until = time.monotonic() + 60
+    while (found := client.get(f"/v1/jobs/{job['id']}/result")).status_code == 409 and time.monotonic() < until:
+        time.sleep(0.05)
+    assert found.json()["status"] == "cancelled"
+    assert set(found.json()["best"]) == {"kp", "controller.ki", "controller.kd"}
+    assert "worst_violation" in found.json()["certificate"]
+    assert client.get(f"/v1/jobs/{job['id']}").json()["result"] == f"/v1/jobs/{job['id']}/result"
     # cancelling again changes nothing
     assert client.post(f"/v1/jobs/{job['id']}/cancel").json()["status"] == "cancelled"
     # the worker is free for the next job
