@@ -18,6 +18,7 @@ from engine.described import describe
 from engine.document import Block, Connection, Parameter, Remark, System
 from engine.elements import Realization
 from engine.elements._base import Values
+from engine.elements._sampler import Sampler
 from engine.errors import DiagramError, EngineError
 from engine.exact_rest import ExactRest
 from engine.failures import numerical
@@ -25,6 +26,7 @@ from engine.flatten import Flat, flatten
 from engine.linear.system import ARRAYS, LaneSystem, LinearSystem, StackedSystem
 from engine.many_digits import Formulas
 from engine.nonlinear.channels import Channels
+from engine.nonlinear.laws import Law
 from engine.nonlinear.linearize import joined, small_signal
 from engine.nonlinear.operating_point import OperatingPoint, operating_point
 from engine.nonlinear.system import NonlinearSystem
@@ -32,6 +34,7 @@ from engine.parameters import Param, ParameterInfo, Scalar
 from engine.rates import assemble_by_rates
 from engine.realize import Interconnection, Wiring
 from engine.references import References
+from engine.sampled_data.system import SampledSystem, sampled_system
 from engine.traced import Graph, Traced
 from engine.wires import LOOP, Opening, Wires
 
@@ -111,6 +114,7 @@ class Diagram:
         self._flat = flat
         self._interconnection = Interconnection(flat.blocks)
         self._channels = Channels(flat.blocks, flat.elements)
+        self._samplers = Channels(flat.blocks, flat.elements, Sampler)
         self._systems: dict[tuple[Opening | None, bool], LinearSystem] = {}
         self.parameters: Mapping[str, ParameterInfo] = describe(flat.numbers)
         self.warnings = (*self._wires.warnings, *flat.warnings)
@@ -121,6 +125,24 @@ class Diagram:
     def nonlinear(self) -> bool:
         """Whether a block of the diagram is nonlinear."""
         return bool(self._channels)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether a block of the diagram takes samples."""
+        return bool(self._samplers)
+
+    @property
+    def sampled_alone(self) -> bool:
+        """Whether samplers without limits are all that is not linear in it."""
+        return self._channels.numbers == self._samplers.numbers and not self._limited_samplers()
+
+    def _limited_samplers(self) -> list[Law]:
+        found = []
+        for law in self.laws().laws:
+            element = law.element
+            if issubclass(element, Sampler) and element.linear_part(law.real) != law.real:
+                found.append(law)
+        return found
 
     @property
     def reads_rates(self) -> bool:
@@ -138,6 +160,27 @@ class Diagram:
         )
         own = [Remark(at=block.at, detail=f"{block.path}: {note}") for block, note in self._channels.notes()]
         return (general, *own)
+
+    @property
+    def analysis(self) -> tuple[Remark, ...]:
+        """What an answer over frequency must say: that it is linearised, and what it means with samplers."""
+        if not self.sampled:
+            return self.linearization
+        detail = (
+            "samplers are taken as they are: margins and poles are those of the map over their common period, a response is the "
+            "part of the answer at the frequency of the input"
+        )
+        limited = [
+            Remark(
+                at=law.at,
+                detail=f"{law.label}: its limits are left out, margins and poles are those of its linear part",
+            )
+            for law in self.laws().laws
+            if issubclass(law.element, Sampler) and law.element.linear_part(law.real) != law.real
+        ]
+        others = () if self._channels.numbers == self._samplers.numbers else self.linearization
+        besides = [remark for remark in others if not any(remark.at == block.at for block, _ in self._samplers.notes())]
+        return (Remark(at=("blocks",), detail=detail), *limited, *besides)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.system, self.constants)
@@ -371,6 +414,42 @@ class Diagram:
                 self.realize({**values, path: values[path] + 1j * step}, open_at, by_rates=by_rates)
             raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
+
+    def sampled_system(
+        self,
+        overrides: Mapping[str, float] | None = None,
+        steps: Mapping[str, float] | None = None,
+        open_at: Opening | None = None,
+    ) -> SampledSystem:
+        """Return the diagram with its samplers as they are, and its other nonlinear blocks linearised where it rests.
+
+        Parameters
+        ----------
+        overrides, open_at
+            As in `realize`, which tells what is raised, too.
+        steps : mapping of str to float, optional
+            One lane for each parameter, as in `realize_lanes`.
+
+        Raises
+        ------
+        UnresolvedError
+            If there are pure delays in it.
+        """
+        admitted = None
+        if steps:
+            lanes = self._blocks.lanes(steps, overrides or {})
+            realizations, values, admitted = self._blocks.changed_members(lanes, len(steps))
+            realizations = self._linearized_members(realizations, values, admitted)
+            if not admitted.all():
+                raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
+        else:
+            realizations, values = self._blocks.changed(overrides or {})
+            realizations = self._linearized(realizations, self._laws(realizations, values))
+        closed = self._wires.wiring(open_at)
+        wiring = self._samplers.wiring(closed, self._interconnection.outputs)
+        assembled = self._interconnection.assemble(self._samplers.without(realizations), wiring, admitted=admitted)
+        own = {number: self._blocks.of(number, values) for number in self._samplers.numbers}
+        return sampled_system(self._samplers.system(assembled.matrices, closed, own))
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
         """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from engine.commanded import CommandParameter, Motions
 from engine.derivatives import differentiated, with_rate
-from engine.errors import DiagramError, IllPosedError
+from engine.errors import DiagramError, IllPosedError, UnresolvedError
 from engine.following import followed
 from engine.linear.curve import Curve
 from engine.linear.fading import fading
@@ -32,12 +32,15 @@ from engine.metrics._window import still_to_go
 from engine.names import no_parameter
 from engine.nonlinear import response as nonlinear
 from engine.resting import Resting, without_digits
+from engine.sampled_data.poles import sampled_poles
+from engine.sampled_data.subjects import loop_subject, path_subject
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.diagram import Diagram
     from engine.linear.system import Array
     from engine.nonlinear.outcome import Outcome
+    from engine.sampled_data.system import SampledSystem
     from engine.signals import Signal
     from engine.wires import Opening
 
@@ -124,6 +127,17 @@ class Evaluation:
             raise DiagramError(no_parameter(name, self.diagram.parameters), at=("parameters", name))
         return info.value
 
+    def changing_rates(self, names: Sequence[str]) -> set[str]:
+        """Return those parameters that change the ratio of two sample times."""
+        if not self.diagram.sampled or not names:
+            return set()
+        steps = {name: INFINITESIMAL * self._scale(name) for name in names}
+        try:
+            changed = self.diagram.sampled_system(self.overrides, steps).uneven
+        except UnresolvedError:  # pure delays: nothing needs the common period
+            return set()
+        return {name for name, uneven in zip(names, changed, strict=True) if uneven}
+
     def derivatives(self, value: Array) -> npt.NDArray[np.float64]:
         """Return d value / d p for every lane, shape (lanes,), from a value of shape (lanes,)."""
         return np.asarray(np.broadcast_to(slopes(value), (len(self._scales),)) / self._scales)
@@ -185,9 +199,17 @@ class Evaluation:
             name = following
         return name, 0
 
+    def _sampled(self, open_at: Opening | None) -> SampledSystem:
+        return self.diagram.sampled_system(self.overrides, self._steps, open_at)
+
     @cached_property
     def poles(self) -> Poles:
-        """Poles of the whole closed system."""
+        """Poles of the whole closed system; with samplers those of the map over their common period."""
+        return sampled_poles(self._sampled(None)) if self.diagram.sampled else poles(self.system)
+
+    @cached_property
+    def pace(self) -> Poles:
+        """Poles that tell how long things last: with samplers those of their continuous stand-ins."""
         return poles(self.system)
 
     def _poles_of(self, part: LaneSystem) -> Poles:
@@ -207,6 +229,11 @@ class Evaluation:
 
         Of several places opened together the loop is cut at the first, and closed there again with the others left open.
         """
+        sampled = None
+        if open_at not in self._loops and self.diagram.sampled:
+            sampled = loop_subject(self._sampled(open_at))
+        if sampled is not None:
+            self._loops[open_at] = sampled
         if open_at not in self._loops:
             whole = self._realize(open_at)
             ends = [len(whole.inputs) - 1], [len(whole.outputs) - 1]
@@ -226,8 +253,13 @@ class Evaluation:
     def path(self, source: str, target: str) -> PathSubject:
         """Return the frequency response from an input to an output of the diagram."""
         key = (source, target)
+        ends = [self.input_index(source)], [self.output_index(target)]
+        sampled = None
+        if key not in self._paths and self.diagram.sampled:
+            sampled = path_subject(self._sampled(None), ends[0][0], ends[1][0])
+        if sampled is not None:
+            self._paths[key] = sampled
         if key not in self._paths:
-            ends = [self.input_index(source)], [self.output_index(target)]
             part = path(self.system, *ends, self._poles_of)
             exact, own = self._by_rates(part, *ends), self._poles_of(part.value)
             static = self._resting.gain(exact, own, ends[0][0], ends[1][0])
@@ -261,7 +293,7 @@ class Evaluation:
         if key not in self._simulated:
             for name in signals:
                 self.input_index(name)
-            pace = self.poles.lifetime or 1.0
+            pace = self.pace.lifetime or 1.0
             laws = self.diagram.laws(self.overrides, self._steps)
             self._simulated[key] = nonlinear.respond(laws, signals, duration, pace)
         return self._simulated[key]

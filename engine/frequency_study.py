@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.document import Remark
-from engine.errors import DiagramError
+from engine.errors import DiagramError, UnresolvedError
 from engine.evaluation import Evaluation
 from engine.failures import numerical
 from engine.frequency_range import shown
@@ -22,7 +22,8 @@ from engine.measuring import MetricRequest, find, measured_of, metric_named
 from engine.metric_options import USUAL, Options
 from engine.metrics import catalogue
 from engine.metrics._base import LoopMetric, LoopSubject, PathMetric, SystemMetric
-from engine.metrics._loop import delay_margins, gain_margins, phase_margins
+from engine.metrics._loop import Crossing, delay_margins, gain_margins, phase_margins
+from engine.sampled_data.response import SampledResponse
 from engine.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
@@ -163,9 +164,15 @@ def frequency_response(
     if open_at is not None:
         loop = evaluation.loop(open_at)
         curve, static, own = loop.response, loop.static, loop.opened
-        nyquist = nyquist_count(curve, loop.opened, loop.closed)
-        remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
-        margins = _margins(loop)
+        if isinstance(
+            curve, SampledResponse
+        ):  # its encirclements are those of another curve, and its crossings end at a frequency
+            margins, doubts = _sampled_margins(loop, open_at)
+            remarks = (*remarks, *doubts)
+        else:
+            nyquist = nyquist_count(curve, loop.opened, loop.closed)
+            remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
+            margins = _margins(loop)
     else:
         path = evaluation.path(str(source), str(target))
         curve, static, own = path.response, path.static, path.own
@@ -186,9 +193,9 @@ def frequency_response(
         margins=margins,
         nyquist=nyquist,
         poles=evaluation.poles.values,
-        zeros=zeros(curve.system),
+        zeros=None if isinstance(curve, SampledResponse) else zeros(curve.system),
         verdict=evaluation.poles.verdict,
-        warnings=(*remarks, *diagram.linearization),
+        warnings=(*remarks, *diagram.analysis),
         operating_point=rest,
         limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
         unbounded=unbounded,
@@ -204,6 +211,25 @@ def _margins(loop: LoopSubject) -> Margins:
         phase=_listed(phase_margins(loop.response)),
         delay=_listed(delay_margins(loop.response, loop.verdict)),
     )
+
+
+def _sampled_margins(loop: LoopSubject, open_at: Opening) -> tuple[Margins, tuple[Remark, ...]]:
+    """Return the margins of a loop with samplers, and what is not known of them."""
+    gains, smallest = gain_margins(loop.response, loop.static)
+    delays: list[Crossing] = []
+    doubts: tuple[Remark, ...] = ()
+    try:
+        delays = delay_margins(loop.response, loop.verdict)
+    except UnresolvedError as error:
+        places = (open_at,) if isinstance(open_at, str) else open_at
+        doubts = (Remark(at=("open_at", *places), detail=error.message),)
+    found = Margins(
+        smallest_loop_gain=smallest,
+        gain=_listed(gains),
+        phase=_listed(phase_margins(loop.response)),
+        delay=_listed(delays),
+    )
+    return found, doubts
 
 
 def _path_study(
@@ -231,7 +257,7 @@ def _path_study(
         response=response,
         phase=_unwrapped(*curve.scan, chosen, response),
         metrics={r.metric: measured_of(evaluation.diagram, r, find(evaluation, r, {})) for r in requests},
-        zeros=zeros(curve.system),
+        zeros=None if isinstance(curve, SampledResponse) else zeros(curve.system),
         unbounded=unbounded,
     )
 
@@ -281,6 +307,8 @@ def _defined(
     met = ~np.isfinite(response) | (distance <= own.uncertainty[axis]).any(axis=1)
     met[frequencies == 0] = static is None
     response[met] = complex(np.nan, np.nan)
+    if isinstance(curve, SampledResponse):
+        return response, tuple(_unsampled(float(frequency), curve.nyquist) for frequency in frequencies[met])
     return response, tuple(
         Unbounded(
             frequency=float(frequency),
@@ -288,6 +316,17 @@ def _defined(
             advice=f"there is a pole at {frequency:g} rad/s: ask beside it",
         )
         for frequency in frequencies[met]
+    )
+
+
+def _unsampled(frequency: float, nyquist: float) -> Unbounded:
+    """Return why a sampled system has no response at a frequency."""
+    if frequency > nyquist:
+        advice = f"the samples are too far apart for {frequency:g} rad/s: beyond {nyquist:g} rad/s they show an alias"
+        return Unbounded(frequency=frequency, verdict=Verdict.NOT_APPLICABLE, advice=advice)
+    verdict = Verdict.MARGINAL if frequency else Verdict.INTEGRATING
+    return Unbounded(
+        frequency=frequency, verdict=verdict, advice=f"there is a pole at {frequency:g} rad/s: ask beside it"
     )
 
 

@@ -170,14 +170,16 @@ def _slopes(evaluation: Evaluation, finding: Finding) -> Real:
 def _lanes(
     diagram: Diagram, overrides: Mapping[str, float] | None, gradient: Sequence[str | CommandParameter]
 ) -> tuple[list[Evaluation], list[Evaluation]]:
-    """Return evaluations that together carry the gradient: of the system as it is, and of one more for each parameter at 0.
+    """Return evaluations that together carry the gradient: of the system as it is, and of one more for each parameter apart.
 
-    Such a parameter may bring a state of its own. Where that never comes to rest, metrics that need rest have no derivative.
+    One at 0 may bring a state of its own; where that never comes to rest, metrics that need rest have no derivative. One that
+    changes the ratio of two rates leaves no common period: metrics that need it have none.
     """
     base = Evaluation(diagram, overrides)
     names = [lane for lane in gradient if isinstance(lane, str)]
     commands = [lane for lane in gradient if not isinstance(lane, str)]
-    zero = [name for name in names if base.value_of(name) == 0]
+    apart = {name for name in names if base.value_of(name) == 0} | base.changing_rates(names)
+    zero = [name for name in names if name in apart]
     plain = [name for name in names if name not in zero]
     whole = [Evaluation(diagram, overrides, plain)] if plain else []
     if commands and diagram.nonlinear:

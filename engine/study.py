@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.document import Remark
+from engine.errors import UnresolvedError
 from engine.evaluation import LARGEST, Evaluation
 from engine.failures import numerical
 from engine.frequency_study import FrequencyStudy, Margins, frequency_response
@@ -173,6 +174,13 @@ def _simulate_nonlinear(
     if verdict is Verdict.OK and not response.settled and duration is None:
         verdict = Verdict.NOT_SETTLED
     advice = [outcome.advice] if outcome.advice else []
+    if verdict is not Verdict.ILL_POSED and _runs_away(evaluation):
+        alone = evaluation.diagram.sampled_alone
+        verdict = Verdict.UNSTABLE if alone and verdict is Verdict.OK else verdict
+        advice.append(
+            "the sampled loop is unstable about its operating point"
+            + ("" if alone else ": what is not linear bounds it")
+        )
     cycle = _limit_cycle(evaluation, response, signals, names)
     if cycle is not None:
         advice.append(f"the response does not settle: it ends in a limit cycle of {cycle.frequency:.6g} rad/s")
@@ -185,6 +193,16 @@ def _simulate_nonlinear(
         error=outcome.error,
         limit_cycle=cycle,
     )
+
+
+def _runs_away(evaluation: Evaluation) -> bool:
+    """Return whether a loop with samplers is unstable, as far as that is known."""
+    if not evaluation.diagram.sampled:
+        return False
+    try:
+        return evaluation.poles.verdict is Verdict.UNSTABLE
+    except UnresolvedError:
+        return False
 
 
 def _limit_cycle(

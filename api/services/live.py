@@ -29,6 +29,7 @@ from api.services.studies import check_open_at
 from api.services.systems import Subject, subject_of
 from engine.diagram import LOOP, Diagram
 from engine.errors import EngineError
+from engine.evaluation import Evaluation
 from engine.linear import sampling
 from engine.linear.system import LinearSystem
 from engine.measuring import MetricRequest, measure
@@ -288,6 +289,11 @@ def _curves_at(
 
 def _response(panel: Panel, overrides: Mapping[str, float], system: LinearSystem) -> npt.NDArray[np.complex128]:
     diagram = panel.diagram
+    if diagram.sampled:
+        evaluation = Evaluation(diagram, overrides)
+        if panel.open_at is not None:
+            return evaluation.loop(panel.open_at).response(panel.frequency)
+        return evaluation.path(str(panel.source), str(panel.target)).response(panel.frequency)
     if panel.open_at is not None:
         opened = diagram.realize(overrides, panel.open_at)
         assert opened.inputs[-1] == opened.outputs[-1] == LOOP

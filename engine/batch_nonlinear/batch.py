@@ -114,7 +114,7 @@ class NonlinearBatch:
         self._reaching = {output: reaching(self._equations, output) for output in self._outputs}
         self._compiled = Compiled(self._equations, self._outputs)
         self.marcher = Marcher(self._compiled, generate=generate)
-        linear = Evaluation(diagram).poles
+        linear = Evaluation(diagram).pace
         self._fastest = float(np.abs(linear.values).max(initial=0.0))
         lifetime = linear.lifetime
         self._pace = _LIFETIME * lifetime if 0 < lifetime < np.inf else 1.0

@@ -72,6 +72,16 @@ class Sampler(NonlinearElement):
         return latency
 
     @classmethod
+    def offset(cls, values: Values) -> Scalar:
+        """Return when the first sample is taken, s."""
+        return 0.0
+
+    @classmethod
+    def linear_part(cls, values: Values) -> Values:
+        """Return the values of the same law without what is not linear in it, limits say; by default there is nothing such."""
+        return values
+
+    @classmethod
     def update(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return the output at what the last sample has made of it."""
         return [m.x[1], *m.x[1:]]

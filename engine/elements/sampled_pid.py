@@ -27,7 +27,9 @@ class SampledPid(Sampler):
     title = "Sampled PID controller"
     equation = "u_k = kp e_k + I_k + D_k;  I_k = I_{k-1} + ki T e_k;  D_k = (D_{k-1} + w kd (e_k - e_{k-1}))/(1 + w T)"
     source = "K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., chapter 8."
-    note = "a sampled controller is linearised as the continuous law, without the delay of its sampling"
+    note = (
+        "as a continuous block (exports, describing functions) a sampled controller is its continuous law without delay"
+    )
     states = ("output", "computed", "integral", "error", "derivative")
     parameters = (
         *_pid.PROPORTIONAL,
@@ -64,6 +66,11 @@ class SampledPid(Sampler):
         """Return the limits."""
         lower, upper = values["lower"], values["upper"]
         return [(-np.inf if lower is None else lower, np.inf if upper is None else upper)]
+
+    @classmethod
+    def linear_part(cls, values: Values) -> Values:
+        """Return the values without limits."""
+        return {**values, "lower": None, "upper": None}
 
     @classmethod
     def _limited(cls, wanted: Any, values: Values) -> tuple[Any, int]:

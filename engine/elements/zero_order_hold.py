@@ -19,7 +19,7 @@ class ZeroOrderHold(Sampler):
     title = "Zero-order hold"
     equation = "y(t) = u(k T) for k T + delay <= t < (k + 1) T + delay"
     source = "K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., chapters 2 and 3."
-    note = "a hold is linearised as a delay of half its sample time and its own delay"
+    note = "as a continuous block (exports, describing functions) a hold is a delay of half its sample time and its own delay"
     states = ("output", "sample")
     parameters = TIMING
     example = {"sample_time": 0.01, "delay": 0.002}

@@ -104,6 +104,7 @@ class FrequencyResponse:
         self._corners = np.zeros(0, dtype=complex) if corners is None else corners
         self._needles = np.zeros(0, dtype=complex) if needles is None else needles
         self._floor = floor
+        self._silent = _SILENT
 
     @classmethod
     def near(cls, system: LaneSystem, found: Poles, *, floor: float = 1e-3, solved: LaneSystem | None = None) -> Self:
@@ -344,7 +345,7 @@ class FrequencyResponse:
                     ratio = (between + shift) ** 2 / ((values[where] + shift) * (values[where + 1] + shift))
                     bent |= ~(np.abs(np.log(ratio)) < _STRAIGHT)
             bent &= omega[where + 1] / omega[where] > 1 + 1e-9
-            bent &= ~(np.maximum(np.abs(values[where]), np.abs(values[where + 1])) < _SILENT)
+            bent &= ~(np.maximum(np.abs(values[where]), np.abs(values[where + 1])) < self._silent)
             keep = where[bent]
             position = keep + 1
             omega = np.insert(omega, position, middle[bent])

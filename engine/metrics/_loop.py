@@ -12,6 +12,7 @@ import numpy as np
 from engine.linear.frequency import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
 from engine.linear.touching import touches
 from engine.metrics._base import TOUCHES
+from engine.sampled_data.response import SampledResponse
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def gain_margins(response: FrequencyResponse, static: Array | None) -> tuple[lis
     Both ends of the axis count, where L is finite and negative there. Fainter crossings are looked for only until there is one
     that bounds the gain from above: behind a delay there is no end of them.
     """
+    if isinstance(response, SampledResponse):
+        return response.gain_margins
     found: list[Crossing] = []
     for floor in _FLOORS:
         found = [*_at_the_ends(response, static, floor), *_inside(response, floor)]
@@ -82,6 +85,8 @@ def _passes(response: FrequencyResponse, frequency: float) -> bool:
 
 def phase_margins(response: FrequencyResponse) -> list[Crossing]:
     """Return every phase margin in (-π, π]."""
+    if isinstance(response, SampledResponse):
+        return response.phase_margins
     found: list[Crossing] = []
     for frequency in response.crossings(squared_magnitude, 1.0):
         re, im = response.pair(frequency)
@@ -91,6 +96,8 @@ def phase_margins(response: FrequencyResponse) -> list[Crossing]:
 
 def delay_margins(response: FrequencyResponse, verdict: Verdict = Verdict.OK) -> list[Crossing]:
     """Return the additional delay at which each gain crossing reaches -1, of a closed loop with a verdict."""
+    if isinstance(response, SampledResponse):
+        return response.delay_margins
     none = _NO_MARGIN if verdict is Verdict.OK else _LIMIT_MARGIN
     found: list[Crossing] = []
     for frequency, margin in phase_margins(response):

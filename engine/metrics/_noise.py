@@ -8,6 +8,7 @@ import numpy as np
 
 from engine.linear.h2 import passes_impulses, squared_norm
 from engine.metrics._base import Absent, Found, unsettled
+from engine.sampled_data.response import SampledResponse
 from engine.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -16,11 +17,16 @@ if TYPE_CHECKING:
 _FEEDS_THROUGH = (
     "the path has a direct gain, which passes white noise of infinite power on: put a lag or a filter into it"
 )
+_SAMPLED = (
+    "samplers lie on the path: what they make of white noise is not known here, take an output's recording of noise"
+)
 _LASTS = "what an impulse leaves does not decay: the path has poles on the imaginary axis"
 
 
 def h2_norm(subject: PathSubject) -> Finding:
     """Return ‖G‖₂ of a path, or why it has none."""
+    if isinstance(subject.response, SampledResponse):
+        return Absent(verdict=Verdict.NOT_APPLICABLE, advice=_SAMPLED)
     refusal = unsettled(subject.verdict)
     if refusal is not None:
         if subject.verdict in (Verdict.UNSTABLE, Verdict.DOUBTFUL):

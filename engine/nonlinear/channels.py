@@ -19,7 +19,7 @@ Array = npt.NDArray[Any]
 
 
 class Channels:
-    """The nonlinear blocks of a flattened diagram.
+    """The nonlinear blocks of a flattened diagram, or those of one ``kind``.
 
     Attributes
     ----------
@@ -27,10 +27,15 @@ class Channels:
         Which of the diagram's blocks are nonlinear.
     """
 
-    def __init__(self, blocks: Sequence[FlatBlock], elements: Sequence[type[Element]]) -> None:
+    def __init__(
+        self,
+        blocks: Sequence[FlatBlock],
+        elements: Sequence[type[Element]],
+        kind: type[NonlinearElement] = NonlinearElement,
+    ) -> None:
         self._blocks = blocks
         self._elements: dict[int, type[NonlinearElement]] = {
-            number: element for number, element in enumerate(elements) if issubclass(element, NonlinearElement)
+            number: element for number, element in enumerate(elements) if issubclass(element, kind)
         }
         self.numbers = tuple(self._elements)
         self._channel: dict[int, int] = {}

@@ -143,7 +143,7 @@ def _product(evaluation: Evaluation, signals: Mapping[str, Signal], output: str)
         return total
 
     ends = max(float(signal.end() or 0.0) for signal in signals.values())
-    slowest = evaluation.poles.slowest
+    slowest = evaluation.pace.slowest
     length = ends + float(evaluation.system.delays.sum()) + (_LIFETIMES / slowest if np.isfinite(slowest) else 0.0)
     length = length or 1.0
     final = sum(

@@ -53,7 +53,7 @@ def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario)
     """Return the value of every goal that can be measured here, None for the others.
 
     Linear systems that are stable as a whole, commands that settle (or a limited time); nonlinear systems without delays and
-    samplers over a given duration, and what their linearisation says. A response of very many steps or events, and metrics without
+    samplers over a given duration, and without samplers what their linearisation says. A response of very many steps or events, and metrics without
     a reading of their own here, are left to the exact engine alone.
 
     Parameters
@@ -72,7 +72,8 @@ def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario)
         runs = Runs(problem.diagram, overrides) if problem.diagram.nonlinear else None
     except EngineError:
         return nothing
-    bench = _Bench(problem, overrides, system) if _decays(system) else None
+    # the linearisation replaces samplers by what is continuous: no second measurement of what is exact with them
+    bench = _Bench(problem, overrides, system) if _decays(system) and not problem.diagram.sampled else None
     found: list[Statement | None] = []
     for goal, request in zip(problem.goals, problem.requests, strict=True):
         signals = experiments.get(goal.experiment or "", {}) if request.signals else {}

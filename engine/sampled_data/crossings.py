@@ -1,0 +1,176 @@
+"""Where an eigenvalue of a family of maps passes the unit circle.
+
+ln |z_i(q)| = 0;   dq/dp = -(∂ ln|z| / ∂p) / (∂ ln|z| / ∂q),   ∂ ln z = wᴴ ∂Φ v / (z wᴴ v)
+
+A grid of q is refined wherever a branch may touch the circle between two neighbours, as far as the bend of the branch there
+tells. That no crossing is missed is not proven: two that lie closer than the finest grid, on a branch that looks straight
+on both sides of it, would be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eig
+from scipy.optimize import linear_sum_assignment
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Family = Callable[[Real], "Complex | Real"]
+"""Maps (k, N, N) at k values of the variable."""
+
+_EPS: Final = float(np.finfo(float).eps)
+_FINEST: Final = 9
+"""How often an interval of the grid is halved at most."""
+_BENT: Final = 4.0
+"""A branch touches nothing that is further away than so many times what it bends by between neighbours."""
+_NEAR: Final = 0.7
+"""A branch is looked at closely where ln|z| is within this of 0."""
+_TURNS: Final = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spectrum:
+    """Eigenvalues (N,) at one value of the variable, and how far rounding may have moved each; ``known`` is False beyond all numbers."""
+
+    values: Complex
+    uncertainty: Real
+    known: bool = True
+
+    @property
+    def heights(self) -> Real:
+        """The logarithm of each magnitude, negative inside the unit circle."""
+        return np.log(np.maximum(np.abs(self.values), 1e-300))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Crossing:
+    """The variable and the eigenvalue on the unit circle there, with its left and right eigenvector."""
+
+    at: float
+    eigenvalue: complex
+    left: Complex
+    right: Complex
+
+    def rate(self, motion: Complex) -> npt.NDArray[np.complex128]:
+        """Return d ln z for changes of the map of shape (..., N, N), shape (...)."""
+        overlap = self.left.conj() @ self.right
+        return np.asarray((motion @ self.right) @ self.left.conj() / (overlap * self.eigenvalue))
+
+
+def crossings(family: Family, grid: Real) -> list[Crossing]:
+    """Return every crossing between the ends of a rising ``grid``, rising; none where the maps are beyond all numbers."""
+    nodes = dict(zip(grid.tolist(), spectra(family(grid)), strict=True))
+    brackets: list[tuple[float, float, complex, complex]] = []
+    open_ = [(left, right, 0) for left, right in pairwise(grid.tolist())]
+    while open_:
+        middles = np.array([0.5 * (left + right) for left, right, _ in open_])
+        nodes.update(zip(middles.tolist(), spectra(family(middles)), strict=True))
+        further: list[tuple[float, float, int]] = []
+        for (left, right, depth), middle in zip(open_, middles.tolist(), strict=True):
+            ends, inner = (nodes[left], nodes[right]), nodes[middle]
+            if not (ends[0].known and ends[1].known and inner.known):
+                continue
+            first, second = _pairs(ends[0], inner), _pairs(inner, ends[1])
+            if depth < _FINEST and _hides(ends[0], inner, ends[1], first, second):
+                further += [(left, middle, depth + 1), (middle, right, depth + 1)]
+            else:
+                brackets += _brackets(left, middle, ends[0], inner, first)
+                brackets += _brackets(middle, right, inner, ends[1], second)
+        open_ = further
+    found = [_root(family, *bracket) for bracket in brackets]
+    return sorted((one for one in found if one is not None), key=lambda one: one.at)
+
+
+def spectra(maps: Complex | Real) -> list[Spectrum]:
+    """Return the eigenvalues of each map."""
+    return [_spectrum(one) for one in maps]
+
+
+def _spectrum(whole: Complex | Real) -> Spectrum:
+    if not np.isfinite(whole).all():
+        n = len(whole)
+        return Spectrum(values=np.full(n, np.nan + 0j), uncertainty=np.full(n, np.inf), known=False)
+    values, left, right = _eigenvectors(whole)
+    overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+    size = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(whole), np.abs(right))
+    return Spectrum(values=values, uncertainty=20 * _EPS * size / np.maximum(overlap, _EPS))
+
+
+def _eigenvectors(whole: Complex | Real) -> tuple[Complex, Complex, Complex]:
+    """Return eigenvalues (N,) with their left and right eigenvectors, the columns of (N, N)."""
+    found: Any = eig(whole, left=True, right=True)
+    values, left, right = found
+    return values, left, right
+
+
+def _pairs(one: Spectrum, other: Spectrum) -> npt.NDArray[np.int64]:
+    """Return which eigenvalue of the ``other`` each one has become."""
+    size = np.abs(one.values)[:, None] + np.abs(other.values)[None, :] + 1e-6
+    distance = np.abs(one.values[:, None] - other.values[None, :]) / size
+    return np.asarray(linear_sum_assignment(distance)[1])
+
+
+def _hides(
+    left: Spectrum, middle: Spectrum, right: Spectrum, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
+) -> bool:
+    """Return whether a branch may pass the circle twice between neighbours, or bends where it passes it."""
+    a, b, c = left.heights, middle.heights[first], right.heights[second[first]]
+    bend = np.abs(b - 0.5 * (a + c))
+    nearest = np.minimum(np.minimum(np.abs(a), np.abs(b)), np.abs(c))
+    sure = 10 * (left.uncertainty + middle.uncertainty[first] + right.uncertainty[second[first]])
+    near = (nearest < _NEAR) & (bend > sure)
+    same = (np.sign(a) == np.sign(b)) & (np.sign(b) == np.sign(c))
+    crowded = same & (nearest < _BENT * bend)
+    crooked = ~same & (bend > 0.2 * (np.abs(b - a) + np.abs(c - b)))
+    return bool((near & (crowded | crooked)).any())
+
+
+def _brackets(
+    left: float, right: float, one: Spectrum, other: Spectrum, pairs: npt.NDArray[np.int64]
+) -> list[tuple[float, float, complex, complex]]:
+    a, b = one.heights, other.heights[pairs]
+    changes = (a < 0) != (b < 0)
+    changes &= (np.abs(a) > one.uncertainty) & (np.abs(b) > other.uncertainty[pairs])
+    return [(left, right, complex(one.values[k]), complex(other.values[pairs[k]])) for k in np.flatnonzero(changes)]
+
+
+def _root(family: Family, left: float, right: float, one: complex, other: complex) -> Crossing | None:
+    """Return the crossing of the branch between two eigenvalues, by the Illinois method; None where it cannot be followed."""
+    low, high = np.log(abs(one)), np.log(abs(other))
+    weights = [low, high]
+    found = None
+    for _ in range(_TURNS):
+        part = weights[0] / (weights[0] - weights[1])
+        at = left + min(max(part, 1e-3), 1 - 1e-3) * (right - left)
+        found = _nearest(family, at, one + (other - one) * (at - left) / (right - left))
+        if found is None:
+            return None
+        height = float(np.log(abs(found.eigenvalue)))
+        if abs(height) < 4 * _EPS or right - left <= 4 * _EPS * max(abs(left), abs(right)):
+            break
+        if (height < 0) == (low < 0):
+            left, one, low, weights = at, found.eigenvalue, height, [height, 0.5 * weights[1]]
+        else:
+            right, other, high, weights = at, found.eigenvalue, height, [0.5 * weights[0], height]
+    assert found is not None
+    reached = abs(np.log(abs(found.eigenvalue))) < max(1e-9, 1e-3 * max(abs(low), abs(high)))
+    return found if reached else None
+
+
+def _nearest(family: Family, at: float, expected: complex) -> Crossing | None:
+    whole = np.asarray(family(np.array([at]))[0])
+    if not np.isfinite(whole).all():
+        return None
+    values, left, right = _eigenvectors(whole)
+    k = int(np.argmin(np.abs(values - expected)))
+    w, v = left[:, k], right[:, k]
+    # the quotient of both vectors is wrong to second order only
+    better = (w.conj() @ whole @ v) / (w.conj() @ v)
+    eigenvalue = better if abs(better - values[k]) < 1e-6 * abs(values[k]) else values[k]
+    return Crossing(at=at, eigenvalue=complex(eigenvalue), left=w, right=v)

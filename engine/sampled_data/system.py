@@ -1,0 +1,367 @@
+"""A linear system with samplers: states that flow, and events at which some of them jump.
+
+    ξ' = M ξ + B u   between events,   ξ -> J ξ + K u   at an event,   y = C ξ + D u,   ξ = (continuous states, samplers' states)
+
+Sampler i acts at offset_i + k T_i and, where its output comes later, again delay_i after that. Where the sample times are in
+rational ratios, everything repeats after their least common multiple.
+
+References
+----------
+T. Chen, B. Francis, Optimal Sampled-Data Control Systems, chapters 3, 8 and 10 (lifting).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.elements._nonlinear import Moment, stacked
+from engine.elements._sampler import Sampler
+from engine.errors import UnresolvedError
+
+if TYPE_CHECKING:
+    from engine.linear.system import Array
+    from engine.nonlinear.laws import Law
+    from engine.nonlinear.system import NonlinearSystem
+
+_LARGEST_RATIO: Final = 1000
+_RATIO: Final = 1e-9
+"""Two sample times are in a rational ratio where they miss it by less than this part."""
+_TOGETHER: Final = 1e-10
+"""Instants closer than this part of the common period are one: the ratio of the rates may be rounded."""
+_MOST_EVENTS: Final = 4000
+_DIRECT: Final = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampling:
+    """One sampler: its times (s), each of shape (lanes,), and how its events move the joint state.
+
+    ``taken`` (lanes, N, N) with ``entering`` (lanes, N, inputs) is a sample, ``updated`` (lanes, N, N) the output that follows
+    it after the delay, None where there is none. ``number`` tells it from the others in the order of the document.
+    """
+
+    label: str
+    number: int
+    period: Array
+    delay: Array
+    offset: Array
+    taken: Array
+    entering: Array
+    updated: Array | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Event:
+    """An instant within the common period, s, (lanes,), with the jump there: ξ -> ``jump`` ξ + ``entering`` u."""
+
+    time: Array
+    jump: Array
+    entering: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SampledSystem:
+    """A linear system with samplers; all arrays have a lane axis in front, lanes sharing the real part.
+
+    Shapes: ``flow`` (lanes, N, N), ``driven`` (lanes, N, inputs), ``read`` (lanes, outputs, N), ``direct`` (lanes, outputs,
+    inputs). ``delayed`` tells whether pure delays are in it, which are not part of this model.
+    """
+
+    flow: Array
+    driven: Array
+    read: Array
+    direct: Array
+    samplings: tuple[Sampling, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def lanes(self) -> int:
+        """Number of lanes."""
+        return int(self.flow.shape[0])
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return int(self.flow.shape[1])
+
+    def part(self, states: npt.NDArray[Any]) -> SampledSystem:
+        """Return the system of these states alone, with the samplers that have one of them."""
+        x = np.asarray(states)
+        own = [
+            replace(
+                s, taken=s.taken[:, x][:, :, x], entering=s.entering[:, x],
+                updated=None if s.updated is None else s.updated[:, x][:, :, x],
+            )
+            for s in self.samplings
+            if _acts(s, x)
+        ]  # fmt: skip
+        return replace(
+            self, flow=self.flow[:, x][:, :, x], driven=self.driven[:, x], read=self.read[:, :, x], samplings=tuple(own)
+        )
+
+    def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> SampledSystem:
+        """Return the system with these inputs and outputs alone, all its states kept."""
+        return replace(
+            self,
+            driven=self.driven[:, :, inputs], read=self.read[:, outputs], direct=self.direct[:, outputs][:, :, inputs],
+            samplings=tuple(replace(s, entering=s.entering[:, :, inputs]) for s in self.samplings),
+            inputs=tuple(self.inputs[k] for k in inputs), outputs=tuple(self.outputs[k] for k in outputs),
+        )  # fmt: skip
+
+    def path(self, source: int, target: int) -> SampledSystem:
+        """Return the part of the system that lies between an input and an output, with these two alone."""
+        acts = self.pattern
+        entered = np.any(self.driven[:, :, source] != 0, axis=0)
+        for sampling in self.samplings:
+            entered |= np.any(sampling.entering[:, :, source] != 0, axis=0)
+        seen = np.any(self.read[:, target] != 0, axis=0)
+        between = _spread(acts, entered) & _spread(acts.T, seen)
+        return self.part(np.flatnonzero(between)).between([source], [target])
+
+    def closed(self) -> SampledSystem:
+        """Return the system with its last output fed back into its last input, u = y, and that input left in place.
+
+        Raises
+        ------
+        UnresolvedError
+            If a direct gain of 1 makes that impossible.
+        """
+        direct = self.direct[:, -1, -1]
+        if np.any(np.abs(1 - direct) < _DIRECT):
+            raise UnresolvedError("the direct gain of the loop must not be 1, or closing it has no solution")
+        back = self.read[:, -1:] / (1 - direct)[:, None, None]
+        own = [replace(s, taken=s.taken + s.entering[:, :, -1:] @ back) for s in self.samplings]
+        return replace(self, flow=self.flow + self.driven[:, :, -1:] @ back, samplings=tuple(own))
+
+    @property
+    def pattern(self) -> npt.NDArray[np.bool_]:
+        """Which state (row) follows which other, at once or in a jump, (N, N)."""
+        acts: npt.NDArray[np.bool_] = np.any(self.flow != 0, axis=0)
+        for sampling in self.samplings:
+            acts |= np.any(sampling.taken != np.eye(self.n), axis=0)
+            if sampling.updated is not None:
+                acts |= np.any(sampling.updated != np.eye(self.n), axis=0)
+        return acts
+
+    @property
+    def period(self) -> Array:
+        """The common period, s, shape (lanes,).
+
+        Raises
+        ------
+        UnresolvedError
+            If two sample times are in no rational ratio, naming both, or a lane changes their ratio.
+        """
+        first, *others = self.samplings
+        if self.uneven.any():
+            names = ", ".join(s.label for s in self.samplings)
+            raise UnresolvedError(
+                f"a derivative by a sample time must change all rates of a loop alike, got one by that of some of {names}: "
+                "they would have no common period any more"
+            )
+        turns = Fraction(1)
+        for other in others:
+            turns = _common(turns, _ratio(first, other))
+        return np.asarray(first.period * float(turns))
+
+    @property
+    def moves(self) -> bool:
+        """Whether a lane carries an infinitesimal."""
+        own = [array for s in self.samplings for array in (s.taken, s.entering, s.period, s.delay, s.offset)]
+        return any(np.iscomplexobj(array) for array in (self.flow, self.driven, self.read, self.direct, *own))
+
+    @property
+    def value(self) -> SampledSystem:
+        """The common real part alone, as one lane."""
+        samplings = [
+            replace(
+                s, period=s.period[:1].real, delay=s.delay[:1].real, offset=s.offset[:1].real, taken=s.taken[:1].real,
+                entering=s.entering[:1].real, updated=None if s.updated is None else s.updated[:1].real,
+            )
+            for s in self.samplings
+        ]  # fmt: skip
+        return replace(
+            self, flow=self.flow[:1].real, driven=self.driven[:1].real, read=self.read[:1].real,
+            direct=self.direct[:1].real, samplings=tuple(samplings),
+        )  # fmt: skip
+
+    @property
+    def uneven(self) -> npt.NDArray[np.bool_]:
+        """Which lanes change the ratio of two sample times, so that nothing repeats any more, (lanes,)."""
+        moved = np.stack([s.period.imag / s.period.real for s in self.samplings])
+        size = np.abs(moved).max(axis=0)
+        return np.asarray(np.ptp(moved, axis=0) > 1e-12 * size)
+
+    def events(self) -> list[Event]:
+        """Return the events of one common period in their order: updates first, then the samples of the slower rates.
+
+        That is the order in which a simulation takes those that fall together.
+
+        Raises
+        ------
+        UnresolvedError
+            If the sample times are in no rational ratio, or in one that makes too many events.
+        """
+        period = self.period
+        total = float(period[0].real)
+        count = [round(total / float(s.period[0].real)) for s in self.samplings]
+        if 2 * sum(count) > _MOST_EVENTS:
+            slow, fast = max(self.samplings, key=_length), min(self.samplings, key=_length)
+            msg = (
+                f"the samples of a common period must be at most {_MOST_EVENTS // 2}, got {sum(count)}: {slow.label} samples "
+                f"every {_length(slow):g} s and {fast.label} every {_length(fast):g} s, together every {total:g} s"
+            )
+            raise UnresolvedError(msg)
+        listed: list[tuple[float, tuple[float, ...], Event]] = []
+        rank: tuple[float, ...]
+        for sampling, turns in zip(self.samplings, count, strict=True):
+            for k in range(turns):
+                at = _wrapped(sampling.offset + k * sampling.period, period)
+                rank = (1.0, -_length(sampling), float(sampling.number), 0.0)
+                listed.append((_real(at), rank, Event(time=at, jump=sampling.taken, entering=sampling.entering)))
+                if sampling.updated is not None:
+                    at = _wrapped(at + sampling.delay, period)
+                    later = (0.0,) if _real(sampling.delay) else (*rank[:3], 1.0)
+                    none = np.zeros_like(sampling.entering)
+                    listed.append((_real(at), later, Event(time=at, jump=sampling.updated, entering=none)))
+        listed.sort(key=lambda one: one[0])
+        order: list[tuple[int, tuple[float, ...], Event]] = []
+        group, before = 0, -math.inf
+        for instant, rank, event in listed:
+            group += int(instant > before + _TOGETHER * total)
+            before = instant
+            order.append((group, rank, event))
+        order.sort(key=lambda one: one[:2])
+        return [event for _, _, event in order]
+
+
+def sampled_system(system: NonlinearSystem) -> SampledSystem:
+    """Return a system whose only laws are samplers as one that flows and jumps.
+
+    Raises
+    ------
+    UnresolvedError
+        If there are pure delays in it.
+    """
+    if system.delays.shape[-1]:
+        msg = (
+            "margins, poles and responses over frequency must be those of samplers and lags, but pure delays are in this "
+            "system too: put the delay into the sampler's 'delay', or follow a response over time"
+        )
+        raise UnresolvedError(msg)
+    m, lanes, n, total = system.matrices, system.lanes, system.linear_states, system.states
+    held = np.zeros((m["b3"].shape[-1], total))  # the output of each sampler is its first state
+    for law in system.laws:
+        held[law.outputs.start, law.states.start] = 1.0
+    kind = complex if system.complex else float
+    flow = np.zeros((lanes, total, total), dtype=kind)
+    flow[:, :n, :n] = m["a"]
+    flow[:, :n] += m["b3"] @ held
+    driven = np.zeros((lanes, total, m["b1"].shape[-1]), dtype=kind)
+    driven[:, :n] = m["b1"]
+    seen = [np.concatenate([m[c], np.zeros((*m[c].shape[:2], total - n))], axis=-1) + m[d] @ held
+            for c, d in (("c1", "d13"), ("c3", "d33"))]  # fmt: skip
+    return SampledSystem(
+        flow=flow, driven=driven, read=np.asarray(seen[0]), direct=m["d11"],
+        samplings=tuple(_sampling(law, k, lanes, seen[1], m["d31"]) for k, law in enumerate(system.laws)),
+        inputs=system.inputs, outputs=system.outputs,
+    )  # fmt: skip
+
+
+def _sampling(law: Law, number: int, lanes: int, sees: Array, follows: Array) -> Sampling:
+    """Return a sampler in its place; what it samples is ``sees`` ξ + ``follows`` u."""
+    element = law.element
+    assert issubclass(element, Sampler)
+    values = element.linear_part(law.values)
+    count, total = law.states.stop - law.states.start, sees.shape[-1]
+    units = np.eye(count + 1)
+    columns = [Moment(t=0.0, x=list(unit[:count]), z=[unit[count]]) for unit in units]
+    own = np.stack([stacked(element.sample(m, 0, values), (lanes, 1))[:, 0] for m in columns], axis=-1)
+    kind = np.result_type(own, sees, follows)
+    rows = law.states
+    taken = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
+    taken[:, rows] = own[..., count:] @ sees[:, law.inputs]
+    taken[:, rows, rows] += own[..., :count]
+    entering = np.zeros((lanes, total, follows.shape[-1]), dtype=kind)
+    entering[:, rows] = own[..., count:] @ follows[:, law.inputs]
+    delay = _times(element.latency(law.values), lanes)
+    updated = None
+    if np.any(delay):
+        after = np.stack([stacked(element.update(m, 0, values), (lanes, 1))[:, 0] for m in columns[:count]], axis=-1)
+        updated = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
+        updated[:, rows, rows] = after
+    period = element.period(law.values)
+    assert period is not None
+    return Sampling(
+        label=law.label, number=number, period=_times(period, lanes), delay=delay,
+        offset=_times(element.offset(law.values), lanes), taken=taken, entering=entering, updated=updated,
+    )  # fmt: skip
+
+
+def _spread(acts: npt.NDArray[np.bool_], begun: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Return which states (N,) follow, by ``acts`` of each row on each column, those with which it has begun."""
+    found = begun
+    for _ in range(len(begun)):
+        further = found | (acts & found).any(axis=1)
+        if (further == found).all():
+            break
+        found = further
+    return found
+
+
+def _times(value: Any, lanes: int) -> Array:
+    return np.array(np.broadcast_to(np.ravel(value), (lanes,)))
+
+
+def _acts(sampling: Sampling, states: npt.NDArray[Any]) -> bool:
+    """Return whether a sampler moves one of some states."""
+    rows = np.any(sampling.taken != np.eye(sampling.taken.shape[-1]), axis=(0, 2))
+    if sampling.updated is not None:
+        rows = rows | np.any(sampling.updated != np.eye(len(rows)), axis=(0, 2))
+    return bool(rows[states].any())
+
+
+def _length(sampling: Sampling) -> float:
+    return float(sampling.period[0].real)
+
+
+def _real(time: Array) -> float:
+    return float(time[0].real)
+
+
+def _wrapped(time: Array, period: Array) -> Array:
+    """Return the same instant in [0, period), the infinitesimals following."""
+    turns = math.floor(_real(time) / _real(period) + _TOGETHER)
+    return np.asarray(time - turns * period)
+
+
+def _ratio(first: Sampling, other: Sampling) -> Fraction:
+    """Return the ratio of two sample times.
+
+    Raises
+    ------
+    UnresolvedError
+        If it is not rational.
+    """
+    exact = _length(other) / _length(first)
+    found = Fraction(exact).limit_denominator(_LARGEST_RATIO)
+    if not found or abs(float(found) / exact - 1) > _RATIO:
+        msg = (
+            f"sample times must be in the ratio of whole numbers up to {_LARGEST_RATIO}, got {_length(first):.12g} s of "
+            f"{first.label} and {_length(other):.12g} s of {other.label}: there is no common period"
+        )
+        raise UnresolvedError(msg)
+    return found
+
+
+def _common(one: Fraction, other: Fraction) -> Fraction:
+    """Return the least common multiple."""
+    return Fraction(math.lcm(one.numerator, other.numerator), math.gcd(one.denominator, other.denominator))
