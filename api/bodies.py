@@ -10,6 +10,7 @@ import asyncio
 import json
 import math
 from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any
 
@@ -26,30 +27,57 @@ class _RefusedError(ValueError):
     """The text is JSON, but not what a document may hold."""
 
 
-def _constant(text: str) -> Any:
-    raise _RefusedError(f"numbers must be finite, got {text}")
+@dataclass(frozen=True, slots=True)
+class _NoNumber:
+    """Stands where a number is that no document may hold; its place is told when all has been read."""
+
+    rule: str
 
 
-def _float(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise _RefusedError(f"numbers must be below 1.8e308, got {text[:40]}")
-    return value
+class _Numbers:
+    """Reads numbers, and notes whether one was met that no document may hold."""
 
+    def __init__(self) -> None:
+        self.refused = False
 
-def _integer(text: str) -> int:
-    if len(text) > _LONGEST_INTEGER:
-        raise _RefusedError(f"numbers must be below 1.8e308, got {len(text)} digits")
-    return int(text)
+    def _refuse(self, rule: str) -> _NoNumber:
+        self.refused = True
+        return _NoNumber(rule)
+
+    def constant(self, text: str) -> Any:
+        return self._refuse(f"numbers must be finite, got {text}")
+
+    def real(self, text: str) -> Any:
+        value = float(text)
+        return value if math.isfinite(value) else self._refuse(f"numbers must be below 1.8e308, got {text[:40]}")
+
+    def whole(self, text: str) -> Any:
+        long = len(text) > _LONGEST_INTEGER
+        return self._refuse(f"numbers must be below 1.8e308, got {len(text)} digits") if long else int(text)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     document = dict(pairs)
     if len(document) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for i, key in enumerate(keys) if key in keys[:i])
-        raise _RefusedError(f"a key must stand once in an object, got {twice!r} twice")
+        seen: set[str] = set()
+        for key, _ in pairs:
+            if key in seen:
+                raise _RefusedError(f"a key must stand once in an object, got {key[:80]!r} twice")
+            seen.add(key)
     return document
+
+
+def _check_numbers(document: Any) -> None:
+    """Refuse a number that no document may hold, with its place."""
+    pending: list[tuple[str, Any]] = [("", document)]
+    while pending:
+        place, node = pending.pop()
+        if isinstance(node, _NoNumber):
+            raise _RefusedError(f"{node.rule} at {place or 'the top'}")
+        if isinstance(node, dict):
+            pending += [(f"{place}/{key[:80]}", child) for key, child in node.items()]
+        elif isinstance(node, list):
+            pending += [(f"{place}/{i}", child) for i, child in enumerate(node)]
 
 
 def _check_depth(document: Any) -> None:
@@ -90,10 +118,13 @@ def parse(body: bytes) -> Any:
     """
     try:
         text = body.decode("utf-8")
+        read = _Numbers()
         document = json.loads(
-            text, parse_constant=_constant, parse_float=_float, parse_int=_integer, object_pairs_hook=_object
+            text, parse_constant=read.constant, parse_float=read.real, parse_int=read.whole, object_pairs_hook=_object
         )
         _check_depth(document)
+        if read.refused:
+            _check_numbers(document)
         if "\\u" in text:
             _check_text(document)
     except json.JSONDecodeError:

@@ -164,14 +164,14 @@ def frequency_response(
     if open_at is not None:
         loop = evaluation.loop(open_at)
         curve, static, own = loop.response, loop.static, loop.opened
-        if isinstance(
-            curve, SampledResponse
-        ):  # its encirclements are those of another curve, and its crossings end at a frequency
+        if isinstance(curve, SampledResponse):
+            # its encirclements are those of another curve, and its crossings end at a frequency
             margins, doubts = _sampled_margins(loop, open_at)
             remarks = (*remarks, *doubts)
         else:
             nyquist = nyquist_count(curve, loop.opened, loop.closed)
-            remarks = (*remarks, *_doubts(open_at, listed_to(curve), nyquist, loop.verdict))
+            doubts = _doubts(open_at, listed_to(curve), nyquist, loop.verdict)
+            remarks = (*remarks, *_without_loop(open_at, curve), *doubts)
             margins = _margins(loop)
     else:
         path = evaluation.path(str(source), str(target))
@@ -277,6 +277,16 @@ def _rest(diagram: Diagram, overrides: Mapping[str, float] | None) -> tuple[Rest
     )
     detail = "no state of rest is found: the system is linearised about its initial state"
     return rest, () if point.rests else (Remark(at=("blocks",), detail=detail),)
+
+
+def _without_loop(open_at: Opening, curve: FrequencyResponse) -> tuple[Remark, ...]:
+    """Say where the place at which the loop is cut lies on none: its gain is 0, whatever the margins say."""
+    system = curve.system
+    if system.n or system.m or np.any(system.d11):
+        return ()
+    place = open_at if isinstance(open_at, str) else open_at[0]
+    detail = f"no loop runs through {place}: its loop gain is 0 at all frequencies, so that margins say nothing"
+    return (Remark(at=("open_at", place), detail=detail),)
 
 
 def _doubts(open_at: Opening, last: float | None, count: NyquistCount | None, verdict: Verdict) -> tuple[Remark, ...]:

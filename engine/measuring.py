@@ -327,7 +327,7 @@ def measured_of(diagram: Diagram, request: MetricRequest, finding: Finding) -> M
     reference = diagram.references.said(request.signals, request.output) if request.compares else ""
     if isinstance(finding, Absent):
         return Measured(value=None, unit=unit, verdict=finding.verdict, advice=finding.advice, reference=reference)
-    value = float(np.ravel(finding.value)[0].real)
+    value = float(np.ravel(finding.value)[0].real) + 0.0  # no -0.0
     if not np.isfinite(value):
         return Measured(value=None, unit=unit, verdict=Verdict.DIVERGES, advice="the value is not finite")
     advice = _JUMPS if finding.one_sided else ""

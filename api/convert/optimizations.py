@@ -127,11 +127,15 @@ def _experiment(document: ExperimentDocument, diagram: Diagram, place: Place, re
     )
 
 
+LONGEST = 1e9
+"""The longest response that can be asked for, s: thirty years."""
+
+
 def duration_from_wire(value: Any, *, place: Place) -> float | None:
     """Return the duration in s, None for "auto"."""
     if value == "auto":
         return None
     duration = si(value, "s", name="duration", place=place)
-    if duration <= 0.0:
-        raise invalid(f"duration must be > 0 s, got {duration:g}", *place)
+    if not 0.0 < duration <= LONGEST:
+        raise invalid(f"duration must be > 0 and <= {LONGEST:g} s, got {duration:g}", *place)
     return duration

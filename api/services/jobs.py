@@ -23,7 +23,7 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "kind": job.kind,
         "status": str(job.status),
         "progress": job.progress,
-        "message": job.message,
+        "message": job.message or _waiting(job),
         "created_at": job.created_at.isoformat(),
         "started_at": job.started_at.isoformat() if job.started_at else None,
         "finished_at": job.finished_at.isoformat() if job.finished_at else None,
@@ -39,6 +39,13 @@ def job_to_wire(job: Job) -> dict[str, Any]:
         "system": job.body.get("system_reference"),
         "warnings": job.body.get("warnings", []),
     }
+
+
+def _waiting(job: Job) -> str:
+    """Return what a job without a message of its own waits for."""
+    if job.status != JobStatus.QUEUED:
+        return ""
+    return "paused: it waits until it is resumed" if job.paused else "waits for a free worker"
 
 
 def _seconds(job: Job) -> float | None:

@@ -92,6 +92,8 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
     subject = subject_of(service, caller, request.system)
     diagram = subject.diagram
     signals = signals_from_wire(request.input, diagram, place=("input",), read_channel=channel_reader(service, caller))
+    if request.outputs is not None and not request.outputs:
+        raise invalid("outputs must name one output at least, or be left out for all, got none", "outputs")
     outputs = diagram.outputs if request.outputs is None else tuple(dict.fromkeys(request.outputs))
     for i, name in enumerate(outputs if request.outputs is not None else ()):
         check_name(name, diagram.outputs, name="output", what="the system's outputs", place=("outputs", i))

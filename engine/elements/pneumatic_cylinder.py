@@ -40,7 +40,8 @@ class PneumaticCylinder(NonlinearElement):
     title = "Pneumatic cylinder with valve"
     equation = (
         "V p' = κ (R T_in m'_in - R T m'_out - p V');  m' = C ρ_0 p_1 sqrt(T_0/T_1) ψ(p_2/p_1);  "
-        "m v' = A_a p_a - A_b p_b - (A_a - A_b) p_0 - b_v v - F"
+        "m v' = A_a p_a - A_b p_b - (A_a - A_b) p_0 - b_v v - F;  "
+        "air: R = 287.05 J/(kg K), ρ_0 = 1.185 kg/m³ at T_0 = 293.15 K"
     )
     source = "ISO 6358-1:2013 (flow); P. Beater, Pneumatic Drives, Springer 2007, chapters 3 and 5."
     states = ("position", "velocity", "pressure_a", "pressure_b", "air_a", "air_b")

@@ -24,7 +24,7 @@ def job(client):
 
 def test_a_job_says_what_was_asked_of_its_queue(client, job) -> None:
     assert (job["priority"], job["time_limit"], job["deadline"]) == ("low", 60.0, "2989-12-31T23:00:00+00:00")
-    assert (job["paused"], job["attempts"]) == (False, 0)
+    assert (job["paused"], job["attempts"], job["message"]) == (False, 0, "waits for a free worker")
     usual = client.post("/v1/optimizations", json=OPTIMIZATION).json()
     assert (usual["priority"], usual["time_limit"], usual["deadline"]) == ("normal", None, None)
     client.post(f"/v1/jobs/{usual['id']}/cancel")
@@ -35,6 +35,7 @@ def test_a_job_is_paused_and_resumed_until_it_has_ended(client, job) -> None:
     paused = client.post(f"{one}/pause")
     assert (paused.status_code, paused.json()["paused"], paused.json()["status"]) == (200, True, "queued")
     assert client.post(f"{one}/pause").json() == paused.json()
+    assert paused.json()["message"] == "paused: it waits until it is resumed"
     resumed = client.post(f"{one}/resume").json()
     assert (resumed["paused"], resumed["status"]) == (False, "queued")
     assert client.post(f"{one}/resume").json() == resumed

@@ -19,7 +19,8 @@ def test_a_plain_document_passes() -> None:
 @pytest.mark.parametrize(
     ("body", "says"),
     [
-        (b'{"a": NaN}', "finite"),
+        (b'{"a": NaN}', "finite, got NaN at /a"),
+        (b'{"blocks": {"c": {"kp": [1, NaN]}}}', "finite, got NaN at /blocks/c/kp/1"),
         (b'{"a": Infinity}', "finite"),
         (b'{"a": -Infinity}', "finite"),
         (b'{"a": 1e999}', "below 1.8e308"),
@@ -42,6 +43,13 @@ def test_what_is_no_document_is_refused(body, says) -> None:
     with pytest.raises(json.JSONDecodeError) as caught:
         parse(body)
     assert says in caught.value.msg
+
+
+def test_one_key_twice_among_many_costs_no_more_than_many_keys() -> None:
+    """Each key is looked at once: a pass over the keys before it would be seconds of nothing else."""
+    body = "{" + ",".join(f'"k{i}": 0' for i in range(200_000)) + ',"k199999": 1}'
+    with pytest.raises(json.JSONDecodeError, match="'k199999' twice"):
+        parse(body.encode())
 
 
 def test_sixty_four_levels_pass() -> None:
