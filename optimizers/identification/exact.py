@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,11 +22,17 @@ Array = npt.NDArray[Any]
 
 
 class ExactModel:
-    """A nonlinear diagram driven by one recording; ``initial`` tells whether its initial states are coordinates."""
+    """A nonlinear diagram driven by one recording; ``initial`` tells whether its initial states are coordinates.
 
-    def __init__(self, diagram: Diagram, experiment: RecordedExperiment, *, initial: bool) -> None:
+    ``clock`` is asked for the time (s) at every few steps, and may end the response by an error of its own.
+    """
+
+    def __init__(
+        self, diagram: Diagram, experiment: RecordedExperiment, *, initial: bool, clock: Callable[[], float] = monotonic
+    ) -> None:
         recording = experiment.recording
         self._diagram, self._known = diagram, dict(experiment.values)
+        self._clock = clock
         self._outputs = tuple(recording.outputs)
         self._h = recording.sample_time
         self._between = recording.between_samples
@@ -55,5 +62,11 @@ class ExactModel:
 
     def _simulated(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples]:
         return simulate_recorded(
-            laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation, between=self._between
+            laws,
+            self._inputs,
+            self._h,
+            outputs=self._outputs,
+            deviation=deviation,
+            between=self._between,
+            clock=self._clock,
         )

@@ -9,7 +9,8 @@ what is stiff in the model, and are halved. What is too stiff even then is left 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -85,13 +86,21 @@ class Structure:
 
 
 class MarchedModel:
-    """A nonlinear diagram driven by one recording; ``initial`` tells whether its initial states are coordinates."""
+    """A nonlinear diagram driven by one recording; ``initial`` and ``clock`` are those of :class:`ExactModel`."""
 
-    def __init__(self, structure: Structure, experiment: RecordedExperiment, *, initial: bool) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        experiment: RecordedExperiment,
+        *,
+        initial: bool,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
         recording, diagram = experiment.recording, structure.diagram
         self._structure = structure
         self._compiled, self._marcher = structure.compiled[tuple(recording.outputs)]
-        self._exact = ExactModel(diagram, experiment, initial=initial)
+        self._clock = clock
+        self._exact = ExactModel(diagram, experiment, initial=initial, clock=clock)
         self.states = self._exact.states
         self._known = {
             name: experiment.values.get(name, diagram.parameters[name].value)
@@ -180,6 +189,7 @@ class MarchedModel:
         width = max(1, _ROWS // (2 * stride))
         states, parts = batch.starts, []
         for begin in range(0, self._samples - 1, width):
+            self._clock()
             count = min(width, self._samples - 1 - begin)
             piece = Pieces(
                 edges=self._h * np.array([0.0, count]), samples=np.array([count]), stride=stride,

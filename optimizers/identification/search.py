@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -50,7 +51,7 @@ class Search:
         """Cost of the best point of which the monitor has heard."""
         self.stopped = False
         """Whether the monitor ended the search."""
-        build = _models(problem)
+        build = _models(problem, self._clock)
         self.comparisons = [Comparison(e, build(e), offsets=problem.offsets) for e in problem.experiments]
         self._estimating = [c for c in self.comparisons if c.experiment.windows[0] is not None]
         self.parameters = len(problem.unknowns)
@@ -58,6 +59,7 @@ class Search:
         self._states = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.coordinates = int(ends[-1])
         self._lock = threading.Lock()
+        self._searching = False
         self._pool: ThreadPoolExecutor | None = None
 
     @contextmanager
@@ -77,6 +79,7 @@ class Search:
 
     def errors(self, x: Samples) -> tuple[Samples, Samples]:
         """Return residuals and Jacobian at the coordinates ``x``, infinite where the model has no usable response."""
+        self._searching = True
         self._check()
         self.evaluations += 1
         found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
@@ -101,6 +104,7 @@ class Search:
     def answers(self, x: Samples) -> list[tuple[Answer, Samples] | None]:
         """Return the answer of every experiment as it is shown, with its deviation from rest; None where there is none."""
         values = self.values(x)
+        self._searching = False  # what was found is shown, whoever has ended the search
 
         def answer(comparison: Comparison) -> tuple[Answer, Samples] | None:
             deviation = np.zeros(comparison.model.states)
@@ -139,6 +143,12 @@ class Search:
     def _each(self, function: Callable[[S], T], over: Iterable[S]) -> list[T]:
         return list(map(function, over) if self._pool is None else self._pool.map(function, over))
 
+    def _clock(self) -> float:
+        """Return the time (s); a response of the search that takes long is ended here when the monitor wants it."""
+        if self._searching:
+            self._check()
+        return time.monotonic()
+
     def _check(self) -> None:
         with self._lock:
             if self.monitor.cancelled():
@@ -159,7 +169,7 @@ class Search:
             self.monitor.best(self.evaluations, here.cost, 0.0, self.values(here.x))
 
 
-def _models(problem: Identification) -> Callable[[RecordedExperiment], Model]:
+def _models(problem: Identification, clock: Callable[[], float]) -> Callable[[RecordedExperiment], Model]:
     """Return what makes the model of an experiment."""
     diagram, initial = problem.diagram, problem.initial_states
     if not diagram.nonlinear:
@@ -167,5 +177,5 @@ def _models(problem: Identification) -> Callable[[RecordedExperiment], Model]:
     try:
         structure = Structure(diagram, problem.unknowns, problem.experiments)
     except UnsuitableError:
-        return lambda experiment: ExactModel(diagram, experiment, initial=initial)
-    return lambda experiment: MarchedModel(structure, experiment, initial=initial)
+        return lambda experiment: ExactModel(diagram, experiment, initial=initial, clock=clock)
+    return lambda experiment: MarchedModel(structure, experiment, initial=initial, clock=clock)

@@ -10,11 +10,13 @@ from scipy.interpolate import make_interp_spline
 from engine.batch_nonlinear.march import Marcher
 from engine.between_samples import BetweenSamples
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from optimizers.identification import identify
+from engine.traced import UnsuitableError
+from optimizers.identification import identify, search
 from optimizers.identification.exact import ExactModel
 from optimizers.identification.marched import MarchedModel, Structure
 from optimizers.problem import Variable
 from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.result import Status, Unwatched
 
 H, SAMPLES = 0.02, 120
 U = np.random.default_rng(8).normal(size=SAMPLES)
@@ -97,3 +99,35 @@ def test_the_way_of_a_nonlinear_model_is_found() -> None:
     for name, truth in (("rate", 15.0), ("limit.upper", 1.1)):
         estimate = found.parameters[name]
         assert estimate.lower95 <= truth <= estimate.upper95
+
+
+class Impatient(Unwatched):
+    """Cancels after so many questions."""
+
+    def __init__(self, patience: int) -> None:
+        self.patience = patience
+
+    def cancelled(self) -> bool:
+        self.patience -= 1
+        return self.patience < 0
+
+
+def test_a_cancel_is_heard_within_one_response(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the exact path, whose responses may take minutes; what was found before is shown in full."""
+
+    def refused(*_: object) -> None:
+        raise UnsuitableError
+
+    monkeypatch.setattr(search, "Structure", refused)
+    x = answered(BetweenSamples.HOLD)[0]
+    recording = Recording(inputs={"u": U}, outputs={"x": x}, sample_time=H, between_samples={"u": BetweenSamples.HOLD})
+    problem = Identification(
+        diagram=motor(10.0), experiments=(RecordedExperiment(recording=recording, split=1.0),),
+        parameters=(Variable(parameter="rate"),),
+    )  # fmt: skip
+    begun = identify(problem, rng=np.random.default_rng(0), monitor=Impatient(20))
+    assert (begun.status, begun.evaluations) == (Status.CANCELLED, 1)
+    later = identify(problem, rng=np.random.default_rng(0), monitor=Impatient(500))
+    assert later.status is Status.CANCELLED
+    assert 1 < later.evaluations < 100
+    assert set(later.estimation) == {"x"}
