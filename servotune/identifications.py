@@ -92,6 +92,7 @@ class Identifications:
         orders: Sequence[int] | None = None,
         largest_delay: float | None = None,
         offsets: str | None = None,
+        between_samples: Literal["hold", "linear"] | None = None,
         split: float | None = None,
         queue: Document | None = None,
     ) -> Job[BlackBox]:
@@ -103,6 +104,8 @@ class Identifications:
             Among which the validation chooses.
         largest_delay : float, optional
             s; a transfer function is tried with every delay up to it.
+        between_samples : {"hold", "linear"}, optional
+            What the inputs do between their samples, linear by default: it decides which continuous model the samples are of.
         """
         body = given(
             method=method,
@@ -112,6 +115,7 @@ class Identifications:
             orders=orders,
             largest_delay=largest_delay,
             offsets=offsets,
+            between_samples=between_samples,
             split=split,
             queue=queue,
         )

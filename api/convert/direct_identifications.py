@@ -10,6 +10,7 @@ from api.convert.identifications import experiment_of, fits_to_wire
 from api.convert.recordings import Values
 from api.convert.values import number, numbers, optional_si, si
 from api.schemas.identifications import BlackBoxRequest, InverseDynamicsRequest
+from engine.between_samples import BetweenSamples
 from optimizers.black_box import BlackBox
 from optimizers.inverse_dynamics import DriveFit, DriveRecording, Treatment
 from optimizers.recording import RecordedExperiment, Recording
@@ -24,6 +25,7 @@ def black_box_from_wire(
         inputs={name: channels[channel] for name, channel in document.inputs.items()},
         outputs={name: channels[channel] for name, channel in document.outputs.items()},
         sample_time=sample_time,
+        between_samples=dict.fromkeys(document.inputs, BetweenSamples(document.between_samples)),
     )
     return experiment_of(document, recording), {
         "method": document.method,

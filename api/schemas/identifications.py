@@ -103,6 +103,10 @@ class BlackBoxRequest(Document):
         default=0.0, description="s; a transfer function is tried with every delay up to it"
     )
     offsets: Literal["none", "estimate"] = "estimate"
+    between_samples: Literal["hold", "linear"] = Field(
+        default="linear",
+        description="what the inputs do between their samples: the fits are the same, the model is not",
+    )
     split: float = Field(default=0.5, gt=0.0, le=1.0, description="share of the recording that estimates")
     estimation: Window | None = None
     validation: Window | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from api.pointers import Place
 from api.problems import invalid
+from engine.between_samples import BetweenSamples
 from engine.diagram import Diagram
 from storage.errors import NotFoundError
 from storage.repositories import JobRepository, ResultRepository
@@ -22,6 +23,8 @@ class Adjusted:
     values: Mapping[str, float]
     intervals: Mapping[str, tuple[float | None, float | None]]
     offsets: Mapping[str, float]
+    between: BetweenSamples | None
+    """What inputs were found to do between their samples, None where it was known."""
 
 
 def adjusted_by(identifier: str, diagram: Diagram, *, database: Database, workspace: str) -> Adjusted:
@@ -59,4 +62,5 @@ def adjusted_by(identifier: str, diagram: Diagram, *, database: Database, worksp
         values={path: float(e["value"]) for path, e in parameters.items() if e["value"] is not None},
         intervals={path: (e.get("lower95"), e.get("upper95")) for path, e in parameters.items()},
         offsets={name: float(value) for name, value in body.get("offsets", {}).items() if value is not None},
+        between=BetweenSamples(between["chosen"]) if (between := body.get("between_samples")) else None,
     )

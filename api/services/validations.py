@@ -103,6 +103,8 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
     recording = recording_of(
         request.dataset, request.inputs, request.outputs, diagram, database=database, workspace=workspace
     )
+    if asked.adjusted and asked.adjusted.between:  # what was found once is not asked again
+        recording = recording.with_undecided(asked.adjusted.between)
     chosen = window(request.window, length=recording.end, name="window") or (0.0, recording.end)
     part = recording.within(chosen)
     if part.stop - part.start < 2:
@@ -278,21 +280,18 @@ def _best_way(
     prepared: Prepared, measured: Mapping[str, Values], simulate: Callable[[Between], dict[str, Values]]
 ) -> tuple[dict[str, Values], Between, Chosen | None]:
     """Return the response that fits best, what its inputs do between their samples, and how that was decided, if it was."""
-    undecided = prepared.recording.undecided
-    ways = {way: prepared.recording.with_undecided(way).between_samples for way in tried(undecided)}
+    recording = prepared.recording
+    ways = {way: recording.with_undecided(way).between_samples for way in tried(recording.undecided)}
     answers = {way: simulate(between) for way, between in ways.items()}
     decided = chosen(measured, answers, prepared.offsets)
-    return answers[decided.way], ways[decided.way], decided if undecided else None
+    return answers[decided.way], ways[decided.way], decided if recording.undecided else None
 
 
 def _check_finite(simulated: Mapping[str, Values], place: Place) -> None:
     for name, values in simulated.items():
         if not np.isfinite(values).all():
-            raise invalid(
-                f"the model must have a finite response to the recording, output {name} grows beyond any number "
-                "(it is unstable at these parameters)",
-                *place,
-            )
+            what = f"output {name} grows beyond any number (it is unstable at these parameters)"
+            raise invalid(f"the model must have a finite response to the recording, {what}", *place)
 
 
 def run_validation(service: Installation, caller: Caller, request: ValidationRequest) -> Study:

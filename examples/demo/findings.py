@@ -62,6 +62,12 @@ class Estimate:
         return f"{PLACES[self.place]}, {self.half.name} half"
 
     @property
+    def between(self) -> str:
+        """What the command was found to do between its samples."""
+        chosen = self.reply["between_samples"]
+        return "linear" if chosen is None else str(chosen["chosen"])
+
+    @property
     def scenario(self) -> dict[str, float]:
         """The estimate as parameter values; the delay that it does not have is 0."""
         absent = {f"{place}.time": 0.0 for place in PLACES}

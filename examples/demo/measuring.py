@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import servotune
 from examples.demo.findings import PLACES, Check, DemoError, Estimate, Half, Recording
@@ -108,6 +109,11 @@ def require_bars(base: tuple[Estimate, ...]) -> None:
             )
 
 
+def driven(way: str) -> dict[str, Any]:
+    """Return the inputs with what they are taken to do between their samples: as estimated, or as published."""
+    return {port: {"channel": channel, "between_samples": way} for port, channel in INPUTS.items()}
+
+
 def validate(client: servotune.Client, recording: Recording, base: tuple[Estimate, ...]) -> tuple[Check, ...]:
     """Step c: measured against simulated on the half that the estimate has not seen, and the published model there."""
     checks = []
@@ -117,7 +123,6 @@ def validate(client: servotune.Client, recording: Recording, base: tuple[Estimat
         against = partial(
             client.validate,
             dataset=recording.dataset["id"],
-            inputs=INPUTS,
             outputs=OUTPUTS,
             offsets=offsets,
             window=half.window,
@@ -126,8 +131,8 @@ def validate(client: servotune.Client, recording: Recording, base: tuple[Estimat
             Check(
                 estimate=estimate,
                 half=half,
-                reply=against(position_loop("P"), parameters=estimate.scenario),
-                published=against(published_model()),
+                reply=against(position_loop("P"), inputs=driven(estimate.between), parameters=estimate.scenario),
+                published=against(published_model(), inputs=driven("linear")),
             )
         )
     return tuple(checks)

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from engine.between_samples import BetweenSamples, told
 from engine.fit import Fit, baselines, compare
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
 from optimizers.black_box.output_error import OutputError
@@ -141,7 +142,8 @@ def black_box(
     best, model, delay, constants = next(
         c for c, fit in zip(candidates, judged, strict=True) if fit >= max(judged) - _BETTER
     )
-    system = continuous(model, case.h)
+    held = [way is BetweenSamples.HOLD for way in told(experiment.recording.between_samples, case.inputs)]
+    system = continuous(model, case.h, held=held)
     assert system is not None  # tried above
     window = experiment.windows[1] or experiment.windows[0]
     parts = [case.compared(model, delay, constants, part) for part in experiment.windows]

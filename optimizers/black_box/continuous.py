@@ -1,15 +1,18 @@
-"""The continuous system whose samples a discrete one describes, for inputs in straight lines between the samples.
+"""The continuous system whose samples a discrete one describes, for inputs held or in straight lines between the samples.
 
-    Φ = e^(A h),   B_d = h (φ_1 - φ_2 + Φ φ_2) B,   D_d = D + h C φ_2 B,   φ_1 = (e^z - 1)/z,  φ_2 = (e^z - 1 - z)/z²  at z = A h
+    Φ = e^(A h),   φ_1 = (e^z - 1)/z,   φ_2 = (e^z - 1 - z)/z²   at z = A h
+    held:     B_d = h φ_1 B,                     D_d = D
+    linear:   B_d = h (φ_1 - φ_2 + Φ φ_2) B,     D_d = D + h C φ_2 B
 
 References
 ----------
-G. Franklin, J. Powell, M. Workman, "Digital Control of Dynamic Systems", 3rd ed., Addison-Wesley 1998, section 6.3.2
-(triangle hold).
+G. Franklin, J. Powell, M. Workman, "Digital Control of Dynamic Systems", 3rd ed., Addison-Wesley 1998, section sections 4.3.3
+and 6.3.2 (zero-order hold, triangle hold).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +65,7 @@ class Continuous:
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
 
-def continuous(model: Discrete, sample_time: float) -> Continuous | None:
+def continuous(model: Discrete, sample_time: float, *, held: Sequence[bool] | None = None) -> Continuous | None:
     """Return the continuous system, None where there is none of the same order: a pole at or below 0.
 
     Parameters
@@ -70,6 +73,8 @@ def continuous(model: Discrete, sample_time: float) -> Continuous | None:
     model : Discrete
     sample_time : float
         s.
+    held : sequence of bool, optional
+        Which inputs are held; the others, by default all, are linear.
     """
     n = len(model.a)
     poles = np.linalg.eigvals(model.a)
@@ -84,7 +89,8 @@ def continuous(model: Discrete, sample_time: float) -> Continuous | None:
     joint[:n, :n], joint[:n, n : 2 * n], joint[n : 2 * n, 2 * n :] = scaled, np.eye(n), np.eye(n)
     grown = expm(joint)
     first, second = grown[:n, n : 2 * n], grown[:n, 2 * n :]
-    b = np.asarray(np.linalg.solve(sample_time * (first - second + model.a @ second), model.b), dtype=np.float64)
-    return Continuous(
-        a=np.asarray(scaled / sample_time), b=b, c=model.c, d=model.d - sample_time * model.c @ second @ b
-    )
+    of_held = np.linalg.solve(sample_time * first, model.b)
+    of_lines = np.linalg.solve(sample_time * (first - second + model.a @ second), model.b)
+    chosen = np.zeros(model.b.shape[1], dtype=bool) if held is None else np.array(held)
+    d = np.where(chosen, model.d, model.d - sample_time * model.c @ second @ of_lines)
+    return Continuous(a=np.asarray(scaled / sample_time), b=np.where(chosen, of_held, of_lines), c=model.c, d=d)

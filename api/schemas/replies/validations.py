@@ -223,6 +223,8 @@ class ValidationReply(StudyReply):
     identification: str | None
     adjustment: AdjustmentReply | None
     diagnosis: DiagnosisReply | None
-    between_samples: BetweenReply | None = Field(description="null where the request says what every input does")
+    between_samples: BetweenReply | None = Field(
+        description="null where the request says what every input does, or the identification has found it"
+    )
     remarks: list[str]
     advice: str

@@ -198,3 +198,17 @@ def test_a_held_input_is_found_out_and_an_assumption_that_is_wrong_is_told(clien
     details = [warning["detail"] for warning in wrong["warnings"]]
     assert any("u still explains a part of the residuals of y" in detail for detail in details)
     assert not wrong["residuals"]["y"]["independent"]
+
+
+def test_a_validation_goes_on_with_what_was_found_between_the_samples(client, sqlite_worker, recordings) -> None:
+    body = {"system": SYSTEM, "dataset": recordings[0], **CHANNELS, "parameters": ["k", "tau"], "offsets": "estimate"}
+    reply = client.post("/v1/identifications", json=body)
+    job = finished(client, reply.json())
+    found = client.get(f"/v1/jobs/{job['id']}/result").json()
+    window = found["windows"]["validation"]
+    again = {"system": SYSTEM, "dataset": recordings[0], **CHANNELS, "identification": job["id"], "window": window}
+    checked = client.post("/v1/validations", json=again).json()
+    assert found["between_samples"]["chosen"] == "linear"
+    assert checked["between_samples"] is None
+    fit = found["fit"]["validation"]["y"]["fit_percent"]
+    assert checked["outputs"]["y"]["fit_percent"] == pytest.approx(fit, abs=1e-6)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
+from engine.between_samples import BetweenSamples
 from engine.diagram import Block, Connection, System, compile_system
 from engine.linear.sampled import simulate_sampled
 from optimizers.black_box import black_box
@@ -24,9 +25,9 @@ A = np.array([[-1.0, 5.0, 0.0], [-5.0, -1.0, 1.0], [0.0, 0.0, -8.0]])
 B, C, D = np.array([[1.0], [0.5], [2.0]]), np.array([[1.0, 0.0, 0.3]]), np.array([[0.2]])
 
 
-def sampled(a=A, b=B, c=C, d=D) -> Discrete:
-    """Return the triangle-hold discretisation of scipy."""
-    phi, gamma, rows, direct, _ = cont2discrete((a, b, c, d), H, method="foh")
+def sampled(a=A, b=B, c=C, d=D, *, method="foh") -> Discrete:
+    """Return the discretisation of scipy, by a triangle hold or another one."""
+    phi, gamma, rows, direct, _ = cont2discrete((a, b, c, d), H, method=method)
     return Discrete(a=phi, b=gamma, c=rows, d=direct, x0=np.zeros(len(a)))
 
 
@@ -40,6 +41,28 @@ def test_the_continuous_system_is_the_one_that_was_sampled():
     for ours, theirs in ((found.a, A), (found.b, B), (found.c, C), (found.d, D)):
         np.testing.assert_allclose(ours, theirs, atol=1e-10)
     np.testing.assert_allclose(np.sort_complex(found.poles), np.sort_complex(np.linalg.eigvals(A)))
+
+
+def test_each_input_is_held_or_linear():
+    two_b, two_d = np.hstack([B, -B[::-1]]), np.array([[0.2, 0.5]])
+    lines, steps = (sampled(b=two_b, d=two_d, method=method) for method in ("foh", "zoh"))
+    b, d = (np.hstack([one[:, :1], other[:, 1:]]) for one, other in ((lines.b, steps.b), (lines.d, steps.d)))
+    found = continuous(Discrete(a=lines.a, b=b, c=lines.c, d=d, x0=lines.x0), H, held=[False, True])
+    for ours, theirs in ((found.a, A), (found.b, two_b), (found.c, C), (found.d, two_d)):
+        np.testing.assert_allclose(ours, theirs, atol=1e-10)
+
+
+@pytest.mark.parametrize("way", [BetweenSamples.HOLD, BetweenSamples.LINEAR])
+def test_a_model_of_a_held_command_answers_to_a_held_command(way):
+    y = sampled(d=0 * D, method="zoh").simulate(COMMAND[None] - COMMAND[0])[0]
+    recorded = Recording(inputs={"u": COMMAND}, outputs={"y": y}, sample_time=H, between_samples={"u": way})
+    found = black_box(RecordedExperiment(recording=recorded), method="subspace", orders=(3,))
+    assert found.validation["y"].fit_percent == pytest.approx(100, abs=0.01)
+    model = found.system
+    gain = (model.c @ np.linalg.solve(40j * np.eye(3) - model.a, model.b) + model.d)[0, 0]
+    truth = (C @ np.linalg.solve(40j * np.eye(3) - A, B))[0, 0]
+    right = abs(gain / truth - 1) < 1e-3
+    assert bool(right) == (way is BetweenSamples.HOLD)
 
 
 def test_a_pole_at_half_the_sample_rate_has_no_continuous_counterpart():

@@ -66,7 +66,7 @@ it("asks for one recording beside its system, and for several as experiments", (
 it("offers what each method of the contract asks", () => {
   const schemas = contract.components.schemas as unknown as Schemas;
   const names = (method: Parameters<typeof directFields>[1]) => directFields(schemas, method).map(({ name, kind }) => `${name}:${kind}`);
-  expect(names("subspace")).toEqual(["inputs:ports", "outputs:ports", "estimation:window", "offsets:choice", "orders:integers", "split:number", "validation:window"]);
+  expect(names("subspace")).toEqual(["inputs:ports", "outputs:ports", "between_samples:choice", "estimation:window", "offsets:choice", "orders:integers", "split:number", "validation:window"]);
   expect(names("transfer_function")).toContain("largest_delay:quantity");
   expect(names("static_curve")).toEqual(["input:channel", "output:channel", "degree:integer"]);
   expect(names("inverse_dynamics")).toEqual(expect.arrayContaining(["force:channel", "position:channel", "velocity:channel", "further:ports", "low_pass:quantity", "asymmetric:flag"]));
