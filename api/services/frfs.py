@@ -181,7 +181,12 @@ def _check_unit(request: FrfRequest, subject: Subject, name: str, unit: str) -> 
 def _simulated(request: FrfRequest, subject: Subject, frf: Frf, sample_time: float) -> dict[str, Any]:
     overrides = overrides_from_wire(request.parameters or {}, subject.diagram, place=("parameters",))
     ways: tuple[BetweenSamples, ...] = (BetweenSamples.BAND_LIMITED,)
-    if request.form is None:
+    if subject.diagram.sampled and request.between_samples in {BetweenSamples.HOLD, BetweenSamples.LINEAR}:
+        detail = (
+            "between_samples must be band_limited (or auto) for a system with samplers, which has samples of its own"
+        )
+        raise invalid(f"{detail}, got {request.between_samples!r}", "between_samples")
+    if request.form is None and not subject.diagram.sampled:
         # the continuous response first: of equals it is taken
         ways = (*ways, BetweenSamples.HOLD, BetweenSamples.LINEAR)
     if request.between_samples != "auto":

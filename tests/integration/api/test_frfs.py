@@ -357,6 +357,14 @@ def test_a_model_answers_from_sample_to_sample_where_its_input_is_held(client) -
     assert simulated["magnitude"] == pytest.approx(np.abs(expected), rel=1e-6)
     said = good(ask(client, dataset, **path, between_samples="band_limited"))["outputs"]["displacement"]["simulated"]
     assert said["between_samples"] == {"chosen": "band_limited", "tried": {"band_limited": tried["band_limited"]}}
+    blocks = MODEL["blocks"] | {"own": {"kind": "zero_order_hold", "sample_time": 1 / RATE}}
+    links = [{"from": "force", "to": "own"}, {"from": "own", "to": "body"}]
+    sampling = path | {"system": MODEL | {"blocks": blocks, "connections": links}}
+    refused = ask(client, dataset, **sampling, between_samples="hold")
+    assert refused.status_code == 422
+    assert refused.json()["errors"][0]["pointer"] == "/between_samples"
+    own = good(ask(client, dataset, **sampling))["outputs"]["displacement"]["simulated"]
+    assert set(own["between_samples"]["tried"]) == {"band_limited"}
     refused = ask(client, dataset, **path, form="receptance", between_samples="hold")
     assert refused.status_code == 422
     assert "between_samples band_limited" in refused.json()["errors"][0]["detail"]
