@@ -230,3 +230,64 @@ def test_state_feedback_has_the_step_of_python_control(name: str) -> None:
     ((damping, _),) = measure(diagram, [MetricRequest(metric="spectral_abscissa")])
     assert damping.value == pytest.approx(max(p.real for p in tutorial.poles), rel=1e-6)
     _check_step(diagram, closed)
+
+
+# sample time, kp, ki, kd of the digital version of each: computed from the samples of the error, held in between
+DIGITAL = {
+    "motor speed": (0.05, 60.0, 120.0, 2.0),
+    "motor position": (0.001, 5.0, 50.0, 0.05),
+    "cruise": (0.02, 600.0, 30.0, 0.0),
+    "suspension": (0.0005, 100000.0, 50000.0, 2000.0),
+    "pitch": (0.01, 2.0, 0.4, 3.0),
+    "pendulum": (0.01, 60.0, 0.0, 12.0),  # an integral would hide behind the zero at 0 of the plant
+    "ball and beam": (0.02, 8.0, 0.2, 20.0),
+}
+FILTER = 50.0
+
+
+def _digital(name: str) -> tuple[Diagram, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the loop, and A, B, C of the open one from sample to sample by python-control."""
+    step, kp, ki, kd = DIGITAL[name]
+    tutorial = TUTORIALS[name]
+    law = block("sampled_pid", kp=kp, ki=ki, kd=kd, filter_frequency=FILTER, sample_time=step)
+    plant = control.c2d(control.ss(control.tf(*tutorial.plant)), step, "zoh")
+    n = plant.nstates
+    # integral, last error, derivative: I += ki T e,  D = (D + w kd (e - last))/(1 + w T)
+    share = 1 / (1 + FILTER * step)
+    a = np.zeros((n + 3, n + 3))
+    b = np.zeros((n + 3, 1))
+    a[:n, :n] = plant.A
+    law_a = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -FILTER * kd * share, share]])
+    law_b = np.array([[ki * step], [1.0], [FILTER * kd * share]])
+    law_c, law_d = np.array([[1.0, 0.0, 1.0]]) @ law_a, kp + law_b[0, 0] + law_b[2, 0]
+    a[n:, n:] = law_a
+    a[:n, n:] = plant.B @ law_c
+    b[:n], b[n:] = plant.B * law_d, law_b
+    return _loop(tutorial, law), a, b, np.hstack([plant.C, np.zeros((1, 3))])
+
+
+@pytest.mark.parametrize("name", DIGITAL)
+def test_a_digital_loop_has_the_margins_and_the_step_of_its_samples(name: str) -> None:
+    diagram, a, b, c = _digital(name)
+
+    def radius(gain: complex) -> float:
+        """Return how far the farthest eigenvalue that moves with the gain is from 0."""
+        moving = np.linalg.eigvals(a - gain * b @ c)
+        fixed = np.abs(moving - 1) < 1e-9  # the law's integral, where its gain is 0
+        return float(np.abs(moving[~fixed]).max())
+
+    assert radius(1.0) < 1
+    requests = [MetricRequest(metric=metric, open_at="error") for metric in ("gain_margin_up", "phase_margin")]
+    (gain, _), (phase, _) = measure(diagram, requests)
+    assert (gain.verdict, phase.verdict) == (Verdict.OK, Verdict.OK)
+    for sign in (-1, 1):
+        assert (radius(gain.value * (1 + sign * 1e-7)) > 1) is (sign > 0)
+        assert (radius(np.exp(-1j * phase.value * (1 + sign * 1e-7))) > 1) is (sign > 0)
+    step, count = DIGITAL[name][0], 40
+    found = simulate(diagram, signals={"r": _STEP}, outputs=["y"], duration=count * step, samples=count + 1, metrics=[])
+    state, expected = np.zeros((len(a), 1)), []
+    for _ in range(count + 1):
+        y = float((c @ state)[0, 0])
+        expected.append(y)
+        state = a @ state + b * (1.0 - y)
+    np.testing.assert_allclose(found.curves["y"], expected, atol=1e-9 * np.abs(expected).max())
