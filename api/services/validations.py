@@ -211,7 +211,6 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
     # what comes after the window does not matter to a causal system
     inputs = {name: values[begin : part.stop] for name, values in recording.inputs.items()}
     names = tuple(recording.outputs)
-    place: Place = ("parameters",) if prepared.overrides else ("system",)
 
     def simulated_with(
         between: Between, overrides: Mapping[str, float], limit: float = WALL_LIMIT
@@ -221,15 +220,9 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
         )  # fmt: skip
         return {name: values[shown] for name, values in found.items()}
 
-    def finite(between: Between) -> dict[str, Values]:
-        with at(*place):
-            found = simulated_with(between, prepared.overrides)
-        _check_finite(found, place)
-        return found
-
     tell(0.1, "simulating")
     measured = {name: values[part] for name, values in recording.outputs.items()}
-    simulated, between, decided = _best_way(prepared, measured, finite)
+    simulated, between, decided = _best_way(prepared, measured, simulated_with, seconds=seconds)
 
     def answer(overrides: Mapping[str, float], wall_limit: float = WALL_LIMIT) -> dict[str, Values]:
         return simulated_with(between, overrides, wall_limit)
@@ -277,12 +270,19 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
 
 
 def _best_way(
-    prepared: Prepared, measured: Mapping[str, Values], simulate: Callable[[Between], dict[str, Values]]
+    prepared: Prepared, measured: Mapping[str, Values], simulate: Callable[..., dict[str, Values]], *, seconds: float
 ) -> tuple[dict[str, Values], Between, Chosen | None]:
     """Return the response that fits best, what its inputs do between their samples, and how that was decided, if it was."""
     recording = prepared.recording
+    place: Place = ("parameters",) if prepared.overrides else ("system",)
     ways = {way: recording.with_undecided(way).between_samples for way in tried(recording.undecided)}
-    answers = {way: simulate(between) for way, between in ways.items()}
+    first, *others = ways
+    with at(*place):
+        answers = {first: simulate(ways[first], prepared.overrides)}
+    _check_finite(answers[first], place)
+    for way in others:
+        with suppress(EngineError):  # a response that cannot be followed, or not in this time, is none to choose
+            answers[way] = simulate(ways[way], prepared.overrides, seconds)
     decided = chosen(measured, answers, prepared.offsets)
     return answers[decided.way], ways[decided.way], decided if recording.undecided else None
 

@@ -30,19 +30,21 @@ def chosen(
     answers: Mapping[BetweenSamples, Mapping[str, Samples]],
     offsets: Mapping[str, float] | None,
 ) -> Chosen:
-    """Return the way with the least squared errors, each output relative to its own size.
+    """Return the way with the least squared errors, each output relative to its own size; an answer that is not finite is none.
 
     Parameters
     ----------
     measured : mapping of str to ndarray, shape (samples,)
     answers : mapping of BetweenSamples to mapping of str to ndarray
-        At least one, with finite values.
+        At least one with finite values.
     offsets : mapping of str to float, optional
         A constant for each output; None takes the one that fits best.
     """
     fits: dict[BetweenSamples, Mapping[str, Fit]] = {}
     errors: dict[BetweenSamples, float] = {}
     for way, simulated in answers.items():
+        if not all(np.isfinite(values).all() for values in simulated.values()):
+            continue
         own, squares = {}, 0.0
         for name, y in measured.items():
             offset = float(np.mean(y - simulated[name])) if offsets is None else offsets[name]
