@@ -22,9 +22,12 @@ Channel = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 ReadChannel = Callable[[str, str, Place], Channel]
 """Reads (dataset, channel); the place is where the request names them."""
 
+_HEIGHTS = frozenset({"amplitude", "distance"})
+"""Parameters of commands in the unit of the input that they drive."""
 
-def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) -> Signal:
-    """Return the signal of the core.
+
+def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel, unit: str = "") -> Signal:
+    """Return the signal of the core; ``unit`` is that of the input that it drives, "" where it is not known.
 
     Raises
     ------
@@ -45,9 +48,9 @@ def signal_from_wire(document: Any, *, place: Place, read_channel: ReadChannel) 
     else:
         params = {param.name: param for param in catalogue()[document.kind].parameters}
         given = {
-            name: signal_from_wire(getattr(document, name), place=(*place, name), read_channel=read_channel)
+            name: signal_from_wire(getattr(document, name), place=(*place, name), read_channel=read_channel, unit=unit)
             if params[name].shape == "signal"
-            else nested_si(value, params[name].unit, name=name, place=(*place, name))
+            else nested_si(value, unit if name in _HEIGHTS else params[name].unit, name=name, place=(*place, name))
             for name, value in given.items()
         }
     with at(*place):
@@ -72,7 +75,10 @@ def signals_from_wire(
         check_name(document.port, diagram.inputs, name="port", what="the system's inputs", place=(*here, "port"))
         if document.port in signals:
             raise invalid(f"port must be commanded once, got {document.port!r} twice", *here, "port")
-        signals[document.port] = signal_from_wire(document.signal, place=(*here, "signal"), read_channel=read_channel)
+        signals[document.port] = signal_from_wire(
+            document.signal, place=(*here, "signal"), read_channel=read_channel,
+            unit=diagram.references.input_units.get(document.port, ""),
+        )  # fmt: skip
     return signals
 
 

@@ -249,7 +249,10 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
     if request.signal is None:
         signal = make("step", {})
     else:
-        signal = signal_from_wire(request.signal, place=("signal",), read_channel=channel_reader(service, caller))
+        unit = diagram.references.input_units.get(request.input, "")
+        signal = signal_from_wire(
+            request.signal, place=("signal",), read_channel=channel_reader(service, caller), unit=unit
+        )
     duration = duration_from_wire(request.duration, place=("duration",))
     metrics = check_metrics(request.metrics) or ()
     requests = {

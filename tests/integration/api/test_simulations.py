@@ -168,6 +168,10 @@ WRONG = {
         {"input": {"port": "reference", "signal": {"kind": "step", "start": {"value": 1, "unit": "m"}}}},
         "/input/signal/start",
     ),
+    "amplitude in another unit than the input": (
+        {"input": {"port": "reference", "signal": {"kind": "step", "amplitude": {"value": 1, "unit": "V"}}}},
+        "/input/signal/amplitude",
+    ),
     "negative start": (
         {"input": {"port": "reference", "signal": {"kind": "step", "start": -1}}},
         "/input/signal/start",

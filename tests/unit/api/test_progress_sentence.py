@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from api.worker import _Watch
-from storage.jobs.compute import HEADER, Message, Reporter
+from storage.jobs.compute import HEADER, Listening, Message, Reporter
 
 EVENTS = Path(__file__).parents[3] / "web/src/features/jobs/events.ts"
 
@@ -28,7 +28,9 @@ def expression() -> re.Pattern[str]:
 def test_the_page_reads_what_the_worker_says(evaluation: int, objective: float, violation: float) -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        _Watch(Reporter(theirs)).best(evaluation, objective, violation, {"law.kp": 4.0, "motor.mass": 2000.0})
+        watch = _Watch(Reporter(theirs))
+        assert isinstance(pickle.loads(ours.recv(1 << 16)[HEADER.size :]), Listening)
+        watch.best(evaluation, objective, violation, {"law.kp": 4.0, "motor.mass": 2000.0})
         told = pickle.loads(ours.recv(1 << 16)[HEADER.size :])
     assert isinstance(told, Message)
     found = expression().search(told.text)
