@@ -96,8 +96,8 @@ def phase_margins(response: FrequencyResponse) -> list[Crossing]:
 
 def delay_margins(response: FrequencyResponse, verdict: Verdict = Verdict.OK) -> list[Crossing]:
     """Return the additional delay at which each gain crossing reaches -1, of a closed loop with a verdict."""
-    if isinstance(response, SampledResponse):
-        return response.delay_margins
+    if isinstance(response, SampledResponse):  # following them costs much, and they say nothing of an unstable loop
+        return [] if verdict is Verdict.UNSTABLE else response.delay_margins
     none = _NO_MARGIN if verdict is Verdict.OK else _LIMIT_MARGIN
     found: list[Crossing] = []
     for frequency, margin in phase_margins(response):

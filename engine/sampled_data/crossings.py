@@ -60,7 +60,14 @@ class Crossing:
     def rate(self, motion: Complex) -> npt.NDArray[np.complex128]:
         """Return d ln z for changes of the map of shape (..., N, N), shape (...)."""
         overlap = self.left.conj() @ self.right
-        return np.asarray((motion @ self.right) @ self.left.conj() / (overlap * self.eigenvalue))
+        with np.errstate(divide="ignore", invalid="ignore"):  # a double eigenvalue has no rate
+            return np.asarray((motion @ self.right) @ self.left.conj() / (overlap * self.eigenvalue))
+
+    def mirrored(self) -> Crossing:
+        """Return the crossing at the negative frequency: of a real system the other half."""
+        return Crossing(
+            at=-self.at, eigenvalue=self.eigenvalue.conjugate(), left=self.left.conj(), right=self.right.conj()
+        )
 
 
 def crossings(family: Family, grid: Real) -> list[Crossing]:
@@ -148,7 +155,7 @@ def _root(family: Family, left: float, right: float, one: complex, other: comple
     for _ in range(_TURNS):
         part = weights[0] / (weights[0] - weights[1])
         at = left + min(max(part, 1e-3), 1 - 1e-3) * (right - left)
-        found = _nearest(family, at, one + (other - one) * (at - left) / (right - left))
+        found = nearest(family, at, one + (other - one) * (at - left) / (right - left))
         if found is None:
             return None
         height = float(np.log(abs(found.eigenvalue)))
@@ -163,7 +170,8 @@ def _root(family: Family, left: float, right: float, one: complex, other: comple
     return found if reached else None
 
 
-def _nearest(family: Family, at: float, expected: complex) -> Crossing | None:
+def nearest(family: Family, at: float, expected: complex) -> Crossing | None:
+    """Return the eigenvalue nearest to the ``expected`` one, with its vectors; None where the map is beyond all numbers."""
     whole = np.asarray(family(np.array([at]))[0])
     if not np.isfinite(whole).all():
         return None

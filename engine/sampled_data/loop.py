@@ -14,6 +14,7 @@ import numpy.typing as npt
 from engine.circles import circles
 from engine.linear.tangent import INFINITESIMAL
 from engine.sampled_data.crossings import Crossing, crossings
+from engine.sampled_data.delayed import Begun, delay_margins
 from engine.sampled_data.period import Period
 
 if TYPE_CHECKING:
@@ -83,8 +84,8 @@ class SampledLoop:
         return _single(found)
 
     @cached_property
-    def phase_margins(self) -> list[Margin]:
-        """Every phase margin in (-π, π], of the crossings at positive frequencies."""
+    def _phases(self) -> list[tuple[Crossing, Margin]]:
+        """Every crossing of the phase with its margin, at positive frequencies."""
         found = []
         grid = np.linspace(0.0, np.pi, _ANGLES + 1) + _AT_NONE
         for crossing in crossings(lambda q: self.period.maps(np.exp(-1j * q)), grid):
@@ -95,9 +96,26 @@ class SampledLoop:
             )
             if abs(step.real) > _STILL:
                 frequency, margin = self._margin(crossing, crossing.at, gain, step)
-                sign = 1.0 if float(frequency[0].real) >= 0 else -1.0
-                found.append((sign * frequency, sign * margin))
-        return sorted(found, key=lambda one: float(one[0][0].real))
+                if float(frequency[0].real) >= 0:
+                    found.append((crossing, (frequency, margin)))
+                else:
+                    found.append((crossing.mirrored(), (-frequency, -margin)))
+        return sorted(found, key=lambda one: float(one[1][0][0].real))
+
+    @property
+    def phase_margins(self) -> list[Margin]:
+        """Every phase margin in (-π, π], of the crossings at positive frequencies."""
+        return [margin for _, margin in self._phases]
+
+    @cached_property
+    def delay_margins(self) -> list[Margin]:
+        """The delay margin of every crossing at a positive frequency; :func:`delay_margins` tells what is raised."""
+        length = float(self.period.length[0].real)
+        begun = [
+            Begun(phase=float(margin[0].real) % (2 * np.pi), angle=float(frequency[0].real) * length, crossing=crossing)
+            for crossing, (frequency, margin) in self._phases
+        ]
+        return delay_margins(self.part, begun)
 
     def _step(self, crossing: Crossing, re: Array, im: Array) -> complex:
         """Return d ln z for the infinitesimal of the gain κ."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ from engine.linear.tangent import slopes
 
 if TYPE_CHECKING:
     from engine.linear.system import Array
-    from engine.sampled_data.system import SampledSystem
+    from engine.sampled_data.system import Event, SampledSystem
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -33,12 +33,16 @@ class Period:
         With at least one sampler; of its inputs and outputs the last are the two ends of the cut.
     marks : iterable of float
         Further instants, s, in [0, period), at which :meth:`passage` looks at the state.
+    events : sequence of Event, optional
+        In place of those of the system's samplers.
     """
 
-    def __init__(self, system: SampledSystem, marks: Iterable[float] = ()) -> None:
+    def __init__(
+        self, system: SampledSystem, marks: Iterable[float] = (), events: Sequence[Event] | None = None
+    ) -> None:
         self.system = system
         self.length: Array = system.period
-        self.events = system.events()
+        self.events = system.events() if events is None else list(events)
         lanes = system.lanes
         stops: list[tuple[Array, int | None]] = [(event.time, k) for k, event in enumerate(self.events)]
         stops += [(np.full(lanes, mark), None) for mark in marks]

@@ -41,6 +41,8 @@ def sampled_poles(system: SampledSystem) -> Poles:
     pattern = system.pattern
     parts: list[Poles] = []
     for circle in circles([np.flatnonzero(row).tolist() for row in pattern]):
+        if circle[0] >= _continuous_states(system) and not _driven(system, circle):
+            continue  # a register that nothing enters stays empty
         if len(circle) > 1 or pattern[circle[0], circle[0]] or not system.samplings:
             part = system.part(np.array(circle))
             parts.append(_of_loop(part) if part.samplings else continuous.poles(autonomous(part.flow)))
@@ -64,6 +66,13 @@ def _continuous_states(system: SampledSystem) -> int:
         if sampling.updated is not None:
             jumping |= np.any(sampling.updated != np.eye(system.n), axis=(0, 2))
     return int(np.argmax(jumping)) if jumping.any() else system.n
+
+
+def _driven(system: SampledSystem, circle: list[int]) -> bool:
+    """Return whether anything enters the states of a circle, or they are several that drive each other."""
+    others = np.setdiff1d(np.arange(system.n), circle)
+    entered = any(np.any(s.entering[:, circle] != 0) for s in system.samplings)
+    return len(circle) > 1 or entered or bool(system.pattern[circle][:, others].any())
 
 
 def _of_loop(part: SampledSystem) -> Poles:

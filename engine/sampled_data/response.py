@@ -168,18 +168,9 @@ class SampledResponse(FrequencyResponse):
 
     @property
     def delay_margins(self) -> list[Margin]:
-        """Every delay margin.
-
-        Raises
-        ------
-        UnresolvedError
-            They are not known here.
-        """
-        if self.loop is None or not self.loop.closes or not self.phase_margins:
-            return []
-        raise UnresolvedError(
-            "the delay margin of a loop with samplers is not known here: vary the sampler's own 'delay' and look at the poles"
-        )
+        """Every delay margin; :func:`engine.sampled_data.delayed.delay_margins` tells what is raised."""
+        assert self.loop is not None
+        return self.loop.delay_margins if self.loop.closes else []
 
     @classmethod
     def of_loop(cls, loop: SampledLoop, found: Poles) -> Self:

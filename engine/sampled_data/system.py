@@ -224,11 +224,11 @@ class SampledSystem:
         rank: tuple[float, ...]
         for sampling, turns in zip(self.samplings, count, strict=True):
             for k in range(turns):
-                at = _wrapped(sampling.offset + k * sampling.period, period)
+                at = wrapped(sampling.offset + k * sampling.period, period)
                 rank = (1.0, -_length(sampling), float(sampling.number), 0.0)
                 listed.append((_real(at), rank, Event(time=at, jump=sampling.taken, entering=sampling.entering)))
                 if sampling.updated is not None:
-                    at = _wrapped(at + sampling.delay, period)
+                    at = wrapped(at + sampling.delay, period)
                     later = (0.0,) if _real(sampling.delay) else (*rank[:3], 1.0)
                     none = np.zeros_like(sampling.entering)
                     listed.append((_real(at), later, Event(time=at, jump=sampling.updated, entering=none)))
@@ -337,7 +337,7 @@ def _real(time: Array) -> float:
     return float(time[0].real)
 
 
-def _wrapped(time: Array, period: Array) -> Array:
+def wrapped(time: Array, period: Array) -> Array:
     """Return the same instant in [0, period), the infinitesimals following."""
     turns = math.floor(_real(time) / _real(period) + _TOGETHER)
     return np.asarray(time - turns * period)

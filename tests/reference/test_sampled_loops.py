@@ -6,7 +6,8 @@ engine: the axis' own equations, registers for the computing times, and the loop
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import control
@@ -84,7 +85,7 @@ class Axis:
         flow[0, 1] = flow[2, 3] = 1
         flow[1, [0, 1, 2, 3, 4]] = [-k / m, -d / m, k / m, d / m, 1 / m]
         flow[3, [0, 1, 2, 3]] = [k / j, d / j, -k / j, -d / j]
-        whole = Fraction(np.lcm(self.slow.numerator * self.fast.denominator, self.fast.numerator * self.slow.denominator),
+        whole = Fraction(math.lcm(self.slow.numerator * self.fast.denominator, self.fast.numerator * self.slow.denominator),
                          self.slow.denominator * self.fast.denominator)  # fmt: skip
         listed = []
         for number, (period, delay) in enumerate(((self.slow, self.slow_delay), (self.fast, self.fast_delay))):
@@ -270,6 +271,47 @@ def test_at_one_rate_all_is_what_python_control_says(period, place):
     assert all(np.abs(z - pole).min() < 1e-7 for pole in poles if abs(pole) > 1e-6)
 
 
+@pytest.mark.parametrize("axis", AXES[:1])
+def test_a_delay_margin_is_the_computing_time_that_may_be_added(axis):
+    up = measure(axis.diagram, [MetricRequest(metric="gain_margin_up", open_at="speed")])[0][0].value
+    for share in (0.7, 0.97):
+        near = replace(axis, kp=share * up * axis.kp, ki=share * up * axis.ki)
+        delay = measure(near.diagram, [MetricRequest(metric="delay_margin", open_at="speed")])[0][0].value
+        for part, inside in ((0.99, True), (1.01, False)):
+            later = replace(near, fast_delay=near.fast_delay + Fraction(part * delay * 1000))
+            assert (later.radius() < 1) is inside
+        exactly = replace(near, fast_delay=near.fast_delay + Fraction(delay * 1000))
+        assert exactly.radius() == pytest.approx(1, abs=1e-11)
+
+
+@pytest.mark.parametrize("place", ["e", "c"])
+def test_a_delay_margin_of_many_samples(place):
+    """x' = A x + B u(t - m T - ρ): the state, the integral and m + 1 values of u that are under way."""
+    kp, ki, period = 0.15, 0.02, 0.05
+    delay = measure(single(kp, ki, period), [MetricRequest(metric="delay_margin", open_at=place)])[0][0].value
+
+    def edge(tau: float) -> float:
+        m, rho = int(tau // period), tau % period
+        flow = np.zeros((4, 4))
+        flow[:3, :3] = [[0, 1, 0], [0, 0, 1], [0, -1, -1.2]]
+        flow[2, 3] = 1
+        early, late = expm(flow * rho), expm(flow * (period - rho))
+        size = 4 + m + 1  # x, integral, u_k-1 ... u_k-m-1
+        whole = np.zeros((size, size))
+        output = np.zeros(size)
+        output[0], output[3] = -2 * (kp + ki * period), 1.0  # u_k = kp e_k + I_k, I_k = I_k-1 + ki T e_k, e = -2 x_0
+        under_way = np.vstack([output, np.eye(size)[4:]])  # u_k, u_k-1, ..., u_k-m-1
+        x = np.eye(size)[:3]
+        first = early[:3, :3] @ x + np.outer(early[:3, 3], under_way[m + 1])
+        whole[:3] = late[:3, :3] @ first + np.outer(late[:3, 3], under_way[m])
+        whole[3, 3], whole[3, 0] = 1.0, -2 * ki * period
+        whole[4:] = under_way[:-1]
+        return float(np.abs(np.linalg.eigvals(whole)).max()) - 1
+
+    assert edge(0.99 * delay) < 0 < edge(1.01 * delay)
+    assert delay == pytest.approx(brentq(edge, 0.99 * delay, 1.01 * delay, xtol=1e-13, rtol=1e-13), rel=1e-9)
+
+
 def test_slopes_are_those_of_the_map():
     axis = AXES[0]
     requests = [MetricRequest(metric=m, open_at="f") for m in ("gain_margin_up", "phase_margin")]
@@ -295,7 +337,8 @@ def test_one_of_two_rates_cannot_be_moved_alone():
 
 def test_the_slope_by_the_only_sample_time():
     h = 1e-6
-    request = [MetricRequest(metric="phase_margin", open_at="e"), MetricRequest(metric="spectral_abscissa")]
+    request = [MetricRequest(metric=m, open_at="e") for m in ("phase_margin", "delay_margin")]
+    request.append(MetricRequest(metric="spectral_abscissa"))
     found = measure(single(0.15, 0.02), request, gradient=["c.sample_time"])
     up, down = (measure(single(0.15, 0.02, 0.05 * (1 + sign * h)), request) for sign in (1, -1))
     for (_, slopes), (above, _), (below, _) in zip(found, up, down, strict=True):
