@@ -131,7 +131,7 @@ AXES = [
     Axis(_ms(2), _ms(2, 5), _ms(1, 2), _ms(1, 10), kv=25.0, kp=0.8, ki=10.0, damping=0.3),
     Axis(_ms(3), _ms(1), _ms(2), _ms(1, 2), kv=12.0, kp=0.4, ki=5.0, motor=4e-3),
     Axis(_ms(1), _ms(1, 5), _ms(1), _ms(1, 2), kv=30.0, kp=0.7, ki=15.0, load=6e-3),
-    Axis(_ms(3, 2), _ms(1, 2), _ms(1, 8), _ms(1, 16), kv=50.0, kp=1.5, ki=80.0, stiffness=4000.0, damping=0.02),
+    Axis(_ms(1, 2), _ms(1, 4), _ms(3, 8), _ms(1, 16), kv=50.0, kp=1.0, ki=40.0, stiffness=4000.0, damping=0.1),
 ]  # fmt: skip
 
 
