@@ -244,7 +244,12 @@ def _elasticities(
     if inexact:
         for name, found in study.differences(parameter, inexact).items():
             cells[name] = _from_differences(found, value / inexact[name])
-    return cells
+    return {name: _with_doubt(cell, base[name].verdict) for name, cell in cells.items()}
+
+
+def _with_doubt(cell: Elasticity, verdict: Verdict) -> Elasticity:
+    """Return an elasticity with the doubt of the value that it is of: of one that has not settled it has not either."""
+    return replace(cell, verdict=verdict) if cell.verdict is Verdict.OK else cell
 
 
 def _from_differences(found: Difference, factor: float) -> Elasticity:

@@ -122,3 +122,14 @@ def test_every_law_has_a_table(kind):
         for cell in row.values():
             assert (cell.value is None) == (cell.verdict not in {Verdict.OK, Verdict.DISCONTINUOUS}) or cell.one_sided
             assert cell.value is None or np.isfinite(cell.value)
+
+
+def test_of_a_value_that_has_not_settled_the_elasticity_says_so():
+    """x' = sat(3 - x) for 1.5 s: x = t, of which the window knows no end."""
+    signals = {"r": make("step", {"amplitude": 3.0})}
+    request = {"e": MetricRequest(metric="steady_state_error", signals=signals, output="y", duration=1.5)}
+    found = influence(saturated(), request, ["s.upper"])
+    assert found.base["e"].verdict is Verdict.NOT_SETTLED
+    assert found.elasticities["e"]["s.upper"].verdict is Verdict.NOT_SETTLED
+    # e = 3 - 1.5 u
+    assert found.elasticities["e"]["s.upper"].value == pytest.approx(-1.0, rel=1e-9)
