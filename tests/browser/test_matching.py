@@ -153,7 +153,7 @@ def test_a_recording_is_processed_and_a_model_made_of_it_alone(page: Page, clien
     assert [experiment["dataset"] for experiment in asked["experiments"]] == [made, recording]
 
     page.goto(f"/identify?dataset={recording}&method=transfer_function")
-    page.get_by_role("combobox", name="Inputs").fill("u")
+    page.get_by_role("combobox", name="Inputs", exact=True).fill("u")
     page.get_by_role("option", name="u", exact=True).click()
     page.get_by_role("combobox", name="Outputs").fill("y")
     page.get_by_role("option", name="y", exact=True).click()
