@@ -52,7 +52,7 @@ class Sampler(NonlinearElement):
     @classmethod
     def rates(cls, m: Moment, mode: Mode, values: Values) -> Signals:
         """Return 0: all states move at samples only."""
-        return [0.0 * m.z[0]] * len(cls.states)
+        return [0.0 * m.z[0]] * len(m.x)
 
     @classmethod
     def outputs(cls, m: Moment, mode: Mode, values: Values) -> Signals:

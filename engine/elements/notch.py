@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._biquad import biquad
-from engine.parameters import Param
+from engine.elements._notch import NOTCH
 
 
 class Notch(Element):
@@ -20,20 +20,7 @@ class Notch(Element):
     title = "Notch filter"
     equation = "y/u = (s² + depth·width·w·s + w²) / (s² + width·w·s + w²)"
     source = "G. Ellis, Control System Design Guide, Butterworth-Heinemann 2012, section 9.2."
-    parameters = (
-        Param(
-            name="frequency", symbol="w", unit="rad/s", lower=0.0, lower_open=True, scale="log",
-            doc="centre of the notch",
-        ),
-        Param(
-            name="depth", symbol="g", unit="1", default=0.0, lower=0.0, upper=1.0,
-            doc="gain that is left at the centre: 0 blocks it, 1 changes nothing",
-        ),
-        Param(
-            name="width", symbol="B", unit="1", default=1.0, lower=0.0, lower_open=True, scale="log",
-            doc="distance of the two -3 dB frequencies of a full notch over the centre: twice the damping of the poles",
-        ),
-    )  # fmt: skip
+    parameters = NOTCH
     example = {"frequency": 300.0, "depth": 0.1, "width": 0.8}
 
     @classmethod

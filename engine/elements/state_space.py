@@ -5,13 +5,8 @@ x' = A x + B u,   y = C x + D u
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.errors import DiagramError
-from engine.parameters import Param
-
-MAX_PORTS = 64
+from engine.elements._state_space import MATRICES, check, ports
 
 
 class StateSpace(Element):
@@ -21,59 +16,18 @@ class StateSpace(Element):
     title = "State space"
     equation = "x' = A x + B u;  y = C x + D u"
     source = "T. Kailath, Linear Systems, Prentice-Hall 1980, chapter 2."
-    parameters = (
-        Param(name="A", symbol="A", shape="matrix", doc="rows of the n x n dynamic matrix (empty list: no states)"),
-        Param(name="B", symbol="B", shape="matrix", doc="rows of the n x inputs matrix"),
-        Param(name="C", symbol="C", shape="matrix", doc="rows of the outputs x n matrix"),
-        Param(name="D", symbol="D", shape="matrix", doc="rows of the outputs x inputs feed-through matrix"),
-        Param(
-            name="inputs",
-            symbol="u",
-            shape="names",
-            required=False,
-            doc="names of the inputs, one for each column of D",
-        ),
-        Param(
-            name="outputs", symbol="y", shape="names", required=False, doc="names of the outputs, one for each row of D"
-        ),
-    )
+    parameters = MATRICES
     example = {"A": [[0.0, 1.0], [-4.0, -0.4]], "B": [[0.0], [1.0]], "C": [[1.0, 0.0]], "D": [[0.0]]}
 
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Refuse matrices whose sizes do not fit, and names that are not one for each port."""
-        states, outputs = len(values["A"]), len(values["D"])
-        inputs = len(values["D"][0]) if outputs else 0
-        if not 1 <= inputs <= MAX_PORTS or not 1 <= outputs <= MAX_PORTS:
-            raise DiagramError(
-                f"D must have 1 to {MAX_PORTS} rows (outputs) and columns (inputs), got {outputs} x {inputs}", at=("D",)
-            )
-        for name, rows, columns in (("A", states, states), ("B", states, inputs), ("C", outputs, states)):
-            got = values[name]
-            width = len(got[0]) if got else columns
-            empty = name == "C" and states == 0 and not got
-            if not empty and (len(got) != rows or width != columns):
-                raise DiagramError(
-                    f"{name} must be {rows} x {columns} to fit A and D, got {len(got)} x {width}", at=(name,)
-                )
-
-        for name, count in (("inputs", inputs), ("outputs", outputs)):
-            names = values[name]
-            if names is not None and (len(names) != count or len(set(names)) != count):
-                raise DiagramError(
-                    f"{name} must be {count} different names to fit D, got {', '.join(names[:MAX_PORTS]) or 'none'}",
-                    at=(name,),
-                )
+        check(values)
 
     @classmethod
     def ports(cls, values: Values) -> Ports:
         """Return the ports that are named, or that the size of D tells."""
-        outputs, inputs = len(values["D"]), len(values["D"][0])
-        return Ports(
-            inputs=_names(values.get("inputs"), "in", inputs),
-            outputs=_names(values.get("outputs"), "out", outputs),
-            output_units=(None,) * outputs,
-        )
+        return ports(values)
 
     @classmethod
     def realize(cls, values: Values) -> Realization:
@@ -82,9 +36,3 @@ class StateSpace(Element):
         if not values["A"]:
             return Realization.static(d)
         return Realization(a=matrix(values["A"]), b=matrix(values["B"]), c=matrix(values["C"]), d=d)
-
-
-def _names(given: Sequence[str] | None, word: str, count: int) -> tuple[str, ...]:
-    if given is not None:
-        return tuple(given)
-    return (word,) if count == 1 else tuple(f"{word}{i + 1}" for i in range(count))

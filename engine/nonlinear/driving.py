@@ -19,6 +19,10 @@ Array = npt.NDArray[Any]
 Real = npt.NDArray[np.float64]
 
 
+_MOST_CUTS = 20
+"""So often a look ahead is made shorter at most, by four each time."""
+
+
 class Driving:
     """The commands of one simulation.
 
@@ -74,5 +78,11 @@ class Driving:
         return self._last_seen[2]
 
     def _seen(self, t: Array, now: float, ahead: float) -> tuple[Array, Array, Array]:
-        u, du = self.command(now, ahead).near(np.zeros(1), t[:, None])
+        near = self.command(now, ahead)
+        for _ in range(_MOST_CUTS):
+            if self.straight or near.resolved:
+                break
+            # a long look ahead, as before the first step, may be several turns of a sine: its limit here is that of a shorter one
+            near = self.command(now, near.width / 4)
+        u, du = near.near(np.zeros(1), t[:, None])
         return u, du, self._record.delayed(t[:, None], self._delays, later=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.chebyshev import DEGREE, NODES, differentiation_matrix, interior, weights
+from engine.linear.chebyshev import DEGREE, NODES, coefficient_matrix, differentiation_matrix, interior, weights
 from engine.linear.curve import Curve
 
 if TYPE_CHECKING:
@@ -36,6 +36,12 @@ class Command:
         value, slope, _ = _stencil(theta.tobytes())
         return value @ self.values, slope @ self.values / self.width
 
+    @property
+    def resolved(self) -> bool:
+        """Whether the polynomials are the inputs: their last coefficients are rounding."""
+        tail = np.abs(coefficient_matrix()[-2:] @ self.values).max(axis=0, initial=0.0)
+        return bool(np.all(tail <= _RESOLVED * np.abs(self.values).max(axis=0, initial=0.0)))
+
     def extended(self, width: float) -> Command:
         """Return the same straight lines on another width."""
         rise = (self.values[-1] - self.values[0]) * (width / self.width)
@@ -52,6 +58,7 @@ class Command:
 
 
 _SAME = 1e-12
+_RESOLVED = 1e-12
 
 
 @cache

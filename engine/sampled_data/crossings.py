@@ -17,7 +17,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eig
-from scipy.optimize import linear_sum_assignment
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -118,6 +117,8 @@ def _eigenvectors(whole: Complex | Real) -> tuple[Complex, Complex, Complex]:
 
 def _pairs(one: Spectrum, other: Spectrum) -> npt.NDArray[np.int64]:
     """Return which eigenvalue of the ``other`` each one has become."""
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - a quarter of a second
+
     size = np.abs(one.values)[:, None] + np.abs(other.values)[None, :] + 1e-6
     distance = np.abs(one.values[:, None] - other.values[None, :]) / size
     return np.asarray(linear_sum_assignment(distance)[1])

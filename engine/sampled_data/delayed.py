@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from engine.errors import UnresolvedError
 from engine.linear.tangent import INFINITESIMAL, slopes
@@ -159,6 +158,8 @@ def delay_margins(part: SampledSystem, begun: Sequence[Begun]) -> list[tuple[Arr
 
 def _first(part: SampledSystem, value: SampledSystem, trail: list[_Followed], length: float) -> tuple[Array, Array]:
     """Return the smallest delay at which a crossing has used up its phase; ``trail`` is where it has been followed."""
+    from scipy.optimize import brentq  # noqa: PLC0415 - a quarter of a second
+
     count = max(_STEPS, int(np.ceil(abs(trail[0].angle) / _TURN)))
     turns = max(0, int(trail[0].phase // trail[0].angle) - 1)
     for m in range(turns, turns + 4):

@@ -260,7 +260,8 @@ def sampled_system(system: NonlinearSystem) -> SampledSystem:
     m, lanes, n, total = system.matrices, system.lanes, system.linear_states, system.states
     held = np.zeros((m["b3"].shape[-1], total))  # the output of each sampler is its first state
     for law in system.laws:
-        held[law.outputs.start, law.states.start] = 1.0
+        for k in range(law.outputs.stop - law.outputs.start):  # its first states are its outputs
+            held[law.outputs.start + k, law.states.start + k] = 1.0
     kind = complex if system.complex else float
     flow = np.zeros((lanes, total, total), dtype=kind)
     flow[:, :n, :n] = m["a"]
@@ -282,8 +283,8 @@ def _sampling(law: Law, number: int, lanes: int, sees: Array, follows: Array) ->
     assert issubclass(element, Sampler)
     values = element.linear_part(law.values)
     count, total = law.states.stop - law.states.start, sees.shape[-1]
-    units = np.eye(count + 1)
-    columns = [Moment(t=0.0, x=list(unit[:count]), z=[unit[count]]) for unit in units]
+    units = np.eye(count + law.inputs.stop - law.inputs.start)
+    columns = [Moment(t=0.0, x=list(unit[:count]), z=list(unit[count:])) for unit in units]
     own = np.stack([stacked(element.sample(m, 0, values), (lanes, 1))[:, 0] for m in columns], axis=-1)
     kind = np.result_type(own, sees, follows)
     rows = law.states

@@ -22,6 +22,10 @@ SMOOTH = {"friction": {"transition_velocity": 0.02, "coulomb_negative": 5.0, "st
 """What some elements need besides their example to be a formula."""
 REFUSED = {
     "backlash": "what ends its modes depends on more than its inputs and states",
+    "discrete_integrator": "it takes samples",
+    "discrete_notch": "it takes samples",
+    "discrete_state_space": "it takes samples",
+    "discrete_transfer_function": "it takes samples",
     "friction": "it may hold an input",
     "pneumatic_cylinder": "more than 16 modes",
     "quantizer": "what follows a mode depends on more than its guards",

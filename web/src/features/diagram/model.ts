@@ -25,7 +25,7 @@ export function portsOf(block: Block, catalogue: Catalogue): Ports {
   } else if (block.kind === "user_equations") {
     ports.inputs = Array.isArray(block.inputs) ? (block.inputs as string[]) : [];
     ports.outputs = Array.isArray(block.outputs) ? (block.outputs as string[]) : [];
-  } else if (block.kind === "state_space") {
+  } else if (block.kind === "state_space" || block.kind === "discrete_state_space") {
     const wide = (value: unknown): number => (Array.isArray(value) && Array.isArray(value[0]) ? value[0].length : 1);
     const inputs = wide(block.D);
     const outputs = Array.isArray(block.D) ? block.D.length : 1;
