@@ -121,7 +121,7 @@ class Worker:
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
-            self._launch(zygote)
+            undo.callback(_wait_for_ended, self._launch(zygote))
             undo.callback(self.supervisor.stop, _STOP_TIMEOUT)
             keeper = Keeper(
                 self._database,
@@ -180,7 +180,7 @@ class Worker:
                 return True
         return False
 
-    def _launch(self, zygote: Zygote) -> None:
+    def _launch(self, zygote: Zygote) -> DBOS:
         engine = self._database.engine
         client = DBOSClient(system_database_engine=engine, serializer=SERIALIZER, application_name=APPLICATION)
         # Before the launch, which would notice a new queue a second later. A limit for each partition is what makes the
@@ -202,6 +202,7 @@ class Worker:
         DBOS.listen_queues([QUEUE])
         DBOS.launch()
         _use_own_slots(engine_instance, self._slots, zygote)
+        return engine_instance
 
     def _retire(self) -> None:
         try:
@@ -229,6 +230,18 @@ class Worker:
                     _log.warning("worker %s cannot reach the database: %s", self.name, error)
         finally:
             self._ended.set()  # whatever stopped the heart: `run` begins again
+
+
+def _wait_for_ended(engine: DBOS) -> None:
+    """Wait until the engine has written down how the workflows ended that this process has left.
+
+    Without its database it could not, and the workflow of a job that has ended would count as unfinished until a worker of
+    the same name begins. The engine's own wait takes a second at least.
+    """
+    running = engine._active_workflows_set.count_for_queue  # noqa: SLF001 - no public call; held by a test
+    give_up_at = time.monotonic() + _STOP_TIMEOUT
+    while running(QUEUE) and time.monotonic() < give_up_at:
+        time.sleep(0.01)
 
 
 def _use_own_slots(engine: DBOS, slots: int, zygote: Zygote) -> None:
