@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from engine.interruption import inside
 from optimizers.result import Keeper, Monitor, Result, Status
 
 _FOR_THE_PROOF = 0.2
@@ -80,6 +81,8 @@ class Limited:
         if self._seconds is None:
             return False
         now = self._clock()
-        self._longest, self._looked = max(self._longest, now - self._looked), now
-        reserve = max(_FOR_THE_PROOF * self._seconds, _EVALUATIONS * self._longest)
+        longest = max(self._longest, now - self._looked)
+        if not inside():  # an evaluation may be asked at its steps: it is as long as all of them
+            self._longest, self._looked = longest, now
+        reserve = max(_FOR_THE_PROOF * self._seconds, _EVALUATIONS * longest)
         return now - self._began >= max(self._seconds - reserve, _AT_LEAST * self._seconds)

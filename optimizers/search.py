@@ -13,13 +13,17 @@ D. Kraft, "A software package for sequential quadratic programming", DFVLR-FB 88
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
+from engine.interruption import interruptible
 from optimizers.certificate import TOLERANCE
 from optimizers.effort import Stage, during, elapsed
 from optimizers.evaluate import Assessment, Evaluator, Local, Matrix
@@ -30,6 +34,9 @@ from optimizers.result import HistoryPoint, Monitor
 SAFETY = 1e-7
 """The descent stays so far inside the bounds, because fast and exact metrics agree to about that."""
 
+
+_PROGRESS = 0.2
+"""How often (s) the progress within a stage is told, at most."""
 
 _NEAR = 1e-3
 """A start that breaks its bounds by less is brought back by the descent itself; the way to the middle would lose it."""
@@ -64,7 +71,13 @@ class Tracker:
         self.best: Vector | None = None
         self.rank = (np.inf, np.inf)
         self.margins = np.zeros(len(evaluator.problem.goals))
-        self.started = time.perf_counter()
+        self.started = self._told = time.perf_counter()
+        self._stage: tuple[float, float, str, int, int] | None = None
+
+    def stage(self, first: float, last: float, message: str, *, evaluations: int) -> None:
+        """Begin what takes the progress from ``first`` to ``last``, with about so many ``evaluations``."""
+        self._stage = (first, last, message, self.evaluator.evaluations, evaluations)
+        self.monitor.progress(first, message)
 
     def assess(self, positions: Matrix, *, roughly: bool = False) -> Assessment:
         """Evaluate points, remember the best of them; ``roughly`` for a first look at many, where doubt does not count.
@@ -74,17 +87,14 @@ class Tracker:
         Stopped
             When cancelled or out of budget.
         """
-        if self.monitor.cancelled():
-            raise Stopped(cancelled=True)
-        if self.evaluator.evaluations + len(positions) > self.budget:
-            raise Stopped(cancelled=False)
         before = self.evaluator.evaluations
-        with during(Stage.SCREENING):
-            found = self.evaluator.assess(positions, roughly=roughly)
-        index = self._first_refuted(positions, found, roughly=roughly)
-        while index is not None:
-            found.objective[index], found.violation[index] = np.nan, BROKEN
+        with self._evaluating(len(positions)):
+            with during(Stage.SCREENING):
+                found = self.evaluator.assess(positions, roughly=roughly)
             index = self._first_refuted(positions, found, roughly=roughly)
+            while index is not None:
+                found.objective[index], found.violation[index] = np.nan, BROKEN
+                index = self._first_refuted(positions, found, roughly=roughly)
         for index in _improving(found, roughly=roughly):
             self.offer(
                 positions[index], float(found.objective[index]), float(found.violation[index]), before + index + 1
@@ -107,16 +117,31 @@ class Tracker:
         Stopped
             When cancelled or out of budget.
         """
-        if self.monitor.cancelled():
-            raise Stopped(cancelled=True)
-        if self.evaluator.evaluations >= self.budget:
-            raise Stopped(cancelled=False)
-        with during(Stage.REFINING):
+        with self._evaluating(1), during(Stage.REFINING):
             found = self.evaluator.local(position)
         if found is not None:
             objective = float(self.evaluator.objectives(found.values).max())
             self.offer(position, objective, float(self.evaluator.violations(found.values, self.margins).max()))
         return found
+
+    @contextmanager
+    def _evaluating(self, count: int) -> Iterator[None]:
+        """Evaluate so many points inside: within the budget, until somebody cancels, and with progress."""
+        self._go_on()
+        if self.evaluator.evaluations + count > self.budget:
+            raise Stopped(cancelled=False)
+        with interruptible(self._go_on if self.best is not None else _never):
+            yield
+        now = time.perf_counter()
+        if self._stage is not None and now - self._told >= _PROGRESS:
+            self._told = now
+            first, last, message, before, expected = self._stage
+            done = 1 - math.exp(-(self.evaluator.evaluations - before) / expected)
+            self.monitor.progress(first + (last - first) * done, message)
+
+    def _go_on(self) -> None:
+        if self.monitor.cancelled():
+            raise Stopped(cancelled=True)
 
     def offer(self, position: Vector, objective: float, violation: float, evaluation: int | None = None) -> None:
         """Remember a point if it is the best so far; ``evaluation`` is its number, by default that of the latest."""
@@ -137,6 +162,10 @@ class Tracker:
     def seconds(self) -> float:
         """Time since the search began."""
         return time.perf_counter() - self.started
+
+
+def _never() -> None:
+    """Let an evaluation come to its end: without any point there is no result."""
 
 
 def _rank(objective: float, violation: float) -> tuple[float, float]:

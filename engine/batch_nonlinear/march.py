@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from engine.batch_nonlinear.generated import Generated, generated
 from engine.batch_nonlinear.program import Compiled
+from engine.interruption import look
 from engine.kernels.compiled import LANES
 from engine.kernels.marching import march
 from engine.nonlinear.bounds import LARGEST
@@ -180,6 +181,7 @@ class Marcher:
             for length, count, inputs in zip(
                 np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
             ):
+                look()
                 own = record[:, following : following + count + 1]
                 following += count + 1
                 width = float(length) / max(1, count * pieces.stride)

@@ -9,6 +9,7 @@ from typing import Any, Final, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from engine.interruption import look
 from engine.nonlinear.switching import StoppedError
 from engine.verdicts import Verdict
 
@@ -42,6 +43,7 @@ class Bounds:
 
     def step(self, now: float, count: int = 1) -> None:
         """Count steps that are tried at the instant ``now`` (s)."""
+        look()
         self.steps += count
         if self.steps > MAX_STEPS:
             self._late(now, f"after {MAX_STEPS} steps")

@@ -88,6 +88,7 @@ class Global(Method):
                 status, advice = Status.BUDGET, _SPENT
             tracker.budget = budget
             assert tracker.best is not None
+            tracker.stage(0.9, 0.95, "polishing", evaluations=_POLISH)
             Descent(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
             Polish(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
             descend_to_proof(tracker, margins)

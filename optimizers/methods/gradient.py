@@ -33,6 +33,8 @@ _SAMPLE, _FEW = 4096, 512
 _APART = 0.08
 _DESCENT, _LAST_DESCENT, _POLISH = 25, 60, 40
 """Evaluations with slopes: of a first descent, of one from the best point, and of a polish."""
+_AROUND = 8 * 64
+"""Evaluations around the best point without compiled kernels."""
 _SMALLEST_CLOUD = 16
 _STANDSTILL = 1e-3
 
@@ -138,7 +140,8 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
         tracker.offer(state.best, state.rank[1], state.rank[0])
     descent, count = Descent(tracker, margins), len(left)
     while left:
-        tracker.monitor.progress(0.2 + 0.4 * (1 - len(left) / count), f"{len(left)} starts to come")
+        begin = 0.2 + 0.4 * (1 - len(left) / count)
+        tracker.stage(begin, begin + 0.4 / count, f"{len(left)} starts to come", evaluations=_DESCENT)
         if compiled:
             _surround(tracker, left[0], clouds[len(left)], rounds=8, size=128)
         else:
@@ -150,13 +153,13 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
             )  # fmt: skip
             keeper.keep(state.document())
     assert tracker.best is not None
-    tracker.monitor.progress(0.6, "searching around the best point")
+    tracker.stage(0.6, 0.85, "searching around the best point", evaluations=_AROUND)
     if compiled:
         _surround(tracker, tracker.best, clouds[0], rounds=16, size=512)
     else:
         descent.run(tracker.best, evaluations=_LAST_DESCENT)
         _surround(tracker, tracker.best, clouds[0], rounds=8, size=64)
-    tracker.monitor.progress(0.85, "polishing")
+    tracker.stage(0.85, 0.95, "polishing", evaluations=_DESCENT + _POLISH)
     descent.run(tracker.best, evaluations=_DESCENT)
     entered = tracker.rank
     Polish(tracker, margins).run(tracker.best, evaluations=_POLISH)
