@@ -166,6 +166,11 @@ class NonlinearElement(Element):
         return None
 
     @classmethod
+    def offset(cls, values: Values) -> Scalar:
+        """Return when the first sample is taken, s."""
+        return 0.0
+
+    @classmethod
     def latency(cls, values: Values) -> Scalar:
         """Return the time (s) from a sample until the output follows it."""
         return 0.0

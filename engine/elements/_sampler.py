@@ -1,6 +1,6 @@
 """What sampling blocks share: a sample at regular instants, and an output that follows it after the time to compute.
 
-y(t) = x_0(k)   for   k T + delay <= t < (k + 1) T + delay,   k = 0, 1, ...
+y(t) = x_0(k)   for   t_k + delay <= t < t_(k+1) + delay,   t_k = offset + k T,   k = 0, 1, ...
 """
 
 from __future__ import annotations
@@ -15,11 +15,15 @@ from engine.parameters import Param, Scalar
 TIMING = (
     Param(
         name="sample_time", symbol="T", unit="s", lower=0.0, lower_open=True, scale="log",
-        doc="time between samples; the first is taken at 0",
+        doc="time between samples",
     ),
     Param(
         name="delay", symbol="τ", unit="s", default=0.0, lower=0.0,
         doc="time from a sample until the output follows it, at most the sample time",
+    ),
+    Param(
+        name="offset", symbol="t_0", unit="s", default=0.0, lower=0.0,
+        doc="instant of the first sample, less than the sample time: samplers of one rate need not act together",
     ),
 )  # fmt: skip
 
@@ -29,10 +33,13 @@ class Sampler(NonlinearElement):
 
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
-        """Refuse a delay longer than the sample time."""
+        """Refuse a delay longer than the sample time, and a first sample that is none."""
         if values["delay"].real > values["sample_time"].real:
             limit, got = values["sample_time"].real, values["delay"].real
             raise DiagramError(f"delay must be <= sample_time ({limit:g} s), got {got:g}", at=("delay",))
+        if values["offset"].real >= values["sample_time"].real:
+            limit, got = values["sample_time"].real, values["offset"].real
+            raise DiagramError(f"offset must be < sample_time ({limit:g} s), got {got:g}", at=("offset",))
 
     @classmethod
     def ports(cls, values: Values) -> Ports:
@@ -74,7 +81,8 @@ class Sampler(NonlinearElement):
     @classmethod
     def offset(cls, values: Values) -> Scalar:
         """Return when the first sample is taken, s."""
-        return 0.0
+        offset: Scalar = values["offset"]
+        return offset
 
     @classmethod
     def linear_part(cls, values: Values) -> Values:

@@ -105,7 +105,7 @@ class Integration:
         self._noted = -math.inf
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
-                self._note(0.0, law=number)
+                self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
 
     @property
     def now(self) -> float:
@@ -206,10 +206,11 @@ class Integration:
         law = self.system.laws[number]
         period = np.ravel(np.asarray(law.element.period(law.values)))
         latency = np.ravel(np.asarray(law.element.latency(law.values)))
-        count = round(self.now / float(period[0].real))
-        self._note(period * (count + 1), law=number)
+        offset = np.ravel(np.asarray(law.element.offset(law.values)))
+        count = round((self.now - float(offset[0].real)) / float(period[0].real))
+        self._note(offset + period * (count + 1), law=number)
         if np.any(latency != 0):
-            self._note(period * count + latency, law=number, updates=True)
+            self._note(offset + period * count + latency, law=number, updates=True)
 
     def _echo(self, generation: int) -> None:
         """Note that what changes now comes back through every delay."""

@@ -43,11 +43,21 @@ class Axis:
     load: float = 3e-3
     stiffness: float = 2000.0
     damping: float = 0.05
+    slow_offset: Fraction = Fraction(0)
+    fast_offset: Fraction = Fraction(0)
 
     @property
     def diagram(self) -> Diagram:
-        slow = {"sample_time": float(self.slow * MS), "delay": float(self.slow_delay * MS)}
-        fast = {"sample_time": float(self.fast * MS), "delay": float(self.fast_delay * MS)}
+        slow = {
+            "sample_time": float(self.slow * MS),
+            "delay": float(self.slow_delay * MS),
+            "offset": float(self.slow_offset * MS),
+        }
+        fast = {
+            "sample_time": float(self.fast * MS),
+            "delay": float(self.fast_delay * MS),
+            "offset": float(self.fast_offset * MS),
+        }
         return compile_system(
             document(
                 {
@@ -88,10 +98,12 @@ class Axis:
         whole = Fraction(math.lcm(self.slow.numerator * self.fast.denominator, self.fast.numerator * self.slow.denominator),
                          self.slow.denominator * self.fast.denominator)  # fmt: skip
         listed = []
-        for number, (period, delay) in enumerate(((self.slow, self.slow_delay), (self.fast, self.fast_delay))):
+        slow = (self.slow, self.slow_delay, self.slow_offset)
+        fast = (self.fast, self.fast_delay, self.fast_offset)
+        for number, (period, delay, offset) in enumerate((slow, fast)):
             for turn in range(int(whole / period)):
-                listed.append((turn * period, 1 if number == 0 else 2, number))
-                later = turn * period + delay
+                listed.append((offset + turn * period, 1 if number == 0 else 2, number))
+                later = offset + turn * period + delay
                 listed.append((later % whole, 0, 2 + number))
         t, found = Fraction(0), np.eye(9, dtype=complex)
         flows: dict[Fraction, np.ndarray] = {}
@@ -132,6 +144,9 @@ AXES = [
     Axis(_ms(3), _ms(1), _ms(2), _ms(1, 2), kv=12.0, kp=0.4, ki=5.0, motor=4e-3),
     Axis(_ms(1), _ms(1, 5), _ms(1), _ms(1, 2), kv=30.0, kp=0.7, ki=15.0, load=6e-3),
     Axis(_ms(1, 2), _ms(1, 4), _ms(3, 8), _ms(1, 16), kv=50.0, kp=1.0, ki=40.0, stiffness=4000.0, damping=0.1),
+    Axis(
+        _ms(1), _ms(1, 5), _ms(1, 4), _ms(1, 10), kv=60.0, kp=0.6, ki=20.0, slow_offset=_ms(9, 10), fast_offset=_ms(1, 8)
+    ),
 ]  # fmt: skip
 
 
@@ -313,9 +328,9 @@ def test_a_delay_margin_of_many_samples(place):
 
 
 def test_slopes_are_those_of_the_map():
-    axis = AXES[0]
+    axis = AXES[-1]
     requests = [MetricRequest(metric=m, open_at="f") for m in ("gain_margin_up", "phase_margin")]
-    names = ["speed.kp", "axis.stiffness", "speed.delay"]
+    names = ["speed.kp", "axis.stiffness", "speed.delay", "position.offset"]
     found = measure(axis.diagram, requests, gradient=names)
     h = 1e-6
     for k, name in enumerate(names):

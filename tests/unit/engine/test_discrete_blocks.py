@@ -149,3 +149,31 @@ def test_both_ways_of_writing_a_loop_respond_alike():
         for name in ("one", "several")
     )
     np.testing.assert_allclose(one, several, atol=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["zero_order_hold", "discrete_transfer_function"])
+def test_the_first_sample_is_taken_at_the_offset(kind):
+    law = {} if kind == "zero_order_hold" else {"numerator": [1.0], "denominator": [1.0]}
+    made = alone(kind, sample_time=STEP, delay=0.002, offset=0.007, **law)
+    signal = make("sine", {"amplitude": 1.5, "frequency": 40.0})
+    found = simulate(made, signals={"u": signal}, duration=20 * STEP, samples=20_001, metrics=[])
+    instants = np.concatenate([[-np.inf], 0.007 + STEP * np.arange(20)])
+    times = np.arange(20_001) * 1e-5
+    last = instants[np.searchsorted(instants, times - 0.002 + 1e-9) - 1]
+    inside = np.abs((times - 0.009) / STEP - np.rint((times - 0.009) / STEP)) > 1e-3
+    expected = np.where(np.isfinite(last), np.asarray(signal.value(np.where(np.isfinite(last), last, 0.0))).real, 0.0)
+    np.testing.assert_allclose(found.curves["y"][inside], expected[inside], atol=1e-12)
+
+
+def test_a_value_between_samples_moves_with_the_offset():
+    made = alone("zero_order_hold", sample_time=STEP, offset=0.003)
+    signal = make("sine", {"amplitude": 1.5, "frequency": 40.0})
+    request = MetricRequest(metric="peak", output="y", signals={"u": signal}, duration=0.011)
+    ((value, slopes),) = measure(made, [request], gradient=["d.offset"])
+    assert value.value == pytest.approx(1.5 * np.sin(40.0 * 0.003), rel=1e-12)
+    assert slopes.values[0] == pytest.approx(60.0 * np.cos(40.0 * 0.003), rel=1e-9)
+
+
+def test_an_offset_of_a_sample_time_is_refused():
+    with pytest.raises(DiagramError, match=r"offset must be < sample_time \(0.01 s\), got 0.01"):
+        alone("zero_order_hold", sample_time=STEP, offset=STEP)
