@@ -114,7 +114,7 @@ def laws(element: type[NonlinearElement], values: dict[str, Any], *, deciding: b
     period = element.period(values)
     found = {
         "initial": element.initial(values),
-        "sampling": [] if period is None else [period, element.latency(values)],
+        "sampling": [] if period is None else [period, element.latency(values), element.offset(values)],
     }
     if period is not None and deciding:
         found["sampled"], found["unrest"] = element.sample(m, 0, values), element.unrest(m, 0, values)
