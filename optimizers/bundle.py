@@ -23,7 +23,7 @@ from scipy.optimize import linprog
 from optimizers.evaluate import Local, Matrix
 from optimizers.excess import excess, excess_slopes
 from optimizers.problem import Vector
-from optimizers.search import Tracker
+from optimizers.search import NEAR, STATIONARY, Tracker
 
 _WIDEST, _FINEST = 0.1, 1e-8
 """Radii of the trust region, as parts of the range of each variable: the widest, and where the polish ends."""
@@ -31,6 +31,8 @@ _REMEMBERED = 24
 _PENALTY = 1e2
 """What an excess of 1 relative to its bound costs, in units of the objective."""
 _GAIN = 1e-9
+_SHARES = (1.0, 0.1, 0.01)
+"""Parts of the moves of a proof for which it looks for a gain: the cuts of a bent ridge may hide one from wide moves."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +65,7 @@ class Polish:
         self._scale = 1.0
 
     def run(self, start: Vector, *, evaluations: int, radius: float = 0.01) -> None:
-        """Polish from ``start``; the tracker remembers the best point passed.
+        """Polish from ``start``; the tracker remembers the best point passed, and what the slopes still promise there.
 
         Raises
         ------
@@ -72,6 +74,7 @@ class Polish:
         """
         first = self._tracker.local(start)
         if first is None:
+            self._tracker.prove(start, np.inf)
             return
         self._scale = max(float(np.abs(self._evaluator.objectives(first.values)).max()), 1e-300)
         here = self._cut(start, first)
@@ -79,7 +82,12 @@ class Polish:
         for _ in range(evaluations - 1):
             step, predicted = self._step(here, known, radius)
             if radius < _FINEST or predicted <= _GAIN:
-                return
+                # That alone is no proof: on a ridge a region becomes narrow, and cuts from around its bend promise nothing.
+                wide = [share * NEAR for share, gain in self._promised(here, known).items() if gain > STATIONARY]
+                if not wide:
+                    break
+                radius = wide[0]
+                step, predicted = self._step(here, known, radius)
             x = np.clip(here.x + step, 0.0, 1.0)
             found = self._tracker.local(x)
             if found is None:
@@ -94,6 +102,11 @@ class Polish:
                 radius = 0.5 * min(radius, float(np.abs(step).max()) or radius)
             if gained > 0:
                 here = there
+        self._tracker.prove(here.x, max(0.0, *self._promised(here, known).values()))
+
+    def _promised(self, here: _Cut, known: list[_Cut]) -> dict[float, float]:
+        """Return the gain for moves of 1 % as each part of such a move promises it, by part."""
+        return {share: self._step(here, known, share * NEAR)[1] / share for share in _SHARES}
 
     def _cut(self, x: Vector, local: Local) -> _Cut:
         """Return objective and excesses with their slopes, relative to the objective at the start and to the bounds."""

@@ -56,6 +56,8 @@ def descend_beside(tracker: Tracker, start: Vector, *, evaluations: int) -> None
         tracker.evaluator.evaluations += inner.evaluator.evaluations
     if inner.best is not None:
         tracker.local(inner.best)
+        if inner.stationarity is not None:
+            tracker.prove(inner.best, inner.stationarity)
 
 
 def _band(goal: Goal) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from optimizers.evaluate import Evaluator
 from optimizers.problem import Problem, Vector
+from optimizers.proving import polish
 from optimizers.report import conclude
 from optimizers.result import Monitor, Result, Status
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
@@ -43,6 +44,8 @@ def settle(problem: Problem, result: Result, monitor: Monitor) -> Result:
                 tracker.assess(every[first : first + _BLOCK])
         else:
             _moves(problem, tracker, discrete)
+            if tracker.best is not None and len(discrete) < len(problem.axes):
+                polish(tracker, np.full(len(problem.goals), SAFETY), evaluations=_SHORT)
     except Stopped:
         return result
     if tracker.best is None or not tracker.rank < before:

@@ -10,12 +10,32 @@ from optimizers.companion import descend_beside
 from optimizers.compared import exactly
 from optimizers.evaluate import Evaluator, Local
 from optimizers.problem import Vector
-from optimizers.search import SAFETY, Descent, Tracker
+from optimizers.search import SAFETY, STATIONARY, Descent, Tracker
 
 _ROUNDS = 3
 _EVALUATIONS = 60
 _TRUSTED = 1e-4
 """Relative difference of fast and exact objective from which on the fast one is not believed."""
+
+
+def polish(tracker: Tracker, margins: Vector, *, evaluations: int) -> None:
+    """Polish the best point until it is stationary, in a bounded number of rounds.
+
+    Along a bent ridge slopes alone creep; a descent that learns its curvature makes the way.
+
+    Raises
+    ------
+    Stopped
+        When cancelled or out of budget.
+    """
+    for number in range(_ROUNDS):
+        assert tracker.best is not None
+        before = tracker.rank
+        if number:
+            Descent(tracker, margins).run(tracker.best, evaluations=evaluations)
+        Polish(tracker, margins).run(tracker.best, evaluations=evaluations)
+        if (tracker.stationarity or 0.0) <= STATIONARY or not tracker.rank < before:
+            return
 
 
 def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
@@ -33,10 +53,12 @@ def descend_to_proof(tracker: Tracker, margins: Vector) -> None:
     _tighten(tracker, margins)
     if tracker.best is None or tracker.rank[0] > 0:
         return
-    proven = tracker.best, tracker.rank
+    proven = tracker.best, tracker.rank, tracker.stationarity
     descend_beside(tracker, tracker.best, evaluations=_EVALUATIONS)
     if tracker.best is not proven[0] and not certify(tracker.evaluator.problem, _values(tracker)).valid:
-        tracker.best, tracker.rank = proven
+        tracker.best, tracker.rank, tracker.stationarity = proven
+    if tracker.stationarity is None:  # the best point is a later one than the last proof
+        Polish(tracker, margins).run(tracker.best, evaluations=1)
 
 
 def _values(tracker: Tracker) -> dict[str, float]:
@@ -61,6 +83,7 @@ def _tighten(tracker: Tracker, margins: Vector) -> None:
         start, tracker.rank = tracker.best, (np.inf, np.inf)
         tracker.margins = np.maximum(margins - SAFETY, 0.0)
         Descent(tracker, margins).run(start, evaluations=_EVALUATIONS)
+        Polish(tracker, margins).run(tracker.best, evaluations=_EVALUATIONS)
 
 
 class _Exactly(Evaluator):

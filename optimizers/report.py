@@ -24,7 +24,7 @@ from optimizers.evaluate import Evaluator, Local, Matrix
 from optimizers.excess import signed_excess
 from optimizers.problem import Goal, Problem, Vector
 from optimizers.result import Front, GoalReport, GridMap, Result, Status
-from optimizers.search import Tracker
+from optimizers.search import STATIONARY, Tracker
 
 ACTIVE = 1e-3
 """A bound is active when less room than this (relative to the bound) is left."""
@@ -71,6 +71,8 @@ def conclude(
     values, slopes = exactly(problem.goals, found, len(names))
     by_position = slopes * np.array([axis.slope(best[axis.parameter]) for axis in problem.axes])
     local = Local(values=values, slopes=np.where(np.isfinite(by_position), by_position, 0.0))
+    if status is Status.CONVERGED and (tracker.stationarity or 0.0) > STATIONARY:
+        status, advice = Status.STALLED, _still_promised(tracker.stationarity)
     multipliers, active = _multipliers(evaluator, position, local)
     goals = []
     for g, goal in enumerate(problem.goals):
@@ -101,8 +103,16 @@ def conclude(
         history=tuple(tracker.history), evaluations=evaluator.evaluations, seconds=tracker.seconds,
         map=grid, objective=_objective(evaluator, values), conflict=conflict,
         warnings=(*_idle(names, slopes), *filter(None, map(disagreement, certificate.goals))),
-        bound=bound, front=front, scenario_names=problem.scenario_names,
+        bound=bound, stationarity=tracker.stationarity, front=front, scenario_names=problem.scenario_names,
     )  # fmt: skip
+
+
+def _still_promised(stationarity: float | None) -> str:
+    """Return what to do where the slopes say that the best point is no optimum."""
+    return (
+        f"the slopes still promise {stationarity:.2g} of the objective for moves of 1 % of the ranges, which no step has found: "
+        "raise starts, or begin from this point."
+    )
 
 
 def _objective(evaluator: Evaluator, values: Matrix) -> float:

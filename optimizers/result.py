@@ -150,7 +150,8 @@ class Result:
 
     ``objective`` is its exact value at the best point, NaN where a metric has none. ``conflict`` names by index the goals that
     fight each other at the point that breaks them least, each with its share in the fight. ``bound`` is an objective that no
-    choice can beat, where a method knows one. ``scenario_names`` are those of the problem, none where it has none.
+    choice can beat, where a method knows one. ``stationarity`` is the gain that the slopes of all active functions promise for moves
+    of 1 % of the ranges, relative to the objective, None where no descent has looked. ``scenario_names`` are those of the problem, none where it has none.
     ``moves`` tell for each variable what becomes of the goals a little ``down`` and ``up``, None where a bound is in the way.
     ``seconds`` is the wall time of everything that led to it; ``effort`` tells it by stage, with the processor time.
     """
@@ -168,6 +169,7 @@ class Result:
     objective: float = float("nan")
     conflict: Mapping[int, float] = field(default_factory=dict)
     bound: float | None = None
+    stationarity: float | None = None
     front: Front | None = None
     gaps: tuple[Gap, ...] = ()
     robustness: Robustness | None = None

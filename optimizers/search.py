@@ -38,6 +38,11 @@ SAFETY = 1e-7
 _PROGRESS = 0.2
 """How often (s) the progress within a stage is told, at most."""
 
+NEAR = 0.01
+"""Moves, as parts of the range of each variable, for which an optimum is proven."""
+STATIONARY = 1e-5
+"""What the slopes around an optimum promise for such moves, relative to the objective, is no more than this."""
+
 _NEAR = 1e-3
 """A start that breaks its bounds by less is brought back by the descent itself; the way to the middle would lose it."""
 
@@ -54,6 +59,8 @@ class Tracker:
     """The best point so far, its history, and whether to go on.
 
     ``margins`` (G,) is the relative distance that a point found by slopes must keep from the bounds to count as feasible.
+    ``stationarity`` is the gain, relative to the objective, that the slopes of all active functions promise for moves of 1 % of
+    the ranges from the best point; None where nobody has looked.
 
     Parameters
     ----------
@@ -70,6 +77,7 @@ class Tracker:
         self.history: list[HistoryPoint] = []
         self.best: Vector | None = None
         self.rank = (np.inf, np.inf)
+        self.stationarity: float | None = None
         self.margins = np.zeros(len(evaluator.problem.goals))
         self.started = self._told = time.perf_counter()
         self._stage: tuple[float, float, str, int, int] | None = None
@@ -147,7 +155,7 @@ class Tracker:
         """Remember a point if it is the best so far; ``evaluation`` is its number, by default that of the latest."""
         rank = _rank(objective, violation)
         if rank < self.rank:
-            self.rank, self.best = rank, np.array(position, dtype=float)
+            self.rank, self.best, self.stationarity = rank, np.array(position, dtype=float), None
             variables = self.evaluator.problem.values(self.best)
             count = self.evaluator.evaluations if evaluation is None else evaluation
             seconds = elapsed()
@@ -157,6 +165,11 @@ class Tracker:
             )  # fmt: skip
             self.history.append(point)
             self.monitor.best(count, objective, violation, variables)
+
+    def prove(self, position: Vector, promised: float) -> None:
+        """Take note of the relative gain that slopes promise around a point; of the best one if that lies no farther away."""
+        if self.best is not None and np.abs(self.best - position).max() <= NEAR:
+            self.stationarity = promised if self.stationarity is None else min(promised, self.stationarity)
 
     @property
     def seconds(self) -> float:

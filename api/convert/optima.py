@@ -31,6 +31,7 @@ def result_to_wire(
         "sensitivity": _moves(result),
         "conflict": [{"goal": goal, "share": number(share)} for goal, share in result.conflict.items()],
         "bound": number(result.bound),
+        "stationarity": number(result.stationarity),
         "history": [
             {
                 "evaluation": point.evaluation,

@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
-from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
-from optimizers.proving import descend_to_proof
+from optimizers.proving import descend_to_proof, polish
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Keeper, Monitor, Result, Status, kept_by
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
@@ -90,7 +89,7 @@ class Global(Method):
             assert tracker.best is not None
             tracker.stage(0.9, 0.95, "polishing", evaluations=_POLISH)
             Descent(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
-            Polish(tracker, margins).run(tracker.best, evaluations=_POLISH // 3)
+            polish(tracker, margins, evaluations=_POLISH // 3)
             descend_to_proof(tracker, margins)
         except Stopped as stop:
             status = Status.CANCELLED if stop.cancelled else Status.BUDGET

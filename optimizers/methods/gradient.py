@@ -16,14 +16,13 @@ import numpy as np
 
 from engine.parameters import Param
 from optimizers.blocks import in_blocks
-from optimizers.bundle import Polish
 from optimizers.certificate import TOLERANCE
 from optimizers.cloud import search_around
 from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.evenly import sobol_sequence
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
-from optimizers.proving import descend_to_proof
+from optimizers.proving import descend_to_proof, polish
 from optimizers.report import conclude, unstable_advice
 from optimizers.result import Keeper, Monitor, Result, Status, kept_by
 from optimizers.search import SAFETY, Descent, Stopped, Tracker
@@ -36,7 +35,6 @@ _DESCENT, _LAST_DESCENT, _POLISH = 25, 60, 40
 _AROUND = 8 * 64
 """Evaluations around the best point without compiled kernels."""
 _SMALLEST_CLOUD = 16
-_STANDSTILL = 1e-3
 
 
 @final
@@ -76,9 +74,7 @@ class Gradient(Method):
         status = Status.CONVERGED
         advice = "descents from different points, and the points around this one, are no better."
         try:
-            if not _search(tracker, int(options["starts"]), rng):
-                status = Status.STALLED
-                advice = "it was still getting better slowly: raise starts, or begin from this point."
+            _search(tracker, int(options["starts"]), rng)
         except Stopped as stop:
             status = Status.CANCELLED if stop.cancelled else Status.BUDGET
             advice = (
@@ -123,8 +119,8 @@ class _State:
         )
 
 
-def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
-    """Search; return whether the polish of the best point found nothing better worth mentioning."""
+def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> None:
+    """Search, polish the best point and prove it."""
     margins = np.full(len(tracker.evaluator.problem.goals), SAFETY)
     keeper = tracker.monitor if isinstance(tracker.monitor, Keeper) else None
     # Drawn before anything is known, so that a run that goes on later draws the same.
@@ -161,17 +157,8 @@ def _search(tracker: Tracker, starts: int, rng: np.random.Generator) -> bool:
         _surround(tracker, tracker.best, clouds[0], rounds=8, size=64)
     tracker.stage(0.85, 0.95, "polishing", evaluations=_DESCENT + _POLISH)
     descent.run(tracker.best, evaluations=_DESCENT)
-    entered = tracker.rank
-    Polish(tracker, margins).run(tracker.best, evaluations=_POLISH)
-    gain = _gain(entered, tracker.rank)
+    polish(tracker, margins, evaluations=_POLISH)
     descend_to_proof(tracker, margins)
-    return gain < _STANDSTILL
-
-
-def _gain(before: tuple[float, float], after: tuple[float, float]) -> float:
-    """Return the relative progress from one rank (violation, objective) to the next."""
-    number = 0 if before[0] > 0 else 1
-    return (before[number] - after[number]) / max(abs(before[number]), 1e-300) if np.isfinite(before[number]) else 0.0
 
 
 def _sample(tracker: Tracker, rng: np.random.Generator) -> Matrix:

@@ -120,6 +120,7 @@ _Extras = TypedDict(
     {
         "objective": float | None,
         "bound": float | None,
+        "stationarity": float | None,
         "conflict": list[dict[str, Any]],
         "front": list[FrontPoint],
         "hypervolume": float | None,
