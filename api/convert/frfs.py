@@ -155,4 +155,10 @@ def modes_to_wire(found: Modes, *, form: str | None, times: float) -> dict[str, 
                 "doubt": mode.doubt,
             }
         )
-    return {"modes": modes, "relative_error_percent": number(found.relative_error_percent), "form": form}
+    return {
+        "modes": modes,
+        "relative_error_percent": number(found.relative_error_percent),
+        "form": form,
+        "band": [number(found.frequency[0]), number(found.frequency[-1])],
+        "lines_left_out": found.left_out,
+    }

@@ -186,11 +186,16 @@ class ModeReply(Reply):
 
 
 class ModesReply(Reply):
-    """Modes by frequency, and the relative error of what they give on their lines."""
+    """Modes by frequency, and the relative error of what they give on their lines.
+
+    Lines that tell nothing are left out: no input is there, or noise hides the response. ``band`` (rad/s) holds the others.
+    """
 
     modes: list[ModeReply]
     relative_error_percent: Number
     form: str | None
+    band: list[Number]
+    lines_left_out: int
 
 
 class FrfReply(StudyReply):

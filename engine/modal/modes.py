@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.errors import SpectrumError
 from engine.modal.fit import Fitted, Lines, fit_modes
@@ -20,6 +21,9 @@ from engine.spectra.frf import Frf
 
 MOST_MODES = 20
 _FEWEST_LINES = 12
+_KNOWN, _AROUND = 0.3, 3
+"""Standard deviation of a phase, rad, beyond which a response is noise; it counts as far as so many lines on either side agree, for
+noise is sometimes coherent by chance."""
 _LEAST_ERROR = 1e-4
 """Relative standard deviation below which nobody knows a line: sensors do not."""
 _MOST_UNCERTAIN = 0.5
@@ -52,12 +56,16 @@ class Mode:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Modes:
-    """The modes of a band by frequency, what they give on its lines, and the relative error of that in percent."""
+    """The modes of a band by frequency, what they give on its lines, and the relative error of that in percent.
+
+    ``left_out`` counts the lines that tell nothing: no input is there, or noise hides the response.
+    """
 
     modes: tuple[Mode, ...]
     frequency: Real
     model: Mapping[str, Complex]
     relative_error_percent: float
+    left_out: int = 0
 
 
 def modes_of(frfs: Mapping[str, Frf], *, count: int | None = None) -> Modes:
@@ -87,7 +95,9 @@ def modes_of(frfs: Mapping[str, Frf], *, count: int | None = None) -> Modes:
         raise SpectrumError(msg, at=("count",))
     if not found:
         empty = {name: np.zeros(lines.w.size, dtype=np.complex128) for name in frfs}
-        return Modes(modes=(), frequency=lines.w, model=empty, relative_error_percent=100.0)
+        return Modes(
+            modes=(), frequency=lines.w, model=empty, relative_error_percent=100.0, left_out=_left_out(frfs, lines)
+        )
     start = _Poles(np.array([each.frequency for each in found]), np.array([each.damping for each in found]))
     # the many poles that noise makes go while their residues are all that is fitted; then all is
     fitted = fit_modes(lines, *_needed(lines, start, count=count, line_width=line_width), line_width=line_width)
@@ -104,6 +114,10 @@ def _lines(frfs: Mapping[str, Frf]) -> Lines:
     w = first.frequency[there]
     if w.size < _FEWEST_LINES:
         raise SpectrumError(f"band must hold at least {_FEWEST_LINES} lines to find modes, got {w.size}", at=("band",))
+    known = np.array([_known(frf)[there] for frf in frfs.values()]).any(axis=0)
+    if np.count_nonzero(known) >= _FEWEST_LINES:  # else whatever there is
+        there[there] = known
+        w = first.frequency[there]
     responses = np.array([frf.value[there] for frf in frfs.values()])
     weights = []
     for frf, response in zip(frfs.values(), responses, strict=True):
@@ -113,6 +127,16 @@ def _lines(frfs: Mapping[str, Frf]) -> Lines:
             error = np.clip(frf.phase_error[there], _LEAST_ERROR, 10.0)
             weights.append(1 / (np.abs(response) * error))
     return Lines(w=w, responses=responses, weights=np.array(weights))
+
+
+def _known(frf: Frf) -> npt.NDArray[np.bool_]:
+    """Return on which lines a response is known; noise over noise, where nothing excites, would be fitted as modes."""
+    if frf.phase_error is None:
+        return np.ones(frf.value.shape, dtype=np.bool_)
+    error = np.where(np.isfinite(frf.phase_error), frf.phase_error, np.inf)
+    around = np.pad(error, _AROUND, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * _AROUND + 1), axis=-1)
+    return np.asarray((error < _KNOWN) & (usual < _KNOWN))
 
 
 class _Poles(NamedTuple):
@@ -153,7 +177,17 @@ def _named(frfs: Mapping[str, Frf], lines: Lines, fitted: Fitted) -> Modes:
     )
     left = np.linalg.norm(lines.responses - fitted.model) / np.linalg.norm(lines.responses)
     model = dict(zip(frfs, fitted.model, strict=True))
-    return Modes(modes=modes, frequency=lines.w, model=model, relative_error_percent=float(100 * left))
+    return Modes(
+        modes=modes,
+        frequency=lines.w,
+        model=model,
+        relative_error_percent=float(100 * left),
+        left_out=_left_out(frfs, lines),
+    )
+
+
+def _left_out(frfs: Mapping[str, Frf], lines: Lines) -> int:
+    return next(iter(frfs.values())).frequency.size - lines.w.size
 
 
 def _doubt(frfs: Mapping[str, Frf], fitted: Fitted, r: int) -> str:

@@ -14,7 +14,7 @@ class Dataset(TypedDict, total=False):
     format: str
     channels: list[dict[str, Any]]
     sample_rate: float
-    samples: int
+    sample_count: int
 
 
 class ChannelData(TypedDict, total=False):
