@@ -15,12 +15,14 @@ import numpy.typing as npt
 
 from engine.errors import SpectrumError
 from engine.modal.fit import Fitted, Lines, fit_modes
-from engine.modal.poles import MOST_ORDER, candidates
+from engine.modal.poles import MOST_ORDER, Candidate, candidates
 from engine.spectra.fourier import Complex, Real
 from engine.spectra.frf import Frf
 
 MOST_MODES = 20
 _FEWEST_LINES = 12
+_ORDERS = (20, 30, MOST_ORDER)
+"""Highest orders of the models that candidates come from; a higher one as long as the fit becomes better."""
 _KNOWN, _AROUND = 0.3, 3
 """Standard deviation of a phase, rad, beyond which a response is noise; it counts as far as so many lines on either side agree, for
 noise is sometimes coherent by chance."""
@@ -87,25 +89,43 @@ def modes_of(frfs: Mapping[str, Frf], *, count: int | None = None) -> Modes:
     line_width = max(frf.line_width for frf in frfs.values())
     if count is not None and not 1 <= count <= MOST_MODES:
         raise SpectrumError(f"count must be 1 to {MOST_MODES}, got {count}", at=("count",))
-    order = min(MOST_ORDER, lines.w.size // 2 - 1, max(20, 4 * (count or 0) + 12))
-    found = candidates(lines.w, lines.responses, lines.weights / lines.weights.max(), order=order)
-    found = sorted(found, key=lambda candidate: -candidate.orders)[:MOST_MODES]
-    if len(found) < (count or 0):
-        msg = f"count must be <= {len(found)}, the modes that the band shows, got {count}"
-        raise SpectrumError(msg, at=("count",))
-    if not found:
-        empty = {name: np.zeros(lines.w.size, dtype=np.complex128) for name in frfs}
-        return Modes(
-            modes=(), frequency=lines.w, model=empty, relative_error_percent=100.0, left_out=_left_out(frfs, lines)
-        )
-    start = _Poles(np.array([each.frequency for each in found]), np.array([each.damping for each in found]))
+    most, seen, best = lines.w.size // 2 - 1, 0, None
+    for order in sorted({min(most, max(order, 4 * (count or 0) + 12)) for order in _ORDERS}):
+        found = candidates(lines.w, lines.responses, lines.weights / lines.weights.max(), order=order)
+        seen = max(seen, len(found))
+        if not found or len(found) < (count or 0):
+            continue
+        fitted = _fitted(lines, found, count=count, line_width=line_width)
+        if best is not None and _criterion(lines, fitted, line_width) >= _criterion(lines, best, line_width):
+            break
+        best = fitted
+    if best is not None:
+        return _named(frfs, lines, best)
+    if count is not None:
+        raise SpectrumError(f"count must be <= {seen}, the modes that the band shows, got {count}", at=("count",))
+    empty = {name: np.zeros(lines.w.size, dtype=np.complex128) for name in frfs}
+    return Modes(
+        modes=(), frequency=lines.w, model=empty, relative_error_percent=100.0, left_out=_left_out(frfs, lines)
+    )
+
+
+def _fitted(lines: Lines, found: list[Candidate], *, count: int | None, line_width: float) -> Fitted:
+    """Return the candidates fitted together, without those that the fit does not need."""
+    likely = sorted(found, key=lambda candidate: -candidate.orders)[:MOST_MODES]
+    start = _Poles(np.array([each.frequency for each in likely]), np.array([each.damping for each in likely]))
     # the many poles that noise makes go while their residues are all that is fitted; then all is
     fitted = fit_modes(lines, *_needed(lines, start, count=count, line_width=line_width), line_width=line_width)
     while True:
         poles = _needed(lines, _Poles(fitted.frequency, fitted.damping), count=count, line_width=line_width)
         if len(poles.frequency) == len(fitted.frequency):
-            return _named(frfs, lines, fitted)
+            return fitted
         fitted = fit_modes(lines, *poles, line_width=line_width)
+
+
+def _criterion(lines: Lines, fitted: Fitted, line_width: float) -> float:
+    """Return Schwarz's criterion of a fit: the less, the better."""
+    numbers = lines.numbers / line_width
+    return float(numbers * np.log(max(fitted.cost, 1e-300)) + lines.unknowns(fitted.frequency.size) * np.log(numbers))
 
 
 def _lines(frfs: Mapping[str, Frf]) -> Lines:
