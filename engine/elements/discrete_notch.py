@@ -32,10 +32,11 @@ class DiscreteNotch(Discrete):
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Refuse a notch at the Nyquist frequency or beyond."""
         super().check(given, values)
-        nyquist = math.pi / values["sample_time"].real
-        if values["frequency"].real >= nyquist:
+        frequency, sample_time = values["frequency"].real, values["sample_time"].real
+        if frequency * sample_time >= math.pi:
             raise DiagramError(
-                f"frequency must be < {nyquist:g} rad/s, the Nyquist frequency, got {values['frequency'].real:g}",
+                f"frequency must be < {math.pi / sample_time:g} rad/s, the Nyquist frequency of a sample_time of {sample_time:g} s, "
+                f"got {frequency:g}",
                 at=("frequency",),
             )
 

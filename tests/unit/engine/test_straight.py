@@ -27,7 +27,7 @@ def test_a_law_that_says_it_is_a_line_is_one(kind):
     ports, rng = element.ports(values), np.random.default_rng(7)
     lines = [mode for mode in element.modes if element.affine(mode, values)]
     for mode in lines:
-        x, z = rng.normal(size=(len(element.states), 3)), rng.normal(size=(len(ports.inputs), 3))
+        x, z = rng.normal(size=(len(element.initial(values)), 3)), rng.normal(size=(len(ports.inputs), 3))
 
         def at(t, x, z, mode=mode):
             m = Moment(t=np.full((1, x.shape[1]), t), x=list(x[:, None]), z=list(z[:, None]))
