@@ -109,7 +109,11 @@ def _gain(law: Law) -> Gain | None:
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - a quarter of a second
 
     ports = element.ports(values)
-    if (len(ports.inputs), len(ports.outputs)) != (1, 1) or element.initial(values) or element.period(values) is not None:
+    if (
+        (len(ports.inputs), len(ports.outputs)) != (1, 1)
+        or element.initial(values)
+        or element.period(values) is not None
+    ):
         return None
     table: dict[float, complex] = {}
     for amplitude in _AMPLITUDES:
