@@ -21,6 +21,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -202,7 +203,7 @@ class Parser:
     ``functions`` says how many arguments each function has.
     """
 
-    functions: ClassVar[Mapping[str, int]] = dict.fromkeys(FUNCTIONS, 1)
+    functions: Mapping[str, int] = MappingProxyType(dict.fromkeys(FUNCTIONS, 1))
     operators: ClassVar[Operators] = OPERATORS
 
     def __init__(self, text: str) -> None:

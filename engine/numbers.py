@@ -183,10 +183,10 @@ class Reader:
                     else self._slot(item, place.entry(i))
                     for i, item in enumerate(_sequence(value, place))
                 )
-            case "matrix":
+            case "lists" | "matrix":
                 rows = tuple(self._list(row, place.entry(i)) for i, row in enumerate(_sequence(value, place)))
                 for i, row in enumerate(rows):
-                    if len(row) != len(rows[0]):
+                    if place.param.shape == "matrix" and len(row) != len(rows[0]):
                         got = f"{len(rows[0])} and {len(row)} entries"
                         raise DiagramError(
                             f"{place.label} must have rows of equal length, got {got}", at=(*place.at, i)

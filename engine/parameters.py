@@ -16,7 +16,7 @@ LARGEST = 1e100
 """Numbers beyond this, or nearer to 0 than its inverse, would overflow in squares and quotients."""
 
 Scale = Literal["linear", "log"]
-Shape = Literal["scalar", "list", "roots", "matrix", "text", "integer", "names", "signal"]
+Shape = Literal["scalar", "list", "lists", "roots", "matrix", "text", "integer", "names", "signal"]
 Scalar: TypeAlias = Union[float, complex, npt.NDArray[Any], "Traced"]  # a string has no |
 """One value, one with an infinitesimal in its imaginary part, a batch of values (B,), or one that traces its making."""
 
@@ -26,8 +26,8 @@ class Param:
     """Declaration of one parameter of an element or signal.
 
     ``unit`` is a coherent SI unit ("" = a generic gain of any unit, "1" = a ratio). ``shape`` is "scalar", "list",
-    "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows), "text" (one of ``choices`` where these are
-    given), "integer" (a whole number that decides the structure, as an order does), "names" (a list of port names) or
+    "lists" (of any length each), "roots" (a list of numbers or ``[re, im]`` pairs), "matrix" (list of rows), "text" (one of
+    ``choices`` where these are given), "integer" (a whole number that decides the structure, as an order does), "names" (a list of port names) or
     "signal" (a command that another one is made of). The bounds of a list are those of its entries.
     ``scale`` is how its values spread wherever they are positive. A parameter without a default must be given, unless
     ``required`` is False: then it may be absent.

@@ -50,7 +50,7 @@ def document_of(
 def _field(param: Param, *, expressions: bool) -> tuple[Any, Any]:
     scalar = Scalar if expressions else Quantity
     shapes: dict[str, Any] = {
-        "scalar": scalar, "list": Scalars, "roots": list[Root], "matrix": Rows, "text": str, "integer": int,
+        "scalar": scalar, "list": Scalars, "lists": Rows, "roots": list[Root], "matrix": Rows, "text": str, "integer": int,
         "names": list[Name],
     }  # fmt: skip
     kind = Literal[param.choices] if param.choices else shapes[param.shape]

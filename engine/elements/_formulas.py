@@ -2,12 +2,14 @@
 
 What is not smooth (abs, sign, min, max, atan2) is a switch: the sign s of an argument a. A mode fixes all signs, so that every
 formula is analytic inside it, and a guard -s a ends it: abs(a) = s a, sign(a) = s, max(a, b) = a where a - b >= 0 else b.
+A table has a switch at each of its points, and is a straight line between two of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -18,12 +20,24 @@ from engine.expressions import FUNCTIONS, OPERATORS, Compute, Operators, Parser,
 from engine.parameters import Param
 from engine.traced import Op, Traced, UnsuitableError
 
-MAX_SWITCHES: Final = 16
+MAX_SWITCHES: Final = 64
 
 CONSTANTS = (
     Param(name="constants", symbol="c", shape="names", required=False, doc="names of numbers that the formulas use"),
     Param(name="values", symbol="c_i", shape="list", required=False, doc="their values, one for each name"),
-)
+    Param(
+        name="tables", symbol="T", shape="names", required=False,
+        doc="names of tables that the formulas use as functions of one argument, name(u)",
+    ),
+    Param(
+        name="table_points", symbol="T_u", shape="lists", required=False,
+        doc="for each table the arguments that it knows, increasing, two at least",
+    ),
+    Param(
+        name="table_values", symbol="T_y", shape="lists", required=False,
+        doc="for each table what it is there; in between it is linear, beyond its ends it holds the last value",
+    ),
+)  # fmt: skip
 
 
 def _with_slope(
@@ -55,6 +69,12 @@ _ANALYTIC: Final[Mapping[str, Callable[[Any], Any]]] = {
 }
 
 
+_FUNCTIONS: Final[Mapping[str, int]] = {
+    **dict.fromkeys(_ANALYTIC, 1), "abs": 1, "sign": 1, "min": 2, "max": 2, "atan2": 2,
+}  # fmt: skip
+"""How many arguments each has."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formula:
     """A formula that has been read, and the names that it uses."""
@@ -74,12 +94,18 @@ class _SignalParser(Parser):
     The sides of the switches stand behind the values of the names, the first at the end: that place is known while parsing.
     """
 
-    functions: ClassVar[Mapping[str, int]] = {
-        **dict.fromkeys(_ANALYTIC, 1), "abs": 1, "sign": 1, "min": 2, "max": 2, "atan2": 2,
-    }  # fmt: skip
     operators: ClassVar[Operators] = {**OPERATORS, "/": _divide}
 
-    def __init__(self, text: str, names: dict[str, int], switches: list[Compute], known: Mapping[str, Formula]) -> None:
+    def __init__(
+        self,
+        text: str,
+        names: dict[str, int],
+        switches: list[Compute],
+        known: Mapping[str, Formula],
+        tables: Mapping[str, int],
+    ) -> None:
+        self._tables = tables
+        self.functions = {**_FUNCTIONS, **dict.fromkeys(tables, 1)}
         super().__init__(text)
         self._names = names
         self._switches = switches
@@ -97,7 +123,9 @@ class _SignalParser(Parser):
     def _switch(self, argument: Compute) -> int:
         self._switches.append(argument)
         if len(self._switches) > MAX_SWITCHES:
-            raise self._error(f"abs, sign, min, max and atan2 must be at most {MAX_SWITCHES}, got more, the last")
+            raise self._error(
+                f"abs, sign, min, max, atan2 and points of tables must be at most {MAX_SWITCHES}, got more, the last"
+            )
         return -len(self._switches)
 
     def call(self, name: str, arguments: Sequence[Callable[[Any], Any]]) -> Compute:
@@ -105,9 +133,11 @@ class _SignalParser(Parser):
         if name in _ANALYTIC:
             function, (argument,) = _ANALYTIC[name], arguments
             return lambda values: function(argument(values))
+        if name in self._tables:
+            return self._table(name, arguments[0])
         a, b = arguments[0], arguments[-1]
         if name in {"min", "max"}:
-            side = self._switch(lambda values: a(values) - b(values))
+            side = self._switch(_difference(a, b))
             first_side = 1.0 if name == "max" else -1.0
             return lambda values: a(values) if values[side] == first_side else b(values)
         side = self._switch(a)
@@ -116,6 +146,30 @@ class _SignalParser(Parser):
         if name == "abs":
             return lambda values: values[side] * a(values)
         return lambda values: values[side] + 0.0 * a(values)
+
+    def _table(self, name: str, argument: Compute) -> Compute:
+        """Return a table at an argument: the mode tells between which points that lies."""
+        points, heights = ([Parser.named(self, entry) for entry in of] for of in _entries(name, self._tables[name]))
+        sides = [self._switch(_difference(argument, point)) for point in points]
+
+        def compute(values: Sequence[Any]) -> Any:
+            k = sum(values[side] > 0 for side in sides) - 1
+            if not 0 <= k < len(points) - 1:
+                return heights[max(k, 0)](values) + 0.0 * argument(values)
+            left, low = points[k](values), heights[k](values)
+            rise = (heights[k + 1](values) - low) / (points[k + 1](values) - left)
+            return low + rise * (argument(values) - left)
+
+        return compute
+
+
+def _entries(table: str, count: int) -> tuple[list[str], list[str]]:
+    """Return names for the numbers of a table, which no formula can write."""
+    return [f"{table} u{k}" for k in range(count)], [f"{table} y{k}" for k in range(count)]
+
+
+def _difference(first: Compute, second: Compute) -> Compute:
+    return lambda values: first(values) - second(values)
 
 
 def _angle(y: Any, x: Any, side: Any) -> Any:
@@ -138,6 +192,8 @@ class Formulas:
     ----------
     texts : sequence of (name, text)
         A formula with a name can be used by those after it.
+    tables : mapping of str to int, optional
+        How many points each table has.
 
     Attributes
     ----------
@@ -151,13 +207,13 @@ class Formulas:
         If a text is no formula.
     """
 
-    def __init__(self, texts: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, texts: Sequence[tuple[str, str]], tables: Mapping[str, int] = MappingProxyType({})) -> None:
         places: dict[str, int] = {}
         known: dict[str, Formula] = {}
         self._switches: list[Compute] = []
         self.formulas: list[Formula] = []
         for name, text in texts:
-            parser = _SignalParser(text, places, self._switches, known)
+            parser = _SignalParser(text, places, self._switches, known, tables)
             found = Formula(compute=parser.expression().compute, uses=frozenset(parser.uses))
             self.formulas.append(found)
             if name:
@@ -203,23 +259,62 @@ class Formulas:
         return [*(given[name] for name in self.names), *reversed(sides)]
 
 
+def table_sizes(values: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
+    """Return the name of each table of a block and how many points it has."""
+    names, points = values["tables"] or (), values["table_points"] or ()
+    return tuple((name, len(own)) for name, own in zip(names, points, strict=False))
+
+
 def constants(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a block's constants by name."""
-    return dict(zip(values["constants"] or (), values["values"] or (), strict=True))
+    """Return a block's constants by name, with the numbers of its tables."""
+    found = dict(zip(values["constants"] or (), values["values"] or (), strict=True))
+    if values["tables"]:
+        for name, points, heights in zip(values["tables"], values["table_points"], values["table_values"], strict=True):
+            places, says = _entries(name, len(points))
+            found |= dict(zip(places, points, strict=True)) | dict(zip(says, heights, strict=True))
+    return found
 
 
-def check_constants(values: Mapping[str, Any], *, taken: Sequence[str] = ()) -> None:
-    """Refuse constants without values, values without names, and names that mean something else."""
-    names, numbers = values["constants"] or (), values["values"] or ()
-    if len(names) != len(numbers):
-        raise DiagramError(f"values must be as many as constants ({len(names)}), got {len(numbers)}", at=("values",))
+def check_constants(values: Mapping[str, Any]) -> None:
+    """Refuse constants without values, values without names, and tables that are none."""
+    names, tables = values["constants"] or (), values["tables"] or ()
+    for given, what, wanted in (
+        ("values", "constants", names), ("table_points", "tables", tables), ("table_values", "tables", tables),
+    ):  # fmt: skip
+        if len(values[given] or ()) != len(wanted):
+            raise DiagramError(
+                f"{given} must be as many as {what} ({len(wanted)}), got {len(values[given] or ())}", at=(given,)
+            )
+    for k, name in enumerate(tables):
+        _check_table(name, values["table_points"][k], values["table_values"][k], k)
+
+
+def _check_table(name: str, points: Sequence[Any], heights: Sequence[Any], number: int) -> None:
+    if len(points) < 2:
+        raise DiagramError(f"table_points of {name} must be at least 2, got {len(points)}", at=("table_points", number))
+    if len(heights) != len(points):
+        msg = f"table_values of {name} must be as many as its points ({len(points)}), got {len(heights)}"
+        raise DiagramError(msg, at=("table_values", number))
+    for k in range(1, len(points)):
+        if points[k].real <= points[k - 1].real:
+            msg = f"table_points of {name} must increase, got {points[k].real:g} after {points[k - 1].real:g}"
+            raise DiagramError(msg, at=("table_points", number, k))
+
+
+def check_names(
+    names: Sequence[str], known: Sequence[str], values: Mapping[str, Any], *, at: str, taken: Sequence[str] = ()
+) -> None:
+    """Refuse constants and tables whose names mean something else, and a name that a formula uses and nothing gives.
+
+    ``known`` are the names that mean something without them; those ``taken`` mean something, but not here.
+    """
+    fixed, tables = values["constants"] or (), values["tables"] or ()
+    for what, own, others in (("constants", fixed, (*known, *taken)), ("tables", tables, (*fixed, *known, *taken))):
+        for name in own:
+            if name in _FUNCTIONS or name == "pi" or name in others:
+                raise DiagramError(f"{what} must have names of their own, got '{name}'", at=(what,))
+    given = constants(values)
     for name in names:
-        if name in _SignalParser.functions or name == "pi" or name in taken:
-            raise DiagramError(f"constants must have names of their own, got '{name}'", at=("constants",))
-
-
-def check_known(names: Sequence[str], known: Sequence[str], *, at: str) -> None:
-    """Refuse a name that a formula uses and nothing gives."""
-    for name in names:
-        if name not in known:
-            raise DiagramError(f"{at} must use only {', '.join(known)} and constants, got '{name}'", at=(at,))
+        if name not in known and name not in given:
+            rule = f"{at} must use only {', '.join((*known, *fixed))}, constants and tables"
+            raise DiagramError(f"{rule}, got '{name}'", at=(at,))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -306,8 +306,8 @@ def linearized(element: type[NonlinearElement], m: Moment, mode: Mode, values: V
 
 def _by_slopes(element: type[NonlinearElement], m: Moment, mode: Mode, values: Values) -> Realization:
     n, p = len(m.x), len(m.z)
-    lanes = max(np.shape(entry)[0] for entry in (*m.x, *m.z, *_numbers(values)) if np.ndim(entry))
-    if lanes == 1 and not any(np.iscomplexobj(v) for v in (*m.x, *m.z, *_numbers(values))):
+    lanes = max(np.shape(entry)[0] for entry in (*m.x, *m.z, *entries(values)) if np.ndim(entry))
+    if lanes == 1 and not any(np.iscomplexobj(v) for v in (*m.x, *m.z, *entries(values))):
         single = slopes(element, m, mode, values)
         d = Realization(a=single.fx[0], b=single.fz[0], c=single.gx[0], d=single.gz[0])
         return d if n else Realization.static(single.gz[0])
@@ -340,11 +340,11 @@ def _flat(value: Any) -> Any:
     return np.ravel(value) if isinstance(value, np.ndarray) else value
 
 
-def _numbers(values: Values) -> list[Any]:
-    found: list[Any] = []
-    for value in values.values():
-        found.extend(value if isinstance(value, list) else [value])
-    return found
+def entries(value: Any) -> list[Any]:
+    """Return the numbers and texts of a block's values, lists of whatever depth opened."""
+    if isinstance(value, Mapping):
+        return entries(list(value.values()))
+    return [entry for one in value for entry in entries(one)] if isinstance(value, list) else [value]
 
 
 def next_instant(t: float, period: float, latency: float) -> float:
@@ -361,6 +361,7 @@ __all__ = [
     "Ports",
     "Signals",
     "Slopes",
+    "entries",
     "first",
     "guard_slopes",
     "linearized",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from engine.elements._base import Ports, Values
-from engine.elements._formulas import CONSTANTS, Formulas, check_constants, check_known, constants
+from engine.elements._formulas import CONSTANTS, Formulas, check_constants, check_names, constants, table_sizes
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals
 from engine.errors import DiagramError, EngineError
 from engine.parameters import Param
@@ -22,15 +22,15 @@ _INPUT = re.compile(r"u([1-9]\d?)")
 
 
 @lru_cache(maxsize=256)
-def _read(expression: str) -> Formulas:
-    return Formulas([("", expression)])  # asked for at every instant
+def _read(expression: str, tables: tuple[tuple[str, int], ...]) -> Formulas:
+    return Formulas([("", expression)], dict(tables))  # asked for at every instant
 
 
 class Function(NonlinearElement):
     """A law that has no block of its own: gravity of an arm, a linkage, a power, a friction curve.
 
     Inputs are u1, u2, ...; there are as many as the highest number in the expression. abs, sign, min, max and atan2 change
-    the law where their argument passes 0; these instants are found exactly, as those of a saturation.
+    the law where their argument passes 0, a table at each of its points; these instants are found exactly, as those of a saturation.
     """
 
     kind = "function"
@@ -42,7 +42,7 @@ class Function(NonlinearElement):
         Param(
             name="expression", symbol="f", shape="text",
             doc="formula of u1, u2, ... with + - * / **, sqrt, exp, log, sin, cos, tan, tanh, asin, acos, atan, "
-            "atan2, abs, sign, min, max and pi",
+            "atan2, abs, sign, min, max, pi and the tables by name",
         ),
         *CONSTANTS,
     )  # fmt: skip
@@ -51,10 +51,11 @@ class Function(NonlinearElement):
     @classmethod
     def check(cls, given: frozenset[str], values: Values) -> None:
         """Refuse what is no formula, and names that nothing gives."""
+        check_constants(values)
         found = cls._formula(values)
-        check_constants(values, taken=[name for name in values["constants"] or () if _INPUT.fullmatch(name)])
         inputs = [f"u{k + 1}" for k in range(cls._inputs(found))] or ["u1"]
-        check_known(found.names, [*inputs, *(values["constants"] or ())], at="expression")
+        own = [name for name in (*(values["constants"] or ()), *(values["tables"] or ())) if _INPUT.fullmatch(name)]
+        check_names(found.names, [*inputs, *own], values, at="expression")
         if not found.formulas[0].uses & set(inputs):
             raise DiagramError(
                 f"expression must use an input (u1, u2, ...), got '{values['expression'][:80]}'", at=("expression",)
@@ -63,7 +64,7 @@ class Function(NonlinearElement):
     @classmethod
     def _formula(cls, values: Values) -> Formulas:
         try:
-            return _read(values["expression"])
+            return _read(values["expression"], table_sizes(values))
         except EngineError as error:
             raise error.within("expression") from None
 

@@ -6,7 +6,7 @@ x' = f(x, u),   y = g(x, u),   when h(x, u) > 0: x := r(x, u)
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from engine.elements._base import Ports, Values
-from engine.elements._formulas import CONSTANTS, Formulas, check_constants, check_known, constants
+from engine.elements._formulas import CONSTANTS, Formulas, check_constants, check_names, constants, table_sizes
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals
 from engine.errors import DiagramError, EngineError
 from engine.parameters import Param
@@ -53,7 +53,7 @@ class Equations:
         With the statement that cannot be read.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, tables: Mapping[str, int]) -> None:
         self._texts: list[tuple[str, str]] = []
         self.rates: dict[str, int] = {}
         self.initial: dict[str, int] = {}
@@ -65,7 +65,7 @@ class Equations:
             else:
                 self._read(statement)
         self.states = list(self.rates)
-        self.formulas = Formulas(self._texts)
+        self.formulas = Formulas(self._texts, tables)
         for name in self.initial:
             if name not in self.rates:
                 raise _wrong(f"{name}(0) has no rate {name}' =", name)
@@ -122,13 +122,13 @@ def _wrong(rule: str, got: str) -> DiagramError:
 
 
 @lru_cache(maxsize=256)
-def _read(text: str) -> Equations:
-    return Equations(text)  # asked for at every instant
+def _read(text: str, tables: tuple[tuple[str, int], ...]) -> Equations:
+    return Equations(text, dict(tables))  # asked for at every instant
 
 
 def _equations(values: Values) -> Equations:
     try:
-        return _read(values["equations"])
+        return _read(values["equations"], table_sizes(values))
     except EngineError as error:
         raise error.within("equations") from None
 
@@ -168,15 +168,16 @@ class UserEquations(NonlinearElement):
                 f"equations must be at most {MAX_LENGTH} characters long, got {len(values['equations'])}",
                 at=("equations",),
             )
+        check_constants(values)
         found = _equations(values)
         inputs, fixed = list(values["inputs"] or ()), list(values["constants"] or ())
-        check_constants(values, taken=[*found.states, *found.defined, *inputs])
         for name in inputs:
             if name in found.states or name in found.defined:
                 raise DiagramError(f"inputs must have names of their own, got '{name}'", at=("inputs",))
         if len(found.states) > MAX_STATES:
             raise DiagramError(f"states must be at most {MAX_STATES}, got {len(found.states)}", at=("equations",))
-        check_known(found.formulas.names, [*found.states, *inputs, *fixed], at="equations")
+        names = found.formulas.names
+        check_names(names, [*found.states, *inputs], values, at="equations", taken=list(found.defined))
         for name, number in found.initial.items():
             for used in sorted(found.formulas.formulas[number].uses - set(fixed)):
                 raise DiagramError(f"{name}(0) must use constants only, got '{used}'", at=("equations",))

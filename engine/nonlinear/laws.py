@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from engine.elements._base import Values
-from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals
+from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals, entries
 from engine.errors import Path
 
 
@@ -42,15 +42,7 @@ class Law:
     @property
     def complex(self) -> bool:
         """Whether a value carries an infinitesimal."""
-        return any(np.iscomplexobj(entry) for entry in _entries(self.values))
-
-
-def _entries(values: Values) -> list[Any]:
-    """Return the numbers of a block's values, lists opened."""
-    found: list[Any] = []
-    for value in values.values():
-        found.extend(value if isinstance(value, list) else [value])
-    return found
+        return any(np.iscomplexobj(entry) for entry in entries(self.values))
 
 
 def _member(value: Any, index: int) -> Any:

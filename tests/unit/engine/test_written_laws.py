@@ -110,6 +110,71 @@ def test_a_written_law_does_what_the_block_does(expression, kind, values):
     np.testing.assert_allclose(written.curves["y"], built.curves["y"], atol=1e-10)
 
 
+TABLE = {"tables": ["f"], "table_points": [[-1.0, 0.0, 0.5, 2.0]], "table_values": [[-0.5, 0.1, 0.9, "=top"]]}
+
+
+def interpolated(u: Any, top: float = 1.2) -> Any:
+    return np.interp(u, TABLE["table_points"][0], [-0.5, 0.1, 0.9, top])
+
+
+def tabled(law: Block) -> Diagram:
+    """Return a loop round a table: y as third derivative + 0.6 y'' + 2 y' is 3 f(r - y)."""
+    plant = block("transfer_function", numerator=[3.0], denominator=[1, 0.6, 2, 0])
+    return diagram(
+        {"e": block("sum", signs="+-"), "n": law, "g": plant},
+        ["r -> e.in1", "g -> e.in2", "e -> n", "n -> g"], {"y": "g"}, top=1.2,
+    )  # fmt: skip
+
+
+def swinging(amplitude: float, top: float = 1.2) -> Any:
+    """Return the solution of that loop by scipy."""
+
+    def rates(_: float, x: np.ndarray) -> list[float]:
+        return [x[1], x[2], 3 * interpolated(amplitude - x[0], top) - 0.6 * x[2] - 2 * x[1]]
+
+    return solve_ivp(
+        rates, (0, 6.0), [0.0] * 3, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.005, dense_output=True
+    ).sol
+
+
+@pytest.mark.parametrize("amplitude", [1.5, 4.0])  # the larger begins beyond the last point
+def test_a_table_by_name_is_a_lookup_table(amplitude):
+    points, heights = TABLE["table_points"][0], TABLE["table_values"][0]
+    written = run(tabled(block("function", expression="f(u1)", **TABLE)), 6.0, amplitude=amplitude)
+    built = run(tabled(block("lookup_table", points=points, values=heights)), 6.0, amplitude=amplitude)
+    assert written.verdict is Verdict.OK
+    np.testing.assert_allclose(written.curves["y"], built.curves["y"], atol=1e-10)
+    np.testing.assert_allclose(written.curves["y"], swinging(amplitude)(written.time)[0], atol=1e-7)
+
+
+def test_what_a_table_says_has_an_exact_slope():
+    def peak(top: float) -> float:
+        found = swinging(1.5, top)
+        near = float(np.argmax(found(np.linspace(0, 6, 6001))[0])) * 1e-3
+        return float(found(np.linspace(near - 1e-3, near + 1e-3, 2001))[0].max())
+
+    law = block("function", expression="f(u1)", **TABLE)
+    signals = {"r": make("step", {"amplitude": 1.5})}
+    wanted = {"peak": MetricRequest(metric="peak", signals=signals, output="y", duration=6.0)}
+    found = influence(tabled(law), wanted, ["top"]).elasticities["peak"]["top"]
+    assert found.method is Method.EXACT
+    assert found.value == pytest.approx((peak(1.2012) - peak(1.1988)) / 0.0024 * 1.2 / peak(1.2), rel=1e-5)
+
+
+def test_equations_of_the_user_have_tables_too():
+    """x' = f(r - x) + f(x)/2."""
+    law = block("user_equations", equations="x' = f(r - x) + 0.5*f(x)", inputs=["r"], outputs=["x"], **TABLE)
+    found = run(diagram({"p": law}, ["r -> p"], {"x": "p"}, top=1.2), 3.0, amplitude=3.0)
+
+    def rates(_: float, x: np.ndarray) -> np.ndarray:
+        return np.asarray(interpolated(3.0 - x) + 0.5 * interpolated(x))
+
+    wanted = solve_ivp(
+        rates, (0, 3.0), [0.0], method="DOP853", t_eval=found.time, rtol=1e-11, atol=1e-12, max_step=0.005
+    )
+    np.testing.assert_allclose(found.curves["x"], wanted.y[0], atol=1e-7)
+
+
 def test_an_angle_goes_round():
     """(cos 2t, sin 2t) of an oscillator at rest at (1, 0): the angle 2t, back to -π at its half turn."""
     made = diagram(
@@ -167,7 +232,7 @@ def test_a_bias_is_added():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"expression": "2*x"}, "expression must use only u1 and constants, got 'x'"),
+        ({"expression": "2*x"}, "expression must use only u1, constants and tables, got 'x'"),
         ({"expression": "3"}, "expression must use an input"),
         ({"expression": "sin(u1"}, "expected '\\)'"),
         ({"expression": "u1 +"}, "end of the expression"),
@@ -178,12 +243,20 @@ def test_a_bias_is_added():
         ({"expression": "u1*c", "constants": ["c"]}, "as many as constants"),
         ({"expression": "u1*u2", "constants": ["u2"], "values": [1.0]}, "names of their own"),
         ({"expression": "u1*pi", "constants": ["pi"], "values": [1.0]}, "names of their own"),
-        ({"expression": "+".join(["abs(u1)"] * 17)}, "at most 16"),
+        ({"expression": "+".join(["abs(u1)"] * 65)}, "at most 64"),
+        ({"expression": "f(u1)", "tables": ["f"], "table_points": [[0.0, 1.0]]}, "table_values must be as many as tables"),
+        ({"expression": "f(u1)", **TABLE, "table_points": [[0.0]]}, "table_points of f must be at least 2, got 1"),
+        ({"expression": "f(u1)", **TABLE, "table_points": [[0.0, 1.0]]}, r"as many as its points \(2\), got 4"),
+        ({"expression": "f(u1)", **TABLE, "table_points": [[0.0, 1.0, 1.0, 2.0]]}, "must increase, got 1 after 1"),
+        ({"expression": "f(u1, 2)", **TABLE}, "f takes 1 argument"),
+        ({"expression": "f(u1) + f", **TABLE}, "got 'f'|after f"),
+        ({"expression": "g(u1)", **TABLE}, r"unknown function 'g' \(known: .*atan2, f\)"),
+        ({"expression": "sin(u1)", **TABLE, "tables": ["sin"]}, "tables must have names of their own, got 'sin'"),
     ],
 )  # fmt: skip
 def test_what_is_no_function_is_refused_in_words(values, message):
     with pytest.raises(EngineError, match=message):
-        diagram({"f": block("function", **values)}, ["r -> f"], {"y": "f"})
+        diagram({"f": block("function", **values)}, ["r -> f"], {"y": "f"}, top=1.0)
 
 
 @pytest.mark.parametrize("expression", ["log(u1 - 2)", "sqrt(u1 - 2)", "1/(u1 - u1)", "log(-1)*u1", "asin(u1 + 2)"])
@@ -235,7 +308,7 @@ def test_a_ball_bounces():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"equations": "x' = y", "outputs": ["x"]}, "equations must use only x and constants, got 'y'"),
+        ({"equations": "x' = y", "outputs": ["x"]}, "equations must use only x, constants and tables, got 'y'"),
         ({"equations": "x'' = 1", "outputs": ["x"]}, "a statement must be x' = "),
         ({"equations": "x' = 1; x' = 2", "outputs": ["x"]}, "more than one equation"),
         ({"equations": "x' = 1", "outputs": ["y"]}, "outputs must be among what the equations give \\(x\\), got 'y'"),
