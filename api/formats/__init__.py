@@ -63,6 +63,8 @@ class Series:
         Of the first sample; naive where the file names no time zone.
     role : str
         ``time`` for the instants of the samples (s, or as ``unit`` says), ``counter`` for sample numbers.
+    doubt : str
+        What must be said before it can be read, "" for nothing.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Series:
     sample_rate: float | None = None
     start_time: datetime | None = None
     role: Literal["channel", "time", "counter"] = "channel"
+    doubt: str = ""
 
 
 Read = Callable[[Sequence[int]], Iterator[tuple[int, Values]]]

@@ -26,7 +26,6 @@ def _matlab(file: BinaryIO) -> Recording:
 
 _READERS: Mapping[str, Callable[[BinaryIO], Recording]] = MappingProxyType(
     {
-        "lvm": lvm.open_file,
         "tdms": tdms.open_file,
         "mat": _matlab,
         "hdf5": hdf5.open_file,
@@ -47,7 +46,7 @@ def open_file(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     file : binary file
         Of the operating system: it is mapped or handed to libraries. It must stay open while the recording is read.
     options : TableOptions
-        What is known of a text table.
+        What is known of a text.
 
     Raises
     ------
@@ -55,4 +54,6 @@ def open_file(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
         When it is no such file, or a damaged one.
     """
     file.seek(0)
+    if format_ == "lvm":
+        return lvm.open_file(file, allow_truncated=options.allow_truncated)
     return tables.open_file(file, options) if format_ in TABLES else _READERS[format_](file)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from datetime import date, datetime, timedelta
+from dataclasses import dataclass, field
+from datetime import date, datetime, timedelta, timezone
 from typing import Literal
 
 import numpy as np
@@ -23,17 +23,31 @@ Order = Literal["ymd", "mdy", "dmy"]
 _STAMP = re.compile(
     r"(?:(?P<a>\d{1,4})[./-](?P<b>\d{1,2})[./-](?P<c>\d{1,4})[ T]\s*)?"
     r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d{1,9})\d*)?)?\s*(?P<half>[AaPp])?\.?(?:[Mm]\.?)?"
-    r"\s*(?:Z|[+-]\d{2}:?\d{2})?"
+    r"\s*(?P<zone>Z|[+-]\d{2}:?\d{2})?"
 )
 _DAY = 86_400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clock:
-    """How stamps are read: the order of day, month and year, and the day from whose midnight seconds count."""
+    """How stamps are read.
+
+    Parameters
+    ----------
+    order : str
+        Of day, month and year.
+    first : date
+        The day from whose midnight seconds count.
+    zone : float, optional
+        What the clock of the first stamp is ahead of UTC, s; None where stamps name no zone.
+    doubt : str
+        Why the order cannot be told from the stamps, "" where it can.
+    """
 
     order: Order = "ymd"
     first: date = date(1970, 1, 1)
+    zone: float | None = None
+    doubt: str = field(default="", compare=False)
 
     def seconds(self, stamps: Iterable[str]) -> Values:
         """Return the seconds of stamps.
@@ -57,14 +71,14 @@ class Clock:
             parts = match["a"], match["b"], match["c"]
             if parts not in days:
                 days[parts] = 0.0 if match["a"] is None else self._days(*parts) * _DAY
-            found.append(days[parts] + _time_of_day(match))
+            found.append(days[parts] + _time_of_day(match) - self._ahead(match))
         return np.array(found)
 
     def _of_one_shape(self, texts: Sequence[str]) -> Values | None:
         """Return the seconds of stamps whose digits all stand at the same places, None for others."""
         match = _STAMP.fullmatch(texts[0]) if texts else None
         columns = _Columns.of(texts, match) if match else None
-        if columns is None:
+        if match is None or columns is None:
             return None
         hour = columns.number("h")
         if columns.afternoon is not None:
@@ -76,11 +90,17 @@ class Clock:
             dates, which = np.unique(np.stack([columns.number(name) for name in "abc"]), axis=1, return_inverse=True)
             days = [self._days(str(a).zfill(columns.width("a")), str(b), str(c)) for a, b, c in dates.T.tolist()]
             seconds += _DAY * np.array(days)[which]
-        return seconds
+        return seconds - self._ahead(match)
+
+    def _ahead(self, match: re.Match[str]) -> float:
+        """Return what the clock of a stamp is ahead of that of the first, s: it changes with summer time."""
+        zone = _zone(match)
+        return 0.0 if zone is None or self.zone is None else zone - self.zone
 
     def instant(self, seconds: float) -> datetime:
-        """Return the naive local time of a stamp."""
-        return datetime.combine(self.first, datetime.min.time()) + timedelta(seconds=seconds)
+        """Return the time of a stamp: local and naive where stamps name no zone."""
+        zone = None if self.zone is None else timezone(timedelta(seconds=self.zone))
+        return datetime.combine(self.first, datetime.min.time(), tzinfo=zone) + timedelta(seconds=seconds)
 
     def _days(self, *parts: str) -> int:
         return (self._date(*parts) - self.first).days
@@ -114,6 +134,7 @@ class _Columns:
         grid = grid.reshape(len(texts), length)
         spans = {name: first.span(name) for name in first.groupdict() if first[name]}
         half = spans.pop("half", None)
+        spans.pop("zone", None)
         is_digit = np.zeros(length, dtype=bool)
         for start, stop in spans.values():
             is_digit[start:stop] = True
@@ -155,8 +176,18 @@ def is_stamp(text: str) -> bool:
     return _STAMP.fullmatch(text.strip().strip('"').strip()) is not None
 
 
-def clock_for(stamps: Sequence[str], order: Order | None = None) -> tuple[Clock, str | None]:
-    """Return how stamps are read, and a remark where they leave that open.
+def _zone(match: re.Match[str]) -> float | None:
+    """Return what the clock of a stamp is ahead of UTC, s."""
+    text = match["zone"]
+    if not text:
+        return None
+    if text == "Z":
+        return 0.0
+    return (-1.0 if text[0] == "-" else 1.0) * (int(text[1:3]) * 3600.0 + int(text[-2:]) * 60.0)
+
+
+def clock_for(stamps: Sequence[str], order: Order | None = None) -> Clock:
+    """Return how stamps are read; what they leave open is its `doubt`.
 
     Parameters
     ----------
@@ -168,17 +199,18 @@ def clock_for(stamps: Sequence[str], order: Order | None = None) -> tuple[Clock,
     matches = [match for text in stamps if (match := _STAMP.fullmatch(text.strip().strip('"').strip()))]
     dated = [(match["a"], match["b"], match["c"]) for match in matches if match["a"]]
     if not dated:
-        return Clock(), None
-    remark = None
+        return Clock()
+    doubt = ""
     if order is None:
         firsts, seconds = {int(a) for a, _, _ in dated}, {int(b) for _, b, _ in dated}
         if any(len(a) == 4 for a, _, _ in dated):
             order = "ymd"
-        elif max(firsts) > 12:
-            order = "dmy"
+        elif max(firsts) > 12 or "." in "".join(text.partition(":")[0] for text in stamps):
+            order = "dmy"  # points stand between day, month and year where that is the order
         elif max(seconds) > 12:
             order = "mdy"
         else:
-            order = "mdy" if any(match["half"] for match in matches) else "dmy"
-            remark = f"the dates may have day or month first: read as {order}, say it in time.order if that is wrong"
-    return Clock(order=order, first=Clock(order=order)._date(*dated[0])), remark  # noqa: SLF001 - the same class
+            order = "dmy"
+            doubt = f"the date {'/'.join(dated[0])} may begin with the day or the month: say dmy or mdy in time.order of import"
+    zone = next((zone for match in matches if (zone := _zone(match)) is not None), None)
+    return Clock(order=order, first=Clock(order=order)._date(*dated[0]), zone=zone, doubt=doubt)  # noqa: SLF001 - the same class

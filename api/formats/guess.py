@@ -8,31 +8,20 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 from api.formats import FormatError
+from api.formats.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
 from api.formats.clock import Clock, Order, clock_for, is_stamp
+from api.formats.header import COMMENTS, TIME_NAME, Header, header_of, stated_rate
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
-_NUMBER = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?"),
-}
-_MISSING = {"nan", "n/a", "na", "null", "none", "--", "-"}
-_TIME_NAME = re.compile(r"(t|time|zeit|timestamp|x_value|abscissa|temps|tiempo|timp)\b", re.IGNORECASE)
+_MOST_SHOWN = 40
 _COUNTER_NAME = re.compile(r"(sample(\s*(number|no|nr|#))?|index|n|no|nr|row|record|#|lfd)\.?\s*", re.IGNORECASE)
-_UNIT_OF_NAME = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]{0,30})[\])]\s*")
-_RATE = re.compile(
-    r"(?i)\b(sampl\w*[ _-]*(rate|freq\w*)|abtastrate)\W*?(?P<value>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<unit>[kM]?Hz)?"
-)
-_INTERVAL = re.compile(
-    r"(?i)\b(sampl\w*[ _-]*(interval|period|time)|delta[ _]?[tx]|time[ _]?step)\W*?(?P<value>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
-    r"\s*(?P<unit>ms|us|µs|s)?"
-)
-_SCALE = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+_TIME_UNITS = {"s", "ms", "us", "µs", "ns", "min", "h"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +30,14 @@ class Guess:
 
     Parameters
     ----------
+    marks : Marks
+        How its numbers are written.
+    comment : str
+        What lines begin with that are none of its rows, "" where there are none.
     numbers : tuple of int
         Columns of numbers, from 0.
+    refused : dict
+        What other columns hold, by column.
     names, units : dict
         By column, where a header has them.
     time : int, optional
@@ -51,37 +46,46 @@ class Guess:
         Column of sample numbers.
     sample_rate : float, optional
         Where the header states it.
+    missing : tuple of str
+        Cells that stand for a missing sample.
     """
 
     delimiter: str
-    decimal: str
+    marks: Marks
     header_lines: int
     numbers: tuple[int, ...]
-    names: dict[int, str]
-    units: dict[int, str]
+    names: Mapping[int, str]
+    units: Mapping[int, str]
+    comment: str = ""
+    refused: Mapping[int, str] = field(default_factory=dict)
     time: int | None = None
     clock: Clock | None = None
     counter: int | None = None
     sample_rate: float | None = None
-    missing: tuple[str, ...] = ()
+    missing: tuple[str, ...] = MISSING
     remarks: tuple[str, ...] = field(default=())
 
 
-def guess(
-    lines: Sequence[str],
-    *,
-    delimiter: str | None = None,
-    decimal: str | None = None,
-    header_lines: int | None = None,
-    order: Order | None = None,
-) -> Guess:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What is known of a table before it is looked at; None is to be found out."""
+
+    delimiter: str | None = None
+    decimal: str | None = None
+    thousands: str | None = None
+    comment: str | None = None
+    header_lines: int | None = None
+    order: Order | None = None
+
+
+def guess(lines: Sequence[str], given: Known) -> Guess:
     """Return the layout of a table.
 
     Parameters
     ----------
     lines : sequence of str
         The beginning of the file, whole lines.
-    delimiter, decimal, header_lines, order : optional
+    given : Known
         What is known already.
 
     Raises
@@ -94,77 +98,84 @@ def guess(
         raise FormatError("file must hold rows of numbers, got none in its beginning")
     # the second half of a short file: its header may be longer than its rows are many
     sample = full[-min(_LOOK, max(len(full) // 2, 1)) :]
-    best, cut = max(
-        (
-            (_score(sample, mark, point), (mark, point))
-            for mark in ([delimiter] if delimiter else DELIMITERS)
-            for point in ([decimal] if decimal else [".", ","])
-            if mark != point
-        ),
-        key=lambda found: found[0],
-        default=((0.0, 0.0), (",", ".")),
-    )
-    if best[0] <= 0.0:
-        raise FormatError("file must hold rows of numbers, got none in its beginning: is this a text table?")
-    mark, point = cut
-    columns = _columns(sample, mark, point)
-    begin = _first_row(lines, mark, point, columns) if header_lines is None else header_lines
-    rows = [_cut(line, mark) for line in lines[begin:] if line.strip()]
-    names, units = _names(lines[:begin], mark, 1 + max(columns, default=0))
-    head = lines[:begin]
-    time, clock, counter, remarks = _instants(rows, columns, names, point, order)
-    missing = sorted({cell.strip() for row in rows for i, cell in enumerate(row) if i in columns and _is_missing(cell)})
+    mark, decimal = _separators(sample, given, first=lines[0])
+    columns = _columns(sample, mark, decimal)
+    begin = _first_row(lines, mark, decimal, columns) if given.header_lines is None else given.header_lines
+    comment = _comment(lines[begin:]) if given.comment is None else given.comment
+    rows = [cut(line, mark) for line in lines[begin:] if line.strip() and not (comment and _is_comment(line, comment))]
+    thousands = _thousands(rows, columns, decimal) if given.thousands is None else given.thousands
+    marks = Marks(decimal=decimal, thousands=thousands)
+    header = header_of(lines[:begin], mark, columns)
+    time, clock, counter, remarks = _instants(rows, columns, header, marks, given.order)
+    missing = {cell for row in rows for i in columns if i < len(row) and is_word_for_missing(cell := row[i])}
     return Guess(
         delimiter=mark,
-        decimal=point,
+        marks=marks,
+        comment=comment,
         header_lines=begin,
         numbers=tuple(columns),
-        names=names,
-        units=units,
+        refused=_others(rows, {*columns, time}),
+        names=header.names,
+        units=header.units,
         time=time,
         clock=clock,
         counter=counter,
-        sample_rate=_stated_rate(head),
-        missing=tuple(missing),
-        remarks=tuple(remarks),
+        sample_rate=stated_rate(lines[:begin]),
+        missing=tuple(sorted({*MISSING, *missing})),
+        remarks=(*header.remarks, *_doubtful(rows, columns, marks, given), *remarks),
     )
 
 
-def _cut(line: str, delimiter: str) -> list[str]:
-    return line.split() if delimiter == " " else [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
-
-
-def _is_missing(cell: str) -> bool:
-    return cell.strip().lower() in _MISSING
+def _separators(sample: Sequence[str], given: Known, *, first: str) -> tuple[str, str]:
+    """Return what stands between cells and what marks decimals."""
+    said = re.fullmatch(r"sep=(.)", first.strip(), re.IGNORECASE)  # the first line of Excel's own tables
+    asked = given.delimiter or (said and said[1])
+    quoted = any('"' in line for line in sample)
+    # a line of tabs has blanks within its cells only
+    marks = [mark for mark in DELIMITERS if mark != " " or not all("\t" in line.strip() for line in sample)]
+    tried = [
+        (_score(sample, mark, point), (mark, point))
+        for mark in ([asked] if asked else marks)
+        for point in ([given.decimal] if given.decimal else [".", ","])
+        if mark != point or quoted  # "1,5","2,5": quotes keep a decimal comma from being a separator
+    ]
+    best, found = max(tried, key=lambda one: one[0], default=((0.0, 0.0), (",", ".")))
+    if best[0] <= 0.0:
+        raise FormatError("file must hold rows of numbers, got none in its beginning: is this a text table?")
+    return found
 
 
 def _score(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[float, float]:
-    """Return how well a separator and decimal mark explain some rows: first the share of numbers, then their count."""
-    number = _NUMBER[decimal]
+    """Return how well a separator and decimal mark explain some rows: first the share of numbers, then their count.
+
+    A number with separated thousands counts a little less, so that 1,234 is the simpler of its two readings.
+    """
     shares, counts = [], Counter[int]()
     for line in lines:
-        cells = _cut(line, delimiter)
-        while cells and not cells[-1]:
-            cells.pop()
-        found = sum(number.fullmatch(cell) is not None for cell in cells)
-        known = found + sum(_is_missing(cell) or is_stamp(cell) for cell in cells)
-        shares.append(known / max(len(cells), 1) if found else 0.0)
-        counts[found] += 1
-    del counts[0]  # lines of a header
+        cells = cut(line, delimiter)
+        full = [cell for cell in cells if cell]
+        written = [thousands_of(cell, decimal) for cell in full]
+        found = sum(1.0 if separator == "" else 0.9 for separator in written if separator is not None)
+        words = sum(is_word_for_missing(cell) or is_stamp(cell) for cell in full)
+        shares.append((found + words) / len(full) if found else 0.0)
+        counts[len(written) - written.count(None) + sum(is_word_for_missing(cell) for cell in cells)] += bool(found)
     usual, times = counts.most_common(1)[0] if counts else (0, 0)
     return sum(shares) / len(shares) * times / len(lines) * usual**0.5, usual
 
 
+def _is_number(cell: str, decimal: str) -> bool:
+    return thousands_of(cell, decimal) is not None
+
+
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> list[int]:
-    """Return the columns that are numbers in nearly every row."""
-    number = _NUMBER[decimal]
+    """Return the columns that are numbers, or nothing, in nearly every row."""
     plain = Counter[int]()
     places: list[tuple[int, ...]] = []
     for line in lines:
-        cells = list(enumerate(_cut(line, delimiter)))
-        fitting = [i for i, cell in cells if number.fullmatch(cell) is not None]
+        cells = list(enumerate(cut(line, delimiter)))
+        fitting = [i for i, cell in cells if _is_number(cell, decimal)]
         plain.update(fitting)
-        places.append(tuple(sorted([*fitting, *(i for i, cell in cells if _is_missing(cell))])))
+        places.append(tuple(sorted([*fitting, *(i for i, cell in cells if is_word_for_missing(cell))])))
     # the lines of a header have their numbers elsewhere, if they have any
     usual = len(max((p for p in Counter(places).items() if p[0]), key=lambda p: p[1])[0])
     rows = [place for place in places if len(place) >= usual]
@@ -173,47 +184,83 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> list[int]:
 
 
 def _first_row(lines: Sequence[str], delimiter: str, decimal: str, columns: Sequence[int]) -> int:
-    number = _NUMBER[decimal]
-    for i, line in enumerate(lines):
-        cells = _cut(line, delimiter)
-        if len(cells) > max(columns) and all(
-            number.fullmatch(cells[column]) is not None or _is_missing(cells[column]) for column in columns
-        ):
-            return i
-    return 0
+    """Return the number of lines before the first row, which may have cells without a number."""
+
+    def cells_of(line: str) -> list[str]:
+        cells = cut(line, delimiter)
+        return [cells[column] for column in columns] if len(cells) > max(columns) else []
+
+    def fits(line: str, share: float) -> bool:
+        cells = cells_of(line)
+        numbers = sum(_is_number(cell, decimal) for cell in cells)
+        return numbers > share * len(columns) and all(
+            _is_number(cell, decimal) or is_word_for_missing(cell) for cell in cells
+        )
+
+    first = next((i for i, line in enumerate(lines) if fits(line, 0.5)), 0)
+    while (
+        first
+        and fits(lines[first - 1], 0.0)
+        and len(cut(lines[first - 1], delimiter)) == len(cut(lines[first], delimiter))
+    ):
+        first -= 1
+    return first
 
 
-def _names(head: Sequence[str], delimiter: str, width: int) -> tuple[dict[int, str], dict[int, str]]:
-    """Return names and units by column from the last lines of the header that have as many cells as the rows."""
-    fitting = [cells for line in head if len(cells := _cut(line, delimiter)) >= width and any(cells)]
-    if not fitting:
-        return {}, {}
-    named, units = fitting[-1], dict[int, str]()
-    if len(fitting) > 1 and all(re.fullmatch(r"[\[(].{0,30}[\])]|", cell) for cell in named):
-        units = {i: cell.strip("[]()") for i, cell in enumerate(named)}
-        named = fitting[-2]
-    names = {}
-    for i, cell in enumerate(named):
-        match = _UNIT_OF_NAME.fullmatch(cell)
-        names[i] = (match["name"] if match else cell)[:200]
-        if match:
-            units[i] = match["unit"].strip()
-    return {i: name for i, name in names.items() if name}, {
-        i: unit for i, unit in units.items() if unit not in {"", "-"}
-    }
+def _is_comment(line: str, mark: str) -> bool:
+    return line.lstrip(' \t"').startswith(mark)
+
+
+def _comment(lines: Sequence[str]) -> str:
+    """Return what lines between the rows begin with that are none, "" where there are none."""
+    return next((mark for mark in COMMENTS for line in lines if _is_comment(line, mark)), "")
+
+
+def _thousands(rows: Sequence[Sequence[str]], columns: Sequence[int], decimal: str) -> str:
+    found = {thousands_of(row[i], decimal) or "" for row in rows for i in columns if i < len(row)} - {""}
+    if len(found) > 1:
+        raise FormatError(
+            f"thousands must be separated in one way, got {' and '.join(map(repr, sorted(found)))}: say thousands in import"
+        )
+    return next(iter(found), "")
+
+
+def _doubtful(rows: Sequence[Sequence[str]], columns: Sequence[int], marks: Marks, given: Known) -> list[str]:
+    """Return a remark where all decimal marks may as well be those of thousands: 1.234 alone tells neither."""
+    if given.decimal is not None or given.thousands is not None or marks.thousands:
+        return []
+    marked = [row[i] for row in rows for i in columns if i < len(row) and marks.decimal in row[i]]
+    if not marked or not all(re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell) for cell in marked):
+        return []
+    read = f"{marked[0]} is read with {marks.decimal!r} as the decimal mark"
+    return [f"{read}; where it separates thousands, say decimal and thousands in import"]
+
+
+def _others(rows: Sequence[Sequence[str]], taken: set[int | None]) -> dict[int, str]:
+    """Return why further columns are no channels."""
+    others = {}
+    for i in range(min(max(map(len, rows), default=0), 10_000)):
+        cells = [row[i] for row in rows if i < len(row) and row[i]]
+        if i not in taken and cells:
+            others[i] = f"it holds text such as {next((c for c in cells if c), '')[:_MOST_SHOWN]!r}, not only numbers"
+    return others
 
 
 def _instants(
-    rows: Sequence[Sequence[str]], columns: Sequence[int], names: dict[int, str], decimal: str, order: Order | None
+    rows: Sequence[Sequence[str]],
+    columns: Sequence[int],
+    header: Header,
+    marks: Marks,
+    order: Order | None,
 ) -> tuple[int | None, Clock | None, int | None, list[str]]:
     """Return the column of time, its clock where it is a time of day, the column of sample numbers, and remarks."""
+    names, units = header.names, header.units
     counter = next((i for i in columns if _is_counter(rows, i, names)), None)
     for i in range(min(map(len, rows), default=0)):
         if i not in columns and is_stamp(rows[0][i]):
-            clock, remark = clock_for([row[i] for row in rows], order)
-            return i, clock, counter, [remark] if remark else []
-    rising = [i for i in columns if i != counter and _is_rising(rows, i, decimal)]
-    named = [i for i in rising if _TIME_NAME.match(names.get(i, ""))]
+            return i, clock_for([row[i] for row in rows], order), counter, []
+    rising = [i for i in columns if i != counter and _is_rising(rows, i, marks)]
+    named = [i for i in rising if TIME_NAME.match(names.get(i, "")) or (i == 0 and units.get(i) in _TIME_UNITS)]
     if named:
         return named[0], None, counter, []
     if rising[:1] == list(columns[:1]) and not names and len(columns) > 1:
@@ -222,29 +269,18 @@ def _instants(
     return None, None, counter, []
 
 
-def _is_counter(rows: Sequence[Sequence[str]], column: int, names: dict[int, str]) -> bool:
+def _is_counter(rows: Sequence[Sequence[str]], column: int, names: Mapping[int, str]) -> bool:
     cells = [row[column] for row in rows if column < len(row)]
     if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
         return False
     steps = {int(b) - int(a) for a, b in pairwise(cells)}
     name = names.get(column, "")
-    return steps == {1} and (_COUNTER_NAME.fullmatch(name) is not None or (column == 0 and not _TIME_NAME.match(name)))
+    return steps == {1} and (_COUNTER_NAME.fullmatch(name) is not None or (column == 0 and not TIME_NAME.match(name)))
 
 
-def _is_rising(rows: Sequence[Sequence[str]], column: int, decimal: str) -> bool:
-    try:
-        values = [float(row[column].replace(decimal, ".")) for row in rows]
-    except (ValueError, IndexError):
-        return False
-    return len(values) > 2 and all(b >= a for a, b in pairwise(values)) and values[-1] > values[0]
-
-
-def _stated_rate(head: Sequence[str]) -> float | None:
-    for line in head:
-        if found := _RATE.search(line):
-            return float(found["value"].replace(",", ".")) * _SCALE[found["unit"] or "Hz"] or None
-    for line in head:
-        if found := _INTERVAL.search(line):
-            interval = float(found["value"].replace(",", ".")) * _SCALE[found["unit"] or "s"]
-            return 1.0 / interval if interval else None
-    return None
+def _is_rising(rows: Sequence[Sequence[str]], column: int, marks: Marks) -> bool:
+    values = [marks.value(row[column]) for row in rows if column < len(row)]
+    known = [value for value in values if value is not None]
+    return (
+        len(values) == len(rows) and len(known) == len(values) > 2 and known[-1] > known[0] and sorted(known) == known
+    )

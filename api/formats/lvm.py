@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import BinaryIO
@@ -16,6 +16,8 @@ from typing import BinaryIO
 import numpy as np
 
 from api.formats import MOST_CHANNELS, PIECE, FormatError, Recording, Series, Values
+from api.formats.cells import Marks
+from api.formats.endings import Rows
 from api.formats.txt import lines_of
 
 _CHUNK = 1 << 20
@@ -38,16 +40,24 @@ class _Table:
         return [*self.keys.get(key, []), *[""] * count][:count]
 
 
-def open_file(file: BinaryIO) -> Recording:
+def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
     """Return what a LabVIEW measurement file holds; tables that follow each other are joined.
+
+    Parameters
+    ----------
+    file : binary file
+    allow_truncated : bool
+        Whether a last row that is or may be cut is left out.
 
     Raises
     ------
     FormatError
-        For another file, tables with different channels, or a row that does not fit its table.
+        For another file, tables with different channels, a row that does not fit its table, or one that is cut.
     """
     head, tables = _scan(file)
     decimal = head.get("Decimal_Separator", ["."])[0] or "."
+    if decimal not in {".", ","}:
+        raise FormatError(f'Decimal_Separator must be "." or ",", got {decimal[:40]!r}')
     first = tables[0]
     count = _channels(first)
     for table in tables[1:]:
@@ -60,6 +70,15 @@ def open_file(file: BinaryIO) -> Recording:
     steps = [_number(text, decimal, "Delta_X") for text in first.row("Delta_X", count)]
     units, starts = first.row("Y_Unit_Label", count), _starts(first, count)
     names = _distinct(first, count)
+    separator = _separator(head)
+    rows = Rows(
+        last_column=count,
+        delimiter=separator,
+        marks=Marks(decimal=decimal),
+        header_lines=tables[-1].first_line - 1,
+    )
+    left_out, remarks = rows.ending(file).settle(allow_truncated=allow_truncated)
+    tables[-1].rows -= left_out
     total = sum(table.rows for table in tables)
     series = [
         Series(
@@ -72,14 +91,12 @@ def open_file(file: BinaryIO) -> Recording:
         )
         for i in range(count)
     ]
-    remarks = []
     if len(tables) > 1:
         begun = ", ".join(f"{_starts(table, 1)[0]}" for table in tables)
         remarks.append(f"{len(tables)} tables were joined as if they followed without a pause; they began at {begun}")
     has_time = head.get("X_Columns", ["No"])[0] != "No"
     if head.get("X_Columns", ["No"])[0] == "Multi":
         raise FormatError("X_Columns must be No or One, got Multi: save the channels with one time column")
-    separator = _SEPARATORS.get(head.get("Separator", ["Tab"])[0].strip().lower(), "\t")
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         # without a column of X its cell is there and empty, in front of every row
@@ -100,7 +117,7 @@ def _scan(file: BinaryIO) -> tuple[dict[str, list[str]], list[_Table]]:
     if not next(lines, (0, ""))[1].startswith("LabVIEW Measurement"):
         raise FormatError("a LabVIEW measurement file must begin with 'LabVIEW Measurement', got something else")
     head = _header(lines)
-    separator = _SEPARATORS.get(head.get("Separator", ["tab"])[0].strip().lower(), "\t")
+    separator = _separator(head)
     tables: list[_Table] = []
     table: _Table | None = None
     named = True
@@ -128,7 +145,7 @@ def _header(lines: Iterator[tuple[int, str]]) -> dict[str, list[str]]:
     separator = "\t"
     for number, line in lines:
         if line.startswith("Separator"):
-            separator = _SEPARATORS.get(re.split(r"[\t,;]", line)[1].strip().lower(), "\t")
+            separator = _separator({"Separator": re.split(r"[\t,;]", line)[1:2]})
         key, *values = line.split(separator)
         if key.startswith(_END):
             return head
@@ -136,6 +153,12 @@ def _header(lines: Iterator[tuple[int, str]]) -> dict[str, list[str]]:
             break
         head[key.strip()] = [value.strip() for value in values] or [""]
     raise FormatError(f"the header must end with {_END} within {_LONGEST_HEADER} lines, got none")
+
+
+def _separator(head: Mapping[str, Sequence[str]]) -> str:
+    """Return what stands between cells, a tab unless the header names another."""
+    named = next(iter(head.get("Separator", ())), "Tab").strip().lower()
+    return _SEPARATORS.get(named, "\t")
 
 
 def _channels(table: _Table) -> int:

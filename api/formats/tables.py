@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import numpy as np
 
 from api.formats import TIME_OF_DAY, FormatError, Recording, Series, Values
-from api.formats.clock import Clock, Order, is_stamp
-from api.formats.guess import Guess, guess
-from api.formats.txt import TextLayout, lines_of, read
+from api.formats.cells import Marks, cut
+from api.formats.clock import Clock, is_stamp
+from api.formats.endings import Rows
+from api.formats.guess import Guess, Known, guess
+from api.formats.txt import Lines, TextLayout, read
 
 _HEAD = 1 << 18
 _CHUNK = 1 << 20
@@ -21,13 +23,11 @@ _CHUNK = 1 << 20
 class TableOptions:
     """What is known of a table; None is to be found out."""
 
-    delimiter: str | None = None
-    decimal: str | None = None
-    header_lines: int | None = None
+    known: Known = field(default_factory=Known)
     columns: Sequence[int] = ()
     missing: Sequence[str] | None = None
     time: int | None = None
-    order: Order | None = None
+    allow_truncated: bool = False
 
 
 def open_file(file: BinaryIO, options: TableOptions) -> Recording:
@@ -36,21 +36,24 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
     Raises
     ------
     FormatError
-        When there are no rows of numbers.
+        When there are no rows of numbers, or the last one is cut.
     """
     head = file.read(_HEAD)
-    lines = list(lines_of([head]))
-    if len(head) == _HEAD and len(lines) > 1:
+    pieces = Lines([head])
+    lines = list(pieces)
+    if not pieces.ended and len(lines) > 2:
         lines.pop()  # it may be cut
-    found = guess(
-        lines,
-        delimiter=options.delimiter,
-        decimal=options.decimal,
-        header_lines=options.header_lines,
-        order=options.order,
-    )
+    found = guess(lines, options.known)
     series = _series(found, options, lines)
     missing = tuple(options.missing) if options.missing is not None else found.missing
+    ending = Rows(
+        last_column=max((one.index for one in series), default=0),
+        delimiter=found.delimiter,
+        marks=found.marks,
+        missing=missing,
+        header_lines=found.header_lines,
+    ).ending(file)
+    left_out, said = ending.settle(allow_truncated=options.allow_truncated)
 
     def rows(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         asked = [series[place] for place in wanted]
@@ -58,10 +61,12 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         layout = TextLayout(
             columns=tuple(one.index for one in asked if not _is_clock(one, found)),
             delimiter=found.delimiter,
-            decimal=found.decimal,
+            marks=found.marks,
+            comment=found.comment,
             header_lines=found.header_lines,
             missing=missing,
             stamps=(asked[stamped[0]].index, found.clock or Clock()) if stamped else None,
+            ended_only=left_out,
         )
         order = [*stamped, *(place for place in range(len(asked)) if place not in stamped)]
         file.seek(0)
@@ -71,12 +76,17 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
 
     layout = {
         "delimiter": found.delimiter,
-        "decimal": found.decimal,
+        "decimal": found.marks.decimal,
+        **({"thousands": found.marks.thousands} if found.marks.thousands else {}),
+        **({"comment": found.comment} if found.comment else {}),
         "header_lines": found.header_lines,
-        **({"missing": list(missing)} if missing else {}),
+        "missing": list(missing),
         **({"sample_rate": found.sample_rate} if found.sample_rate else {}),
+        **({"allow_truncated": True} if options.allow_truncated else {}),
     }
-    return Recording(series=series, read=rows, layout=layout, remarks=found.remarks)
+    there = {one.index for one in series}
+    refused = {found.names.get(i, f"column {i}"): why for i, why in found.refused.items() if i not in there}
+    return Recording(series=series, read=rows, refused=refused, layout=layout, remarks=(*found.remarks, *said))
 
 
 def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[Series]:
@@ -85,7 +95,7 @@ def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[S
     start = None
     if found.clock is not None and time == found.time:
         row = next(line for line in lines[found.header_lines :] if line.strip())
-        cells = row.split() if found.delimiter == " " else row.split(found.delimiter)
+        cells = cut(row, found.delimiter)
         assert time is not None
         if found.clock != Clock() and time < len(cells) and is_stamp(cells[time]):
             start = found.clock.instant(float(found.clock.seconds([cells[time]])[0]))
@@ -99,6 +109,7 @@ def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[S
             sample_rate=None,
             start_time=start,
             role="time" if i == time else "counter" if i == found.counter else "channel",
+            doubt=found.clock.doubt if i == found.time and found.clock else "",
         )
         for i in sorted(columns)
     ]
@@ -118,4 +129,4 @@ def _is_clock(series: Series, found: Guess) -> bool:
     return series.index == found.time and found.clock is not None
 
 
-__all__ = ["FormatError", "TableOptions", "open_file"]
+__all__ = ["FormatError", "Known", "Marks", "TableOptions", "open_file"]

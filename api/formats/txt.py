@@ -14,22 +14,35 @@ from __future__ import annotations
 
 import codecs
 import math
-import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
+from api.formats.cells import Marks, cut
 from api.formats.clock import Clock
 
 BLOCK_ROWS = 8192
 MAX_LINE_CHARACTERS = 1 << 20
 """A longer line is no text table: reading on would hold a binary file in memory."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_FEW = 32
+"""Rows that are read one by one where they cannot be read together."""
+_COMMA_TO_POINT = str.maketrans(",.", ".?")
+"""A point is no decimal mark where commas are, and must not pass as one."""
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def _latin(error: UnicodeError) -> tuple[str, int]:
+    """Read bytes that are not UTF-8 as Windows and western Europe write them: a degree, a micro, an umlaut."""
+    if not isinstance(error, UnicodeDecodeError):
+        raise error
+    return error.object[error.start : error.end].decode("cp1252", errors="replace"), error.end
+
+
+codecs.register_error("servotune.latin", _latin)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,14 +55,18 @@ class TextLayout:
         Columns to read, from 0, in the order in which they come out.
     delimiter : str
         What stands between two cells. A blank stands for any run of blanks and tabs.
-    decimal : str
-        "." or ",".
+    marks : Marks
+        How numbers are written.
+    comment : str
+        Lines that begin with it are no rows; "" for none.
     header_lines : int
         Lines before the first row of numbers.
     missing : tuple of str
         Cells that stand for a missing sample and become NaN; without them such a cell is an error.
     stamps : tuple of (int, Clock), optional
         A column with the time of day, which comes out first, in s.
+    ended_only : bool
+        Whether a last line without a line end is left out.
 
     Raises
     ------
@@ -59,22 +76,20 @@ class TextLayout:
 
     columns: tuple[int, ...]
     delimiter: str = ","
-    decimal: str = "."
+    marks: Marks = field(default_factory=Marks)
+    comment: str = ""
     header_lines: int = 0
     missing: tuple[str, ...] = ()
     stamps: tuple[int, Clock] | None = None
+    ended_only: bool = False
 
     def __post_init__(self) -> None:
         if not self.columns and self.stamps is None:
             raise FormatError("columns must name at least one column, got none")
         if min(self.columns, default=0) < 0:
             raise FormatError(f"column index must be at least 0, got {min(self.columns)}")
-        if self.decimal not in (".", ","):
-            raise FormatError(f'decimal must be "." or ",", got {self.decimal!r}')
         if not self.delimiter or "\n" in self.delimiter or "\r" in self.delimiter:
             raise FormatError(f"delimiter must be text within a line, got {self.delimiter!r}")
-        if self.delimiter == self.decimal:
-            raise FormatError(f"delimiter must differ from decimal, got {self.delimiter!r} for both")
         if self.header_lines < 0:
             raise FormatError(f"header_lines must be at least 0, got {self.header_lines}")
 
@@ -108,69 +123,81 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
     >>> [block.tolist() for block in read([b"n, x\n1, 0.", b"5\n2, 0.25, stop\n"], layout)]
     [[[0.5], [0.25]]]
     """
-    rows: list[str] = []
+    rows: list[tuple[int, str]] = []
     blank = 0
-    begin = 0
-    for number, line in enumerate(lines_of(chunks), start=1):
-        if number <= layout.header_lines:
+    begun = False
+    lines = Lines(chunks)
+    for number, line in enumerate(lines, start=1):
+        if number <= layout.header_lines or (layout.ended_only and not lines.ended):
             continue
         if not line or line.isspace():
             blank = blank or number
             continue
+        if layout.comment and line.lstrip(' \t"').startswith(layout.comment):
+            continue
         if blank:
             raise FormatError(f"line {blank} must hold a row of numbers, got a blank line", line=blank)
-        rows.append(line)
-        begin = begin or number
+        rows.append((number, line))
+        begun = True
         if len(rows) == BLOCK_ROWS:
-            yield _block(rows, number - len(rows) + 1, layout)
+            yield _block(rows, layout)
             rows.clear()
     if rows:
-        yield _block(rows, (blank or number + 1) - len(rows), layout)
-    if not begin:
+        yield _block(rows, layout)
+    if not begun:
         raise FormatError(f"file must hold at least one row after {layout.header_lines} header lines, got none")
 
 
-def _block(lines: list[str], first: int, layout: TextLayout) -> npt.NDArray[np.float64]:
-    """Return the values of some lines, the first of which has the number ``first``."""
-    values = _quickly(lines, layout) if layout.columns else np.empty((len(lines), 0))
-    if values is None:
-        values = np.array([_row(line, number, layout) for number, line in enumerate(lines, start=first)])
+def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:
+    """Return the values of some rows, each a line and its number."""
+    values = _values(rows, layout) if layout.columns else np.empty((len(rows), 0))
     if layout.stamps is None:
         return values
     column, clock = layout.stamps
     stamps = []
-    for number, line in enumerate(lines, start=first):
-        cells = _cells(line, layout, column + 1)
+    for number, line in rows:
+        cells = line.split(layout.delimiter, column + 1) if '"' not in line else cut(line, layout.delimiter)
         if column >= len(cells):
             raise _too_few(number, column, len(cells))
         stamps.append(cells[column])
     try:
         seconds = clock.seconds(stamps)
     except FormatError as error:
-        raise FormatError(f"lines {first} ... {first + len(lines) - 1}, column {column}: {error.message}") from error
+        raise FormatError(f"lines {rows[0][0]} ... {rows[-1][0]}, column {column}: {error.message}") from error
     return np.column_stack([seconds, values])
+
+
+def _values(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:
+    """Return the values of rows: together, or in halves where that fails, so that one empty cell slows down only few."""
+    values = _quickly([line for _, line in rows], layout)
+    if values is not None:
+        return values
+    if len(rows) <= _FEW:
+        return np.array([_row(line, number, layout) for number, line in rows])
+    half = len(rows) // 2
+    return np.concatenate([_values(rows[:half], layout), _values(rows[half:], layout)])
 
 
 def _quickly(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | None:
     """Return the values, None where a line needs a closer look."""
-    blank = layout.delimiter == " "
-    if not blank and len(layout.delimiter) > 1:
+    blank, decimal = layout.delimiter == " ", layout.marks.decimal
+    if not blank and (len(layout.delimiter) > 1 or layout.delimiter == decimal):
         return None
-    if layout.decimal == ",":
-        if any("." in line for line in lines):
-            return None
-        lines = [line.replace(",", ".") for line in lines]
+    if decimal == ",":
+        lines = [line.translate(_COMMA_TO_POINT) for line in lines]
+    quote = '"' if any('"' in line for line in lines) else None
     try:
         values = np.loadtxt(
-            lines, delimiter=None if blank else layout.delimiter, usecols=layout.columns, comments=None, ndmin=2
+            lines,
+            delimiter=None if blank else layout.delimiter,
+            usecols=layout.columns,
+            comments=None,
+            quotechar=quote,
+            ndmin=2,
         )
     except ValueError:
         return None
     return values if len(values) == len(lines) and bool(np.isfinite(values).all()) else None
-
-
-def _cells(line: str, layout: TextLayout, most: int = -1) -> list[str]:
-    return line.split(None, most) if layout.delimiter == " " else line.split(layout.delimiter, most)
 
 
 def _too_few(line: int, column: int, count: int) -> FormatError:
@@ -180,7 +207,7 @@ def _too_few(line: int, column: int, count: int) -> FormatError:
 
 
 def _row(line: str, number: int, layout: TextLayout) -> list[float]:
-    cells = _cells(line, layout)
+    cells = cut(line, layout.delimiter)
     values = []
     for column in layout.columns:
         if column >= len(cells):
@@ -190,35 +217,57 @@ def _row(line: str, number: int, layout: TextLayout) -> list[float]:
 
 
 def _value(cell: str, line: int, column: int, layout: TextLayout) -> float:
-    text = cell.strip()
-    if text.startswith('"'):
-        text = text.strip('"').strip()
-    if text in layout.missing:
+    if cell in layout.missing:
         return math.nan
-    if layout.decimal == ",":
-        text = text.replace(".", "?").replace(",", ".")  # a point is no decimal mark here and must not pass as one
-    if _NUMBER.fullmatch(text) is not None:
-        value = float(text)
-        if math.isfinite(value):
-            return value
-    raise FormatError(
-        f"line {line}, column {column} must be a finite number, got {cell.strip()[:40]!r}", line=line, column=column
-    )
+    value = layout.marks.value(cell)
+    if value is None:
+        raise FormatError(
+            f"line {line}, column {column} must be a finite number, got {cell[:40]!r} "
+            "(cells that stand for a missing sample are named in missing)",
+            line=line,
+            column=column,
+        )
+    return value
+
+
+class Lines:
+    """The lines of a file without their ends; ``ended`` says whether the one given last had one."""
+
+    def __init__(self, chunks: Iterable[bytes]) -> None:
+        self._chunks = chunks
+        self.ended = True
+
+    def __iter__(self) -> Iterator[str]:
+        pending = ""
+        for text in _decoded(self._chunks):
+            lines = (pending + text).split("\n")
+            pending = lines.pop()
+            if len(pending) > MAX_LINE_CHARACTERS:
+                raise FormatError(
+                    f"line must have at most {MAX_LINE_CHARACTERS} characters, got more: is this a text file?"
+                )
+            yield from lines
+        if pending:
+            self.ended = False
+            yield pending
 
 
 def lines_of(chunks: Iterable[bytes]) -> Iterator[str]:
     """Yield the lines of the file without their ends."""
-    pending = ""
-    for text in _decoded(chunks):
-        lines = (pending + text).split("\n")
-        pending = lines.pop()
-        if len(pending) > MAX_LINE_CHARACTERS:
-            raise FormatError(
-                f"line must have at most {MAX_LINE_CHARACTERS} characters, got more: is this a text file?"
-            )
-        yield from lines
-    if pending:
-        yield pending
+    return iter(Lines(chunks))
+
+
+def encoding_of(head: bytes) -> str:
+    """Return the encoding of a file that begins so."""
+    if head.startswith(_UTF16_MARKS):
+        return "utf-16-le" if head.startswith(codecs.BOM_UTF16_LE) else "utf-16-be"
+    return "utf-8"
+
+
+def decode(piece: bytes, encoding: str) -> str:
+    """Return a piece of a file as text, with LF line ends."""
+    text = piece.decode(encoding, errors="servotune.latin" if encoding == "utf-8" else "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _decoded(chunks: Iterable[bytes]) -> Iterator[str]:
@@ -232,7 +281,8 @@ def _decoded(chunks: Iterable[bytes]) -> Iterator[str]:
             if len(head) < 2:
                 continue
             name = "utf-16" if head.startswith(_UTF16_MARKS) else "utf-8-sig"
-            decoder = codecs.getincrementaldecoder(name)(errors="replace")
+            errors = "replace" if name == "utf-16" else "servotune.latin"
+            decoder = codecs.getincrementaldecoder(name)(errors=errors)
         text = decoder.decode(head)
         head = b""
         if carriage_return:

@@ -63,9 +63,21 @@ class ImportDocument(Document):
         description="text tables; a blank stands for any run of blanks and tabs",
     )
     decimal: Literal[".", ","] | None = Field(default=None, description="text tables")
+    thousands: Literal["", ".", ",", "'", " "] | None = Field(
+        default=None, description='text tables: what stands between groups of three digits; "" for nothing'
+    )
+    comment: str | None = Field(
+        default=None, max_length=4, description='text tables: what lines begin with that are no rows; "" for none'
+    )
     header_lines: int | None = Field(default=None, ge=0, le=10_000, description="text tables")
     missing: list[Annotated[str, Field(max_length=40)]] | None = Field(
-        default=None, max_length=20, description="text tables: cells that stand for a missing sample"
+        default=None,
+        max_length=20,
+        description='text tables: cells that stand for a missing sample; "", "NaN" and the usual words that are found',
+    )
+    allow_truncated: bool | None = Field(
+        default=None,
+        description="texts: whether a last row that is or may be cut is left out; otherwise a cut one is refused",
     )
     sample_rate: float | None = Field(
         default=None,

@@ -70,8 +70,10 @@ def check_import(document: ImportDocument) -> None:
     Problem
         422 with the place.
     """
-    if document.delimiter is not None and document.delimiter == document.decimal:
-        raise invalid(f"delimiter must differ from decimal, got {document.delimiter!r} for both", "import", "delimiter")
+    if document.delimiter is not None and document.delimiter == document.decimal == ".":
+        raise invalid(
+            f"delimiter must differ from a decimal point, got {document.delimiter!r} for both", "import", "delimiter"
+        )
     handles = [(("columns", i), column.index, column.source) for i, column in enumerate(document.columns or ())]
     time = [(("time",), document.time.index, document.time.source)] if document.time else []
     for place, index, source in (*handles, *time):

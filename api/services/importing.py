@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from api.formats import MOST_CHANNELS, FormatError, Recording, Series
 from api.formats.catalogue import TABLES
+from api.formats.guess import Known
 from api.formats.tables import TableOptions
 from api.units import UnitError, known, to_si
 
@@ -58,13 +59,18 @@ def options(format_: str, given: Mapping[str, Any]) -> TableOptions:
     settled = format_ == "txt" and bool(indices) and len(indices) == len(columns)
     time = given.get("time") or {}
     return TableOptions(
-        delimiter=given.get("delimiter", "," if settled else None),
-        decimal=given.get("decimal", "." if settled else None),
-        header_lines=given.get("header_lines", 0 if settled else None),
+        known=Known(
+            delimiter=given.get("delimiter", "," if settled else None),
+            decimal=given.get("decimal", "." if settled else None),
+            thousands=given.get("thousands", "" if settled else None),
+            comment=given.get("comment", "" if settled else None),
+            header_lines=given.get("header_lines", 0 if settled else None),
+            order=time.get("order"),
+        ),
         columns=indices,
         missing=given.get("missing", () if settled else None),
         time=time.get("index"),
-        order=time.get("order"),
+        allow_truncated=given.get("allow_truncated", False),
     )
 
 
@@ -88,6 +94,8 @@ def settle(format_: str, recording: Recording, given: Mapping[str, Any]) -> Plan
     series = [recording.series[place] for place, _ in chosen]
     _check_lengths(series)
     time = _time(recording, series, given)
+    if time is not None and recording.series[time].doubt:
+        raise FormatError(recording.series[time].doubt)
     remarks = list(recording.remarks)
     stated = _stated_rate(recording, series)
     rate = given.get("sample_rate", stated)

@@ -13,6 +13,7 @@ import pytest
 import scipy.io
 
 from api.formats import FormatError
+from api.formats.guess import Known
 from api.services.importing import options, settle
 from api.services.sampling import TimeAxis
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
@@ -55,9 +56,10 @@ def test_the_sines_of_the_magnetorheological_damper(tmp_path, path):
 def test_what_the_contract_states_by_default_is_not_guessed():
     """A `txt` file whose columns are given by their indices: commas, points, no header."""
     said = options("txt", {"columns": [{"index": 2, "name": "x"}], "sample_rate": 5})
-    assert (said.delimiter, said.decimal, said.header_lines, said.columns) == (",", ".", 0, [2])
-    assert options("csv", {"columns": [{"index": 2, "name": "x"}]}).delimiter is None
-    assert options("txt", {"columns": [{"source": "x", "name": "x"}]}).delimiter is None
+    assert said.known == Known(delimiter=",", decimal=".", thousands="", comment="", header_lines=0)
+    assert said.columns == [2]
+    assert options("csv", {"columns": [{"index": 2, "name": "x"}]}).known.delimiter is None
+    assert options("txt", {"columns": [{"source": "x", "name": "x"}]}).known.delimiter is None
 
 
 @pytest.mark.parametrize(("name", "rate"), [("HangingLoad.csv", 50), ("MotorRotation.csv", 50)])

@@ -11,6 +11,7 @@ import pytest
 
 from api.formats import Recording
 from api.formats.catalogue import open_file
+from api.formats.guess import Known
 from api.formats.tables import TableOptions
 
 _OPEN = ExitStack()
@@ -31,7 +32,9 @@ def opened(format_: str, content: bytes | Path, folder: Path, **options: object)
     else:
         path = content
     file = _OPEN.enter_context(path.open("rb"))
-    recording = open_file(format_, file, TableOptions(**options))  # type: ignore[arg-type]  # of the caller's choice
+    known = {name: options.pop(name) for name in list(options) if name in Known.__slots__}
+    asked = TableOptions(known=Known(**known), **options)  # type: ignore[arg-type]  # of the caller's choice
+    recording = open_file(format_, file, asked)
     _OPEN.callback(recording.close)
     return recording
 

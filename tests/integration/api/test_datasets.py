@@ -191,7 +191,7 @@ WRONG = {
     "no columns": (file_with(columns=[]), "/import/columns"),
     "negative column": (file_with(columns=[{"index": -1, "name": "x"}]), "/import/columns/0/index"),
     "decimal a letter": (file_with(decimal="x"), "/import/decimal"),
-    "delimiter and decimal the same": (file_with(delimiter=",", decimal=","), "/import/delimiter"),
+    "delimiter and decimal the same": (file_with(delimiter=".", decimal="."), "/import/delimiter"),
     "negative header": (file_with(header_lines=-1), "/import/header_lines"),
 }
 

@@ -72,7 +72,7 @@ def test_a_table_is_looked_at_then_confirmed(client):
     found = client.get(f"/v1/jobs/{reply.json()['job']['id']}/result").json()
     proposed = found["import"]
     assert proposed == {
-        "delimiter": ",", "decimal": ".", "header_lines": 3, "sample_rate": 1000,
+        "delimiter": ",", "decimal": ".", "header_lines": 3, "missing": ["", "NaN"], "sample_rate": 1000,
         "columns": [{"index": 2, "name": "force", "unit": "N"}, {"index": 3, "name": "x", "unit": "mm"}],
         "time": {"index": 1, "unit": "s"}, "gaps": "fill", "time_zone": "UTC",
     }  # fmt: skip

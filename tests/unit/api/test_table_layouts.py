@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, date, datetime
 
 import numpy as np
 import pytest
 
 from api.formats import FormatError
 from api.formats.clock import Clock, clock_for, is_stamp
+from api.services.importing import settle
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 
 DAQ = b"""Header Size:  7\r
@@ -27,7 +28,14 @@ Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events\r
 
 def test_the_text_of_a_daq_program(tmp_path):
     found = opened("csv", DAQ, tmp_path)
-    assert found.layout == {"delimiter": ",", "decimal": ".", "header_lines": 7, "sample_rate": 1000.0}
+    assert found.layout == {
+        "delimiter": ",",
+        "decimal": ".",
+        "header_lines": 7,
+        "missing": ["", "NaN"],
+        "sample_rate": 1000.0,
+    }
+    assert found.refused == {"Events": "it holds text such as 'DAQ Start', not only numbers"}
     assert [(one.name, one.index, one.role) for one in found.series] == [
         ("Sample Number", 0, "counter"),
         ("Date/Time", 1, "time"),
@@ -54,7 +62,9 @@ TABLES = {
 def test_tables_are_understood(tmp_path, case):
     text, delimiter, decimal, header = TABLES[case]
     found = opened("csv", text.encode(), tmp_path)
-    assert found.layout == {"delimiter": delimiter, "decimal": decimal, "header_lines": header}
+    assert found.layout == {
+        "delimiter": delimiter, "decimal": decimal, "header_lines": header, "missing": ["", "NaN"]
+    }  # fmt: skip
     assert [(one.name, one.unit, one.role) for one in found.series] == [
         ("t", "s", "time"),
         ("x", "mm", "channel"),
@@ -76,14 +86,19 @@ def test_without_a_header_columns_have_numbers_and_the_time_is_a_guess(tmp_path)
     assert "taken as the time in s" in found.remarks[0]
 
 
-def test_missing_samples_must_be_visible_in_the_beginning(tmp_path):
-    found = opened("csv", b"t,x\n0,1\n1,NaN\n2,3\n3,n/a\n", tmp_path)
-    assert found.layout["missing"] == ["NaN", "n/a"]
+def test_words_for_missing_samples_are_those_of_the_beginning(tmp_path):
+    found = opened("csv", b"t,x\n0,1\n1,nan\n2,3\n3,n/a\n", tmp_path)
+    assert found.layout["missing"] == ["", "NaN", "n/a", "nan"]
     np.testing.assert_array_equal(arrays(found)["x"], [1.0, np.nan, 3.0, np.nan])
-    late = b"t,x\n" + b"".join(b"%d,1.0\n" % i for i in range(60_000)) + b"60000,NaN\n"
-    with pytest.raises(FormatError, match="line 60002, column 1 must be a finite number, got 'NaN'"):
-        arrays(opened("csv", late, tmp_path))
-    assert np.isnan(arrays(opened("csv", late, tmp_path, missing=["NaN"]))["x"][-1])
+    late = b"t,x\n" + b"".join(b"%d,1.0\n" % i for i in range(60_000)) + b"60000,%s\n"
+    with pytest.raises(FormatError, match=r"line 60002, column 1 must be a finite number, got 'OVL' .* in missing"):
+        arrays(opened("csv", late % b"OVL", tmp_path))
+    assert np.isnan(arrays(opened("csv", late % b"OVL", tmp_path, missing=["OVL"]))["x"][-1])
+    # an empty cell and NaN are missing samples wherever they are, unless the policy says otherwise
+    for cell in (b"", b"NaN"):
+        assert np.isnan(arrays(opened("csv", late % cell, tmp_path))["x"][-1])
+        with pytest.raises(FormatError, match="line 60002, column 1 must be a finite number"):
+            arrays(opened("csv", late % cell, tmp_path, missing=[]))
 
 
 def test_two_columns_of_one_name_are_told_apart(tmp_path):
@@ -114,21 +129,42 @@ def test_what_is_said_overrules_what_is_found(tmp_path):
     ],
 )
 def test_clocks(stamps, order, seconds):
-    clock, remark = clock_for(stamps)
-    assert (clock.order, remark) == (order, None)
+    clock = clock_for(stamps)
+    assert (clock.order, clock.doubt) == (order, "")
     np.testing.assert_allclose(clock.seconds(stamps), seconds, rtol=0, atol=1e-9)
     # the way of stamps that all look alike, and that of others
     assert clock.seconds([stamps[0]] * 3).tolist() == clock._one_by_one([stamps[0]] * 3).tolist()
 
 
-def test_a_date_that_may_be_read_in_two_ways_is_said():
-    clock, remark = clock_for(["04/05/2022 10:00:00 AM"])
-    assert clock.order == "mdy"
-    assert "read as mdy" in remark
-    assert clock_for(["04/05/2022 10:00:00"])[0].order == "dmy"
-    assert clock_for(["04/05/2022 10:00:00"], "mdy") == (Clock(order="mdy", first=clock.first), None)
+def test_a_date_that_may_be_read_in_two_ways_is_refused_until_it_is_said(tmp_path):
+    for stamp in ("04/05/2022 10:00:00 AM", "04-05-2022 10:00:00"):
+        assert clock_for([stamp]).doubt == (
+            "the date 04/05/2022 may begin with the day or the month: say dmy or mdy in time.order of import"
+        )
+        said = clock_for([stamp], "mdy")
+        assert (said, said.doubt) == (Clock(order="mdy", first=date(2022, 4, 5)), "")
+    points = clock_for(["04.05.2022 10:00:00"])  # nobody writes the month first and points between
+    assert (points.first, points.doubt) == (date(2022, 5, 4), "")
+    table = b"Time,x\n04/05/2022 10:00:00,1\n04/05/2022 10:00:01,2\n04/05/2022 10:00:02,3\n"
+    with pytest.raises(FormatError, match=r"say dmy or mdy in time.order"):
+        settle("csv", opened("csv", table, tmp_path), {})
+    given = {"time": {"index": 0, "order": "mdy"}}
+    plan = settle("csv", opened("csv", table, tmp_path, time=0, order="mdy"), given)
+    assert plan.start_time == datetime(2022, 4, 5, 10, tzinfo=UTC)
     with pytest.raises(FormatError, match="in the order mdy"):
         Clock(order="mdy").seconds(["30/05/2022 10:00:00"])
     assert not is_stamp("10")
     with pytest.raises(FormatError, match="must be a date and time of day, got 'soon'"):
         Clock().seconds(["10:00:00", "soon"])
+
+
+def test_the_zone_of_stamps_is_theirs_and_may_change():
+    """Summer time ends: the clock goes back, the instants do not."""
+    stamps = ["2024-10-27T02:59:59+02:00", "2024-10-27T02:00:00+01:00", "2024-10-27T02:00:01+01:00"]
+    clock = clock_for(stamps)
+    seconds = clock.seconds(stamps)
+    truth = [datetime.fromisoformat(stamp) for stamp in stamps]
+    assert [clock.instant(second) for second in seconds.tolist()] == truth
+    assert clock.seconds(stamps[1:]).tolist() == seconds[1:].tolist()
+    utc = clock_for(["2024-01-05T10:00:00.5Z"])
+    assert utc.instant(36000.5) == datetime(2024, 1, 5, 10, 0, 0, 500_000, tzinfo=UTC)

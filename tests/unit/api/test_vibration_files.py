@@ -91,12 +91,30 @@ def test_labview_tables_that_follow_each_other_are_joined(tmp_path):
         (LVM.replace("Channels\t2", "Channels\tmany"), "Channels must be 1 ... 500, got 'many'"),
         (LVM.replace("Delta_X\t0.5", "Delta_X\tfast"), "Delta_X must be a finite number, got 'fast'"),
         (LVM.replace("\t3\t4", "\t3\tx"), "lines 17 ... 18 must hold a number for every channel"),
+        (LVM.replace("Decimal_Separator\t.", "Decimal_Separator\t;"), 'Decimal_Separator must be "." or ","'),
+        (LVM.replace("\t3\t4\n", "\t3"), "its last line is cut"),
         (LVM.replace("X_Columns\tNo", "X_Columns\tMulti"), "X_Columns must be No or One, got Multi"),
     ],
 )
 def test_damaged_labview_files_are_refused(tmp_path, content, message):
     with pytest.raises(FormatError, match=message):
         arrays(opened("lvm", content.encode(), tmp_path))
+
+
+def test_a_labview_file_that_is_cut_within_its_last_row_is_refused_or_loses_it(tmp_path):
+    values = np.round(np.random.default_rng(8).normal(size=(20, 2)), 6)
+    rows = [f"\t{a:.6f}\t{b:.6f}\n" for a, b in values]
+    whole = LVM[: LVM.index("\t1\t2")] + "".join(rows)
+    for cut in range(2, len(rows[-1])):
+        with pytest.raises(FormatError, match="its last line is cut"):
+            opened("lvm", whole[:-cut].encode(), tmp_path)
+        read = arrays(opened("lvm", whole[:-cut].encode(), tmp_path, allow_truncated=True))
+        np.testing.assert_array_equal(np.transpose([read["force"], read["x"]]), values[:-1])
+    np.testing.assert_array_equal(arrays(opened("lvm", whole[:-1].encode(), tmp_path))["x"], values[:, 1])
+
+
+def test_a_separator_that_is_not_named_is_a_tab(tmp_path):
+    assert arrays(opened("lvm", LVM.replace("Separator\tTab", "Separator").encode(), tmp_path))["x"].tolist() == [2, 4]
 
 
 def test_universal_files_as_text_and_binary_hold_the_same(tmp_path):

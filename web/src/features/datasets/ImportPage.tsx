@@ -103,7 +103,7 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
   const place = (i: number) => columns.slice(0, i).filter((column) => column.take).length;
   const wrongCell = (i: number, key: "name" | "unit" | "scale" | "offset" | "quantity") => faultAt(t, form, columns[i]!.take ? problem : null, `columns.${i}.${key}`, `/import/columns/${place(i)}/${key}`);
   const wrong = (key: Exclude<keyof ImportFields, "columns">, pointer: string) => faultAt(t, form, problem, key, pointer);
-  const shown = ["/import/delimiter", "/import/decimal", "/import/header_lines", "/import/missing", "/import/time", "/import/sample_rate", "/import/gaps", "/import/time_zone", ...columns.flatMap((column, i) => (column.take ? ["name", "unit", "scale", "offset", "quantity"].map((key) => `/import/columns/${place(i)}/${key}`) : []))];
+  const shown = ["/import/delimiter", "/import/decimal", "/import/thousands", "/import/comment", "/import/header_lines", "/import/missing", "/import/time", "/import/sample_rate", "/import/gaps", "/import/time_zone", ...columns.flatMap((column, i) => (column.take ? ["name", "unit", "scale", "offset", "quantity"].map((key) => `/import/columns/${place(i)}/${key}`) : []))];
   const number = (name: `columns.${number}.scale` | `columns.${number}.offset`, label: string, error: string | undefined) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={100} aria-label={label} hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={error} classNames={{ input: "numbers" }} />} />;
   const taken = look.import?.columns ?? [];
   const sample = (index: number) => {
@@ -151,8 +151,23 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
                   error={wrong("delimiter", "/import/delimiter")}
                 />
                 <NativeSelect size="xs" label={t("datasets.decimal")} {...register("decimal")} data={[".", ","]} error={wrong("decimal", "/import/decimal")} />
+                <NativeSelect
+                  size="xs"
+                  label={t("importing.thousands")}
+                  {...register("thousands")}
+                  data={[
+                    { value: "", label: t("importing.noThousands") },
+                    { value: ".", label: "1.234" },
+                    { value: ",", label: "1,234" },
+                    { value: "'", label: "1'234" },
+                    { value: " ", label: "1 234" },
+                  ]}
+                  error={wrong("thousands", "/import/thousands")}
+                />
                 <Controller control={control} name="header_lines" render={({ field }) => <NumberInput size="xs" w={120} label={t("datasets.header")} hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={wrong("header_lines", "/import/header_lines")} />} />
                 <TextInput w={150} label={t("importing.missing")} placeholder="NaN; -" {...register("missing")} error={wrong("missing", "/import/missing")} />
+                <TextInput w={90} label={t("importing.comment")} placeholder="#" {...register("comment")} error={wrong("comment", "/import/comment")} />
+                <Checkbox mt={26} size="xs" label={t("importing.allowTruncated")} {...register("allow_truncated")} />
               </>
             )}
             <NativeSelect size="xs" label={t("importing.time")} {...register("time")} data={[{ value: "", label: t("importing.noTime") }, ...look.series.map((one) => ({ value: String(one.index), label: one.name || `${one.index + 1}` }))]} error={wrong("time", "/import/time")} />

@@ -11,7 +11,7 @@ const look: Look = {
     { index: 2, name: "Count", sample_count: 5, unit: "", role: "counter" },
   ],
   refused: {},
-  import: { delimiter: ";", decimal: ",", header_lines: 2, columns: [{ index: 1, name: "force", unit: "kN", scale: 0.5, offset: 0, quantity: "" }], time: { index: 0, unit: "s" }, gaps: "fill", time_zone: "UTC" },
+  import: { delimiter: ";", decimal: ",", thousands: ".", comment: "#", header_lines: 2, missing: ["", "NaN"], allow_truncated: false, columns: [{ index: 1, name: "force", unit: "kN", scale: 0.5, offset: 0, quantity: "" }], time: { index: 0, unit: "s" }, gaps: "fill", time_zone: "UTC" },
   channels: [{ name: "force", unit: "kN", first: [1, 2, 3] }],
   sample_rate: 1000,
   start_time: null,

@@ -40,6 +40,9 @@ export const importSchema = z
     columns: z.array(row),
     delimiter: z.string(),
     decimal: z.enum([".", ","]),
+    thousands: z.enum(["", ".", ",", "'", " "]),
+    comment: z.string(),
+    allow_truncated: z.boolean(),
     header_lines: z.number("forms.number").int("forms.whole").min(0, "forms.notNegative"),
     missing: z.string(),
     /** Place of the instants in the file; "" where there are none. */
@@ -80,7 +83,10 @@ export function fieldsOf(look: Look): ImportFields {
     delimiter: proposed?.delimiter ?? ",",
     decimal: proposed?.decimal ?? ".",
     header_lines: proposed?.header_lines ?? 0,
-    missing: (proposed?.missing ?? []).join("; "),
+    thousands: proposed?.thousands ?? "",
+    comment: proposed?.comment ?? "",
+    allow_truncated: proposed?.allow_truncated ?? false,
+    missing: (proposed?.missing ?? []).filter((cell) => cell !== "").join("; "),
     time: time === undefined ? "" : String(time),
     time_unit: proposed?.time?.unit ?? "s",
     order: proposed?.time?.order ?? "",
@@ -102,9 +108,10 @@ export function readDraft(query: URLSearchParams, { columns, ...begin }: ImportF
 
 /** What the form says, as the service takes it. */
 export function importOf(fields: ImportFields, table: boolean): ImportDocument {
-  const missing = fields.missing.split(";").map((cell) => cell.trim()).filter((cell) => cell !== "");
+  // An empty cell is always a missing sample.
+  const missing = ["", ...fields.missing.split(";").map((cell) => cell.trim()).filter((cell) => cell !== "")];
   return {
-    ...(table ? { delimiter: fields.delimiter, decimal: fields.decimal, header_lines: fields.header_lines, ...(missing.length > 0 ? { missing } : {}) } : {}),
+    ...(table ? { delimiter: fields.delimiter, decimal: fields.decimal, thousands: fields.thousands, comment: fields.comment, header_lines: fields.header_lines, missing, allow_truncated: fields.allow_truncated } : {}),
     columns: fields.columns.filter((column) => column.take).map(({ index, name, quantity, unit, scale, offset }) => ({ index, name, quantity, unit, scale, offset })),
     ...(fields.time !== "" ? { time: { index: Number(fields.time), ...(fields.time_unit ? { unit: fields.time_unit } : {}), ...(fields.order ? { order: fields.order } : {}) } } : {}),
     ...(fields.sample_rate !== undefined ? { sample_rate: fields.sample_rate } : {}),

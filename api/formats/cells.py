@@ -1,0 +1,86 @@
+"""Cells of text tables: how a line is cut into them, and which number stands in one.
+
+1.234,56  ->  1234.56   where "," marks decimals and "." thousands
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from dataclasses import dataclass, field
+
+MISSING = ("", "NaN")
+"""Cells that stand for a missing sample unless an import description says otherwise."""
+_WORDS = {"", "nan", "n/a", "na", "#n/a", "null", "none", "--", "-"}
+
+_DECIMALS = {".": r"\.", ",": ","}
+_THOUSANDS = {".": r"\.", ",": ",", "'": "['’]", " ": "[ \u00a0\u202f]"}
+_REMOVED = str.maketrans("", "", "'’ \u00a0\u202f")
+
+
+def cut(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line, without what surrounds them; a blank stands for any run of blanks and tabs."""
+    if delimiter == " ":
+        return [cell.strip('"') for cell in line.split()]
+    if '"' in line and len(delimiter) == 1:
+        try:
+            cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        except csv.Error:  # a cell of more than 128 kB
+            cells = line.split(delimiter)
+        return [cell.strip() for cell in cells]
+    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
+
+
+def is_word_for_missing(cell: str) -> bool:
+    """Say whether a cell is empty or one of the usual words for a missing sample."""
+    return cell.lower() in _WORDS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marks:
+    """How numbers are written.
+
+    Parameters
+    ----------
+    decimal : str
+        "." or ",".
+    thousands : str
+        What may stand between groups of three digits: ".", ",", "'", a blank (also one that does not break), or "" for
+        nothing. Groups must be of three digits and not begin with 0: 0.123 is none of 123.
+    """
+
+    decimal: str = "."
+    thousands: str = ""
+    _plain: re.Pattern[str] = field(init=False, repr=False, compare=False)
+    _grouped: re.Pattern[str] | None = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        mark = _DECIMALS[self.decimal]
+        group = _THOUSANDS.get(self.thousands)
+        grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+(?:{mark}\d*)?") if group else None
+        object.__setattr__(self, "_plain", re.compile(rf"[+-]?(?:\d+{mark}?\d*|{mark}\d+)(?:[eE][+-]?\d+)?"))
+        object.__setattr__(self, "_grouped", grouped)
+
+    def value(self, cell: str) -> float | None:
+        """Return the number in a cell, None where it is no finite number."""
+        text = cell.replace("\u2212", "-")
+        if self._plain.fullmatch(text) is None:
+            if self._grouped is None or self._grouped.fullmatch(text) is None:
+                return None
+            text = text.translate(_REMOVED) if self.thousands in "' " else text.replace(self.thousands, "")
+        value = float(text.replace(self.decimal, "."))
+        return value if math.isfinite(value) else None
+
+
+def all_marks(decimal: str) -> tuple[Marks, ...]:
+    """Return all ways to write numbers with a decimal mark; the one without groups comes first."""
+    return tuple(Marks(decimal=decimal, thousands=mark) for mark in ("", *_THOUSANDS) if mark != decimal)
+
+
+def thousands_of(cell: str, decimal: str) -> str | None:
+    """Return what separates thousands in a cell: "" where nothing does, None where the cell is no number."""
+    return next((marks.thousands for marks in _ALL[decimal] if marks.value(cell) is not None), None)
+
+
+_ALL = {decimal: all_marks(decimal) for decimal in _DECIMALS}
