@@ -34,7 +34,8 @@ from engine.parameters import Param, ParameterInfo, Scalar
 from engine.rates import assemble_by_rates
 from engine.realize import Interconnection, Wiring
 from engine.references import References
-from engine.sampled_data.system import SampledSystem, sampled_system
+from engine.sampled_data.build import sampled_system
+from engine.sampled_data.system import SampledSystem
 from engine.traced import Graph, Traced
 from engine.wires import LOOP, Opening, Wires
 
@@ -433,7 +434,7 @@ class Diagram:
         Raises
         ------
         UnresolvedError
-            If there are pure delays in it.
+            If a signal flows through a pure delay into something that is no sampler.
         """
         admitted = None
         if steps:
@@ -449,7 +450,7 @@ class Diagram:
         wiring = self._samplers.wiring(closed, self._interconnection.outputs)
         assembled = self._interconnection.assemble(self._samplers.without(realizations), wiring, admitted=admitted)
         own = {number: self._blocks.of(number, values) for number in self._samplers.numbers}
-        return sampled_system(self._samplers.system(assembled.matrices, closed, own))
+        return sampled_system(self._samplers.system(assembled.matrices, closed, own), opened=open_at is not None)
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
         """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.

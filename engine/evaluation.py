@@ -134,7 +134,7 @@ class Evaluation:
         steps = {name: INFINITESIMAL * self._scale(name) for name in names}
         try:
             changed = self.diagram.sampled_system(self.overrides, steps).uneven
-        except UnresolvedError:  # pure delays: nothing needs the common period
+        except UnresolvedError:  # of signals that flow through pure delays: nothing needs the common period
             return set()
         return {name for name, uneven in zip(names, changed, strict=True) if uneven}
 

@@ -21,14 +21,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.elements._nonlinear import Moment, stacked
-from engine.elements._sampler import Sampler
 from engine.errors import UnresolvedError
 
 if TYPE_CHECKING:
     from engine.linear.system import Array
-    from engine.nonlinear.laws import Law
-    from engine.nonlinear.system import NonlinearSystem
 
 _LARGEST_RATIO: Final = 1000
 _RATIO: Final = 1e-9
@@ -44,7 +40,8 @@ class Sampling:
     """One sampler: its times (s), each of shape (lanes,), and how its events move the joint state.
 
     ``taken`` (lanes, N, N) with ``entering`` (lanes, N, inputs) is a sample, ``updated`` (lanes, N, N) the output that follows
-    it after the delay, None where there is none. ``number`` tells it from the others in the order of the document.
+    it after the delay, None where there is none. ``number`` tells it from the others in the order of the document; of those
+    that act together the lower ``turn`` comes first: what arrives, samples, what takes account of both.
     """
 
     label: str
@@ -54,7 +51,8 @@ class Sampling:
     offset: Array
     taken: Array
     entering: Array
-    updated: Array | None
+    updated: Array | None = None
+    turn: int = 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,7 +69,8 @@ class SampledSystem:
     """A linear system with samplers; all arrays have a lane axis in front, lanes sharing the real part.
 
     Shapes: ``flow`` (lanes, N, N), ``driven`` (lanes, N, inputs), ``read`` (lanes, outputs, N), ``direct`` (lanes, outputs,
-    inputs). ``delayed`` tells whether pure delays are in it, which are not part of this model.
+    inputs). ``known`` (outputs,) tells which outputs are known at all times: one that comes through a pure delay is not,
+    unless it is held.
     """
 
     flow: Array
@@ -81,6 +80,7 @@ class SampledSystem:
     samplings: tuple[Sampling, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    known: npt.NDArray[np.bool_]
 
     @property
     def lanes(self) -> int:
@@ -108,9 +108,20 @@ class SampledSystem:
         )
 
     def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> SampledSystem:
-        """Return the system with these inputs and outputs alone, all its states kept."""
+        """Return the system with these inputs and outputs alone, all its states kept.
+
+        Raises
+        ------
+        UnresolvedError
+            If one of these outputs is not known at all times.
+        """
+        if not self.known[list(outputs)].all():
+            late = ", ".join(self.outputs[k] for k in outputs if not self.known[k])
+            raise UnresolvedError(
+                f"outputs must be seen where they are made, but {late} comes through a pure delay: take the signal in front of it"
+            )
         return replace(
-            self,
+            self, known=self.known[list(outputs)],
             driven=self.driven[:, :, inputs], read=self.read[:, outputs], direct=self.direct[:, outputs][:, :, inputs],
             samplings=tuple(replace(s, entering=s.entering[:, :, inputs]) for s in self.samplings),
             inputs=tuple(self.inputs[k] for k in inputs), outputs=tuple(self.outputs[k] for k in outputs),
@@ -225,7 +236,7 @@ class SampledSystem:
         for sampling, turns in zip(self.samplings, count, strict=True):
             for k in range(turns):
                 at = wrapped(sampling.offset + k * sampling.period, period)
-                rank = (1.0, -_length(sampling), float(sampling.number), 0.0)
+                rank = (float(sampling.turn), -_length(sampling), float(sampling.number), 0.0)
                 listed.append((_real(at), rank, Event(time=at, jump=sampling.taken, entering=sampling.entering)))
                 if sampling.updated is not None:
                     at = wrapped(at + sampling.delay, period)
@@ -243,70 +254,6 @@ class SampledSystem:
         return [event for _, _, event in order]
 
 
-def sampled_system(system: NonlinearSystem) -> SampledSystem:
-    """Return a system whose only laws are samplers as one that flows and jumps.
-
-    Raises
-    ------
-    UnresolvedError
-        If there are pure delays in it.
-    """
-    if system.delays.shape[-1]:
-        msg = (
-            "margins, poles and responses over frequency must be those of samplers and lags, but pure delays are in this "
-            "system too: put the delay into the sampler's 'delay', or follow a response over time"
-        )
-        raise UnresolvedError(msg)
-    m, lanes, n, total = system.matrices, system.lanes, system.linear_states, system.states
-    held = np.zeros((m["b3"].shape[-1], total))  # the output of each sampler is its first state
-    for law in system.laws:
-        for k in range(law.outputs.stop - law.outputs.start):  # its first states are its outputs
-            held[law.outputs.start + k, law.states.start + k] = 1.0
-    kind = complex if system.complex else float
-    flow = np.zeros((lanes, total, total), dtype=kind)
-    flow[:, :n, :n] = m["a"]
-    flow[:, :n] += m["b3"] @ held
-    driven = np.zeros((lanes, total, m["b1"].shape[-1]), dtype=kind)
-    driven[:, :n] = m["b1"]
-    seen = [np.concatenate([m[c], np.zeros((*m[c].shape[:2], total - n))], axis=-1) + m[d] @ held
-            for c, d in (("c1", "d13"), ("c3", "d33"))]  # fmt: skip
-    return SampledSystem(
-        flow=flow, driven=driven, read=np.asarray(seen[0]), direct=m["d11"],
-        samplings=tuple(_sampling(law, k, lanes, seen[1], m["d31"]) for k, law in enumerate(system.laws)),
-        inputs=system.inputs, outputs=system.outputs,
-    )  # fmt: skip
-
-
-def _sampling(law: Law, number: int, lanes: int, sees: Array, follows: Array) -> Sampling:
-    """Return a sampler in its place; what it samples is ``sees`` ξ + ``follows`` u."""
-    element = law.element
-    assert issubclass(element, Sampler)
-    values = element.linear_part(law.values)
-    count, total = law.states.stop - law.states.start, sees.shape[-1]
-    units = np.eye(count + law.inputs.stop - law.inputs.start)
-    columns = [Moment(t=0.0, x=list(unit[:count]), z=list(unit[count:])) for unit in units]
-    own = np.stack([stacked(element.sample(m, 0, values), (lanes, 1))[:, 0] for m in columns], axis=-1)
-    kind = np.result_type(own, sees, follows)
-    rows = law.states
-    taken = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
-    taken[:, rows] = own[..., count:] @ sees[:, law.inputs]
-    taken[:, rows, rows] += own[..., :count]
-    entering = np.zeros((lanes, total, follows.shape[-1]), dtype=kind)
-    entering[:, rows] = own[..., count:] @ follows[:, law.inputs]
-    delay = _times(element.latency(law.values), lanes)
-    updated = None
-    if np.any(delay):
-        after = np.stack([stacked(element.update(m, 0, values), (lanes, 1))[:, 0] for m in columns[:count]], axis=-1)
-        updated = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
-        updated[:, rows, rows] = after
-    period = element.period(law.values)
-    assert period is not None
-    return Sampling(
-        label=law.label, number=number, period=_times(period, lanes), delay=delay,
-        offset=_times(element.offset(law.values), lanes), taken=taken, entering=entering, updated=updated,
-    )  # fmt: skip
-
-
 def _spread(acts: npt.NDArray[np.bool_], begun: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Return which states (N,) follow, by ``acts`` of each row on each column, those with which it has begun."""
     found = begun
@@ -316,10 +263,6 @@ def _spread(acts: npt.NDArray[np.bool_], begun: npt.NDArray[np.bool_]) -> npt.ND
             break
         found = further
     return found
-
-
-def _times(value: Any, lanes: int) -> Array:
-    return np.array(np.broadcast_to(np.ravel(value), (lanes,)))
 
 
 def _acts(sampling: Sampling, states: npt.NDArray[Any]) -> bool:

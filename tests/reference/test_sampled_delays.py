@@ -1,0 +1,204 @@
+"""Loops of samplers with pure delays, against maps of the test's own and python-control.
+
+A delay behind a hold and one in front of a sampler are computing times and offsets of a loop without them; longer ones are
+values under way in a difference equation that is written here by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from engine.diagram import Diagram, compile_system
+from engine.errors import UnresolvedError
+from engine.evaluation import Evaluation
+from engine.measuring import MetricRequest, measure
+from engine.study import frequency_response
+from engine.verdicts import Verdict
+from tests.reference.test_sampled_loops import AXES, MS, Axis, bounds
+from tests.unit.engine.diagrams import block, document
+
+MARGINS = ("gain_margin_up", "phase_margin", "delay_margin")
+KP, KI, PERIOD = 0.15, 0.02, 0.05
+
+
+def asked(place: str) -> list[MetricRequest]:
+    return [MetricRequest(metric=metric, open_at=place) for metric in MARGINS]
+
+
+def with_delays(axis: Axis, sensor: Fraction = Fraction(0)) -> Diagram:
+    """Return an axis whose computing times are blocks behind its controllers, its position measured later by ``sensor`` ms."""
+    slow = {"sample_time": float(axis.slow * MS), "offset": float(axis.slow_offset * MS)}
+    fast = {"sample_time": float(axis.fast * MS), "offset": float(axis.fast_offset * MS)}
+    inertias = {"motor_inertia": axis.motor, "load_inertia": axis.load}
+    blocks = {
+        "r": block("input"),
+        "e": block("sum", signs="+-"),
+        "position": block("sampled_pid", kp=axis.kv, **slow),
+        "slow_way": block("delay", time=float(axis.slow_delay * MS)),
+        "f": block("sum", signs="+-"),
+        "speed": block("sampled_pid", kp=axis.kp, ki=axis.ki, **fast),
+        "fast_way": block("delay", time=float(axis.fast_delay * MS)),
+        "axis": block("two_inertia", **inertias, stiffness=axis.stiffness, damping=axis.damping),
+    }
+    wires = [
+        "r -> e.in1", "e -> position", "position -> slow_way", "slow_way -> f.in1", "axis.motor_speed -> f.in2",
+        "f -> speed", "speed -> fast_way", "fast_way -> axis.motor_torque",
+    ]  # fmt: skip
+    if sensor:
+        blocks["sensor"] = block("delay", time=float(sensor * MS))
+        wires += ["axis.load_angle -> sensor", "sensor -> e.in2"]
+    else:
+        wires.append("axis.load_angle -> e.in2")
+    return compile_system(document(blocks, wires, {"y": "axis.load_angle"}))
+
+
+@pytest.mark.parametrize("axis", [AXES[3], AXES[6]])
+@pytest.mark.parametrize(
+    ("places", "factor"),
+    [(("e", "position", "slow_way"), "k_position"), (("f", "speed", "fast_way"), "k_speed")],
+)
+def test_a_delay_behind_a_hold_is_a_computing_time(axis, places, factor):
+    made = with_delays(axis)
+    edge = bounds(lambda g: axis.radius(**{factor: np.exp(g)}), np.linspace(0, np.log(500), 60))
+    ahead = bounds(lambda q: axis.radius(**{factor: np.exp(-1j * q)}), np.linspace(0, np.pi, 80))
+    for place in places:
+        (up, _), (phase, _) = measure(made, asked(place)[:2])
+        assert up.value == pytest.approx(np.exp(edge[0]), rel=1e-9)
+        assert abs(phase.value) == pytest.approx(ahead[0], rel=1e-9)
+    (delay, _), (same, _) = (measure(one, asked(places[1])[2:])[0] for one in (made, axis.diagram))
+    assert delay.value == pytest.approx(same.value, rel=1e-9)
+    poles = np.sort_complex(np.exp(Evaluation(made).poles.values * float(max(axis.slow, axis.fast) * MS)))
+    if axis is AXES[6]:
+        expected = np.linalg.eigvals(axis.map())
+        for value in expected[np.abs(expected) > 1e-9]:
+            assert np.abs(poles - value).min() < 1e-8
+
+
+@pytest.mark.parametrize("axis", [AXES[2]])
+def test_a_delay_in_front_of_a_sampler_is_an_earlier_sample(axis):
+    sensor = Fraction(3, 10) * axis.slow
+    same = replace(axis, slow_offset=(axis.slow_offset - sensor) % axis.slow, slow_delay=axis.slow_delay + sensor)
+    made = with_delays(axis, sensor)
+    for place, factor in (
+        ("e", "k_position"),
+        ("sensor", "k_position"),
+        ("axis.load_angle", "k_position"),
+        ("f", "k_speed"),
+    ):
+        (up, _), (phase, _) = measure(made, asked(place)[:2])
+        edge = bounds(lambda g: same.radius(**{factor: np.exp(g)}), np.linspace(0, np.log(500), 60))  # noqa: B023
+        ahead = bounds(lambda q: same.radius(**{factor: np.exp(-1j * q)}), np.linspace(0, np.pi, 80))  # noqa: B023
+        assert up.value == pytest.approx(np.exp(edge[0]), rel=1e-9)
+        assert abs(phase.value) == pytest.approx(ahead[0], rel=1e-9)
+    (delay, _), (expected, _) = (
+        measure(one, asked(place)[2:])[0] for one, place in ((made, "sensor"), (same.diagram, "e"))
+    )
+    assert delay.value == pytest.approx(expected.value, rel=1e-9)
+
+
+def single(delay: float, *, sensor: bool, legs: int = 1) -> Diagram:
+    """Return a loop of one rate with its delay in ``legs`` blocks behind the hold or in front of the sampler."""
+    ways = [f"way{k}" for k in range(legs)]
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("sampled_pid", kp=KP, ki=KI, sample_time=PERIOD),
+        "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0, 0.0]),
+    } | {way: block("delay", time=delay / legs) for way in ways}  # fmt: skip
+    path = ["c", "p", *ways, "e.in2"] if sensor else ["c", *ways, "p", "e.in2"]
+    wires = ["r -> e.in1", "e -> c", *(f"{a} -> {b}" for a, b in pairwise(path))]
+    return compile_system(document(blocks, wires, {"y": "p"}))
+
+
+def radius(delay: float, gain: float) -> float:
+    """x' = A x + B u(t - m T - ρ): the state, the integral and m + 1 values of u that are under way."""
+    m, rho = int(delay / PERIOD + 1e-12), max(delay - PERIOD * int(delay / PERIOD + 1e-12), 0.0)
+    flow = np.zeros((4, 4))
+    flow[:3, :3] = [[0, 1, 0], [0, 0, 1], [0, -1, -1.2]]
+    flow[2, 3] = 1
+    early, late = expm(flow * rho), expm(flow * (PERIOD - rho))
+    size = 4 + m + 1
+    whole, output = np.zeros((size, size)), np.zeros(size)
+    output[0], output[3] = -2 * gain * (KP + KI * PERIOD), 1.0
+    under_way = np.vstack([output, np.eye(size)[4:]])
+    first = early[:3, :3] @ np.eye(size)[:3] + np.outer(early[:3, 3], under_way[m + 1])
+    whole[:3] = late[:3, :3] @ first + np.outer(late[:3, 3], under_way[m])
+    whole[3, 3], whole[3, 0] = 1.0, -2 * gain * KI * PERIOD
+    whole[4:] = under_way[:-1]
+    return float(np.abs(np.linalg.eigvals(whole)).max())
+
+
+@pytest.mark.parametrize("samples", [0.4, 1.0, 2.3, 3.0, 7.9])
+@pytest.mark.parametrize(("sensor", "legs"), [(False, 1), (True, 1), (False, 2), (True, 2)])
+def test_a_delay_of_many_samples_holds_as_many_values(samples, sensor, legs):
+    delay = samples * PERIOD
+    made = single(delay, sensor=sensor, legs=legs)
+    edge = brentq(lambda k: radius(delay, k) - 1, 1.0, 50.0, xtol=1e-14, rtol=1e-14)
+    for place in ("e", "c", "p", *(f"way{k}" for k in range(legs))):
+        up = measure(made, asked(place)[:1])[0][0].value
+        assert up == pytest.approx(edge, rel=1e-9)
+    for part, verdict in ((0.99, Verdict.OK), (1.01, Verdict.UNSTABLE)):
+        moved = {"c.kp": part * edge * KP, "c.ki": part * edge * KI}
+        assert Evaluation(made, moved).poles.verdict is verdict
+
+
+@pytest.mark.parametrize("sensor", [False, True])
+def test_whole_samples_are_powers_of_z_in_python_control(sensor):
+    made, omega = single(3 * PERIOD, sensor=sensor), np.linspace(0.05, 0.98 * np.pi / PERIOD, 25)
+    plant = control.ss([[0, 1, 0], [0, 0, 1], [0, -1, -1.2]], [[0], [0], [1]], [[2, 0, 0]], 0)
+    law = control.ss([[1.0]], [[KI * PERIOD]], [[1.0]], [[KP + KI * PERIOD]], PERIOD)
+    loop = law * control.c2d(plant, PERIOD, "zoh")
+    z = np.exp(1j * omega * PERIOD)
+    exact = np.array([complex(loop(one)) for one in z]) / z**3
+    for place in ("e", "c"):
+        found = frequency_response(made, open_at=place, frequencies=omega, metrics=())
+        np.testing.assert_allclose(found.response, exact, rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize("sensor", [False, True])
+def test_slopes_by_a_delay_are_exact(sensor):
+    delay, h = 2.3 * PERIOD, 1e-6
+    names = ["way0.time"]
+    for place in ("e", "c"):
+        found = measure(single(delay, sensor=sensor), asked(place), gradient=names)
+        sides = [measure(single(delay * (1 + s * h), sensor=sensor), asked(place)) for s in (1, -1)]
+        for row, (_, slopes) in enumerate(found):
+            difference = (sides[0][row][0].value - sides[1][row][0].value) / (2 * h * delay)
+            assert slopes.values[0] == pytest.approx(difference, rel=1e-5, abs=1e-7)
+
+
+def test_what_flows_through_a_delay_into_what_is_no_sampler_is_refused():
+    made = compile_system(
+        document(
+            {
+                "r": block("input"), "e": block("sum", signs="+--"), "late": block("delay", time=0.02),
+                "c": block("sampled_pid", kp=KP, sample_time=PERIOD), "g": block("gain", gain=0.1),
+                "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0]),
+                "s": block("sum", signs="+-"),
+            },
+            ["r -> e.in1", "p -> e.in2", "g -> e.in3", "e -> c", "c -> s.in1", "late -> s.in2", "s -> p", "p -> late", "late -> g"],
+            {"y": "p"},
+        )
+    )  # fmt: skip
+    with pytest.raises(UnresolvedError, match="a signal flows through one into what is no sampler"):
+        frequency_response(made, open_at="c")
+
+
+def test_an_output_behind_a_delay_that_flows_is_refused_by_name():
+    late = compile_system(
+        document(
+            {
+                "r": block("input"), "c": block("zero_order_hold", sample_time=PERIOD), "late": block("delay", time=0.02),
+                "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0]),
+            },
+            ["r -> c", "c -> p", "p -> late"], {"y": "late"},
+        )
+    )  # fmt: skip
+    with pytest.raises(UnresolvedError, match="y comes through a pure delay"):
+        frequency_response(late, source="r", target="y")
