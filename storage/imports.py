@@ -99,10 +99,12 @@ class Import:
         report: Document,
         sample_rate: float | None = None,
         start_time: datetime | None = None,
+        uneven: bool = False,
     ) -> int:
         """Make the dataset ``ready`` and return how many samples each channel has.
 
-        A sample rate or a start that a file tells replaces what was known before.
+        A sample rate or a start that a file tells replaces what was known before; where the samples are ``uneven`` there
+        is no rate, and the first channel holds their instants.
 
         Raises
         ------
@@ -127,6 +129,8 @@ class Import:
         }
         told = {"sample_rate": sample_rate, "start_time": start_time}
         values |= {name: value for name, value in told.items() if value is not None}
+        if uneven:
+            values["sample_rate"] = None
         with self._database.session() as session:
             self._claim(session, DatasetStatus.READY, held_by=self._token, **values)
             quotas.add_bytes(session, self._workspace_id, self._bytes)

@@ -49,6 +49,19 @@ class TimeDocument(Document):
     order: Literal["ymd", "mdy", "dmy"] | None = Field(default=None, description="of year, month and day in dates")
 
 
+class EvenDocument(Document):
+    """An even axis for samples at uneven instants, by interpolation."""
+
+    rate: float = Field(gt=0.0, description="samples per second, at least the mean rate of the instants")
+    method: Literal["linear", "cubic"] = "linear"
+
+
+class ResampledDocument(Document):
+    """Uneven instants that become even."""
+
+    resample: EvenDocument
+
+
 class ImportDocument(Document):
     """How a file is read; what is left out is found out from the file, and reported.
 
@@ -87,6 +100,10 @@ class ImportDocument(Document):
     time: TimeDocument | None = Field(default=None, description="where the instants of the samples are")
     gaps: Literal["fill", "close"] | None = Field(
         default=None, description="gaps in time are filled with missing samples (default), or closed"
+    )
+    uneven: Literal["keep"] | ResampledDocument | None = Field(
+        default=None,
+        description="instants off an even axis by more than their rounding are kept as a channel (default), or resampled",
     )
     time_zone: str | None = Field(
         default=None, max_length=80, description="of instants without one, such as Europe/Bucharest; UTC unless given"

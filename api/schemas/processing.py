@@ -56,10 +56,20 @@ class FilterStep(Document):
 
 
 class ResampleStep(Document):
-    """Another sample rate, a rational multiple of the old one; a linear-phase low pass keeps out what would be folded."""
+    """Another sample rate, a rational multiple of the old one; a linear-phase low pass keeps out what would be folded.
+
+    A recording with uneven instants becomes an even one by interpolation, which is its first step.
+    """
 
     kind: Literal["resample"]
-    rate: float = Field(gt=0.0, description="samples per second")
+    rate: float = Field(gt=0.0, description="samples per second; of uneven instants at least their mean rate")
+    method: Literal["linear", "cubic"] | None = Field(
+        default=None, description="of interpolation, for uneven instants only; linear by default"
+    )
+    longest: Quantity | None = Field(
+        default=None,
+        description="s, for uneven instants only: between samples further apart they are missing; ten median steps by default",
+    )
 
 
 class DecimateStep(Document):

@@ -27,6 +27,7 @@ class SampledSignal(Document):
     channel: str | None = Field(default=None, min_length=1, max_length=200)
     between_samples: BetweenSamples = Field(
         default=BetweenSamples.LINEAR,
+        strict=False,  # a word on the wire
         description="hold: what a D/A converter puts out; band_limited: smooth, as behind an anti-aliasing filter",
     )
 

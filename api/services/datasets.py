@@ -19,6 +19,7 @@ from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest,
 from api.services import jobs, raw_samples
 from api.services.importing import zone_of
 from api.services.installation import Caller, Installation
+from api.services.instants import Instants, even_rate, uneven
 from api.services.lineage import check_free
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
@@ -104,13 +105,15 @@ def _check_channels(channels: Sequence[ChannelDocument], place: Place) -> None:
 def to_wire(row: Dataset) -> dict[str, Any]:
     """Return a recording with everything that is known of it but its samples."""
     rate, count = row.sample_rate, row.sample_count
+    told = ((row.report or {}).get("time") or {}).get("duration")
     return {
         **_head(row),
         "revision": revision(row),
         "document": row.description,
         "sample_rate": rate,
         "sample_count": count,
-        "duration": (count - 1) / rate if count and rate else None,
+        "duration": (count - 1) / rate if count and rate else told,
+        "uneven": uneven(row),
         "channels": row.channels,
         "size": row.size,
         "sha256": row.sha256,
@@ -259,21 +262,20 @@ def channel(
         repository = DatasetRepository(session, caller.workspace)
         row = repository.get(identifier)
         described = channel_of(row, name)
-        assert row.sample_count is not None
-        rate = row.sample_rate or 1.0
-        first, stop = stretch(row.sample_count, rate, start, end)
+        instants = Instants(repository=repository, row=row)
+        first, stop = instants.stretch(start, end)
         count = stop - first
         if points is not None and count > points:
             found = repository.read_decimated(identifier, name, first, stop, points=points)
             low, high = envelope(found.minimum, found.maximum, described)
-            curves = {"time": numbers(found.index / rate), "min": numbers(low), "max": numbers(high)}
+            curves = {"time": numbers(instants.of(found.index)), "min": numbers(low), "max": numbers(high)}
         else:
             limit = service.settings.max_numbers
             if count > limit:
                 raise invalid(f"points must be given for more than {limit} samples, got {count}")
             values = physical(repository.read_channel(identifier, name, first, stop), described)
-            curves = {"time": numbers(np.arange(first, stop) / rate), "values": numbers(values)}
-    return {"unit": described.get("unit", ""), "sample_rate": rate, **curves}
+            curves = {"time": numbers(instants.at(first, stop)), "values": numbers(values)}
+    return {"unit": described.get("unit", ""), "sample_rate": row.sample_rate, **curves}
 
 
 def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
@@ -285,15 +287,6 @@ def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
             found: Mapping[str, Any] = described
             return found
     raise NotFoundError("channel", name)
-
-
-def stretch(count: int, rate: float, start: float | None, end: float | None) -> tuple[int, int]:
-    """Return the samples first <= i < stop whose times lie in start ... end (s)."""
-    first = 0 if start is None else int(np.ceil(min(max(start * rate, 0.0), count) - 1e-9))
-    stop = count if end is None else int(np.floor(min(max(end * rate, -1.0), count - 1) + 1e-9)) + 1
-    if first >= stop:
-        raise invalid(f"start ... end must hold at least one of the samples 0 ... {(count - 1) / rate:g} s, got none")
-    return first, stop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -327,27 +320,38 @@ def read_recording(
     """
     with database.session() as session:
         repository = DatasetRepository(session, workspace)
+        row = _existing(repository, identifier, place)
+        rate = even_rate(row, *place)
+        values, units = _in_si(repository, row, names)
+    return Recording(sample_time=1.0 / rate, channels=values, units=units)
+
+
+def _existing(repository: DatasetRepository, identifier: str, place: Place) -> Dataset:
+    try:
+        return repository.get(identifier)
+    except NotFoundError as error:
+        raise invalid(f"dataset must be one that exists, got {identifier!r}", *place) from error
+
+
+def _in_si(
+    repository: DatasetRepository, row: Dataset, names: Mapping[Place, str]
+) -> tuple[dict[str, Values], dict[str, str]]:
+    """Return channels in SI, none of whose samples are missing, with their units."""
+    values: dict[str, Values] = {}
+    units: dict[str, str] = {}
+    for where, name in names.items():
         try:
-            row = repository.get(identifier)
+            described = channel_of(row, name)
+            raw = repository.read_channel(row.id, name)
         except NotFoundError as error:
-            raise invalid(f"dataset must be one that exists, got {identifier!r}", *place) from error
-        if row.sample_rate is None:
-            raise invalid(f"dataset must have a sample_rate, {identifier!r} has none", *place)
-        values: dict[str, Values] = {}
-        units: dict[str, str] = {}
-        for where, name in names.items():
-            try:
-                described = channel_of(row, name)
-                raw = repository.read_channel(identifier, name)
-            except NotFoundError as error:
-                known = ", ".join(str(entry["name"]) for entry in row.channels)
-                raise invalid(f"channel must be one of the dataset's ({known}), got {name!r}", *where) from error
-            values[name], units[name] = in_si(raw, described, place=where)
-            if not np.all(np.isfinite(values[name])):
-                raise invalid(f"channel {name!r} must have no missing samples to be used here", *where)
-            if values[name].size < 2:
-                raise invalid(f"channel {name!r} must have at least 2 samples, got {values[name].size}", *where)
-    return Recording(sample_time=1.0 / row.sample_rate, channels=values, units=units)
+            known = ", ".join(str(entry["name"]) for entry in row.channels)
+            raise invalid(f"channel must be one of the dataset's ({known}), got {name!r}", *where) from error
+        values[name], units[name] = in_si(raw, described, place=where)
+        if not np.all(np.isfinite(values[name])):
+            raise invalid(f"channel {name!r} must have no missing samples to be used here", *where)
+        if values[name].size < 2:
+            raise invalid(f"channel {name!r} must have at least 2 samples, got {values[name].size}", *where)
+    return values, units
 
 
 def channel_reader(service: Installation, caller: Caller) -> ReadChannel:
@@ -359,10 +363,11 @@ def reader_of(database: Database, workspace: str) -> ReadChannel:
     """Return the function that reads the channel a sampled signal names, in one workspace."""
 
     def read(dataset: str, name: str, place: Place) -> Channel:
-        where = (*place, "channel")
-        recording = read_recording(database, workspace, dataset, {where: name}, place=(*place, "dataset"))
-        values = recording.channels[name]
-        time: Values = np.arange(values.size, dtype=np.float64) * recording.sample_time
-        return time, values
+        with database.session() as session:
+            repository = DatasetRepository(session, workspace)
+            row = _existing(repository, dataset, (*place, "dataset"))
+            values, _ = _in_si(repository, row, {(*place, "channel"): name})
+            time = Instants(repository=repository, row=row).at(0, values[name].size)
+        return time, values[name]
 
     return read

@@ -118,6 +118,7 @@ def settle(format_: str, recording: Recording, given: Mapping[str, Any]) -> Plan
         ],
         **({"time": _time_document(recording.series[time], format_, given, scale)} if time is not None else {}),
         "gaps": given.get("gaps", "fill"),
+        **({"uneven": given.get("uneven", "keep")} if time is not None else {}),
         **({"time_zone": zone} if zone else {}),
     }
     return Plan(

@@ -15,6 +15,7 @@ from api.pointers import Place
 from api.problems import invalid
 from api.services.datasets import channel_of
 from api.services.installation import Caller, Installation
+from api.services.instants import even_rate, uneven
 from storage.errors import NotFoundError
 from storage.models import Dataset
 from storage.repositories import DatasetRepository, ProcessingRepository
@@ -161,8 +162,8 @@ def _row(repository: DatasetRepository, dataset: str) -> Dataset:
         row = repository.get(dataset)
     except NotFoundError as error:
         raise invalid(f"dataset must be one that exists, got {dataset!r}", "dataset") from error
-    if row.sample_rate is None and row.sample_count is not None:
-        raise invalid(f"dataset must have a sample_rate, {dataset!r} has none", "dataset")
+    if uneven(row):
+        even_rate(row, "dataset")
     return row
 
 

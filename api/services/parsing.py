@@ -11,12 +11,12 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from api.convert.values import listed, numbers
-from api.formats import MOST_VALUES, TIME_OF_DAY, FormatError, Recording, Values, catalogue
+from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
 from api.problems import Problem
 from api.services import raw_samples
 from api.services.importing import Plan, options, settle
 from api.services.quality import ChannelQuality, remarks
-from api.services.sampling import TimeAxis
+from api.services.timing import Timing, axis_of, said_of_uneven, timing_of
 from storage.imports import RAW, Import
 from storage.repositories import DatasetRepository
 from storage.session import Database
@@ -51,13 +51,14 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         undo.callback(recording.close)
         plan = settle(format_, recording, given)
         with Import(database, workspace, identifier) as writing:
-            taken = _Taking(recording, plan, progress, read=lambda: file.tell() / size)
-            taken.into(writing)
+            taken = _Taking(recording, plan, writing, progress, read=lambda: file.tell() / size)
+            taken.all()
             count = writing.finish(
-                channels=plan.channels,
-                sample_rate=taken.rate,
+                channels=taken.times.channels(plan.channels),
+                sample_rate=taken.times.rate,
                 start_time=plan.start_time if stated_start is None else None,
                 report=taken.report(),
+                uneven=taken.times.rate is None,
             )
     return {"dataset": identifier, "sample_count": count}
 
@@ -87,16 +88,23 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             plan = settle(format_, recording, given)
         except FormatError as error:
             # what there is to choose from is what helps now
-            return {**found, "import": None, "channels": [], "sample_rate": None, "start_time": None,
+            return {**found, "import": None, "channels": [], "sample_rate": None, "uneven": None, "start_time": None,
                     "scalars": dict(recording.scalars), "remarks": [*recording.remarks, error.message]}  # fmt: skip
         first = [_first(recording, place) for place in plan.places]
         said = list(plan.remarks)
-        rate = plan.sample_rate
+        rate, uneven = plan.sample_rate, None
         if plan.time is not None:
-            axis = TimeAxis(requested=rate, fill=plan.document["gaps"] == "fill", of_day=_of_day(recording, plan))
-            axis.add(_first(recording, plan.time) * plan.time_scale)
-            said += axis.remarks()
-            rate = axis.rate
+            axis = axis_of(recording, plan, judging=True)
+            axis.add(_first(recording, plan.time))
+            uneven = axis.uneven()
+            if axis.regular:
+                axis = axis_of(recording, plan)
+                axis.add(_first(recording, plan.time))
+                said += axis.remarks()
+                rate = axis.rate
+            else:
+                said.append(said_of_uneven(axis, plan))
+                rate = None
         channels = []
         for channel, values in zip(plan.channels, first, strict=True):
             quality = ChannelQuality()
@@ -109,6 +117,7 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             "import": plan.document,
             "channels": channels,
             "sample_rate": rate,
+            "uneven": uneven,
             "start_time": plan.start_time.isoformat() if plan.start_time else None,
             "scalars": dict(recording.scalars),
             "remarks": said,
@@ -125,27 +134,20 @@ def _first(recording: Recording, place: int) -> Values:
     raise FormatError(f"channel {recording.series[place].name!r} must have samples, got none")
 
 
-def _of_day(recording: Recording, plan: Plan) -> bool:
-    """Whether instants are times of day without a date, which begin again at midnight."""
-    assert plan.time is not None
-    return recording.series[plan.time].quantity == TIME_OF_DAY
-
-
 class _Taking:
     """The samples of the chosen channels on their way, watched; ``read`` is the share of the file that has been read."""
 
-    def __init__(self, recording: Recording, plan: Plan, progress: Progress, *, read: Callable[[], float]) -> None:
+    def __init__(
+        self, recording: Recording, plan: Plan, writing: Import, progress: Progress, *, read: Callable[[], float]
+    ) -> None:
         self._recording = recording
         self._plan = plan
         self._progress = progress
         self._read = read
         self._qualities = [ChannelQuality() for _ in plan.places]
-        self._axis: TimeAxis | None = None
-        if plan.time is not None:
-            fill = plan.document["gaps"] == "fill"
-            self._axis = TimeAxis(requested=plan.sample_rate, fill=fill, of_day=_of_day(recording, plan))
+        self.times: Timing = timing_of(recording, plan, writing)
 
-    def into(self, writing: Import) -> None:
+    def all(self) -> None:
         """Hand all samples on."""
         wanted: Sequence[int] = self._plan.places
         shift = 0
@@ -160,45 +162,35 @@ class _Taking:
                 raise FormatError(f"a recording must be at most {MOST_VALUES} values, got more")
             channel = position - shift
             if channel < 0:
-                assert self._axis is not None
-                self._axis.add(values * self._plan.time_scale)
+                self.times.add(values)
             else:
-                self._hand_on(writing, channel, values)
+                self._hand_on(channel, values)
             share = done / total if total else self._read()
             self._progress(0.1 + 0.9 * min(share, 1.0), f"{done} values")
         self._check()
+        self.times.finish()
 
-    def _hand_on(self, writing: Import, channel: int, values: Values) -> None:
+    def _hand_on(self, channel: int, values: Values) -> None:
         if np.isinf(values).any():
             at = self._qualities[channel].count + int(np.flatnonzero(np.isinf(values))[0])
             name = self._plan.channels[channel]["name"]
             raise FormatError(f"channel {name!r} must be finite or missing, got an infinity at sample {at}")
-        start = self._qualities[channel].count
         self._qualities[channel].add(values)
-        writing.add(channel, values if self._axis is None else self._axis.filled(start, values))
+        self.times.hand_on(channel, values)
 
     def _check(self) -> None:
         counts = {channel["name"]: one.count for channel, one in zip(self._plan.channels, self._qualities, strict=True)}
-        if self._axis is not None:
-            counts["time"] = self._axis.count
+        if self.times.count is not None:
+            counts["time"] = self.times.count
         if len(set(counts.values())) != 1:
             said = ", ".join(f"{name} {count}" for name, count in counts.items())
             raise FormatError(f"the channels of a recording must have the same number of samples, got {said}")
         if not next(iter(counts.values())):
             raise FormatError("a recording must have samples, got none")
 
-    @property
-    def rate(self) -> float | None:
-        """Samples per second, as the instants tell or the file states."""
-        return self._plan.sample_rate if self._axis is None else self._axis.rate
-
     def report(self) -> dict[str, Any]:
         """Return what was noticed."""
-        said = list(self._plan.remarks)
-        time: dict[str, Any] = {"requested": self._plan.sample_rate, "actual": None, "gaps": [], "gap_count": 0}
-        if self._axis is not None:
-            time = self._axis.document()
-            said += self._axis.remarks()
+        said = [*self._plan.remarks, *self.times.remarks()]
         noticed = {}
         for channel, quality in zip(self._plan.channels, self._qualities, strict=True):
             noticed[channel["name"]] = quality.document()
@@ -206,7 +198,7 @@ class _Taking:
         refused = dict(islice(self._recording.refused.items(), _MOST_SHOWN))
         return {
             "import": self._plan.document,
-            "time": time,
+            "time": self.times.document(),
             "channels": noticed,
             "refused": refused,
             "scalars": dict(islice(self._recording.scalars.items(), _MOST_SHOWN)),

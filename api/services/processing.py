@@ -13,14 +13,16 @@ from sqlalchemy.orm import Session
 from api.convert.processing import described, steps_from_wire
 from api.convert.recordings import physical
 from api.problems import Problem, at, invalid
-from api.schemas.processing import ProcessingRequest
+from api.schemas.processing import ProcessingRequest, ResampleStep
 from api.services import jobs
 from api.services.datasets import to_wire
 from api.services.installation import Caller, Installation
+from api.services.instants import Instants, even_rate
 from api.services.results import versions
 from engine.processing.cut import Cut
 from engine.processing.merge import Merged, appended, side_by_side
 from engine.processing.record import Record, Step, process
+from engine.processing.resample import Resample
 from storage.errors import NotFoundError
 from storage.imports import Import
 from storage.models import Dataset, DatasetStatus
@@ -133,8 +135,9 @@ def _sources(session: Session, workspace: str, request: ProcessingRequest) -> li
             raise invalid(detail, "sources", number) from error
         if row.status != DatasetStatus.READY:
             raise Problem(409, "conflict", f"dataset {identifier!r} must be ready, it is {row.status}")
-        if row.sample_rate is None:
-            raise invalid(f"source must have a sample_rate, {identifier!r} has none", "sources", number)
+        first = request.steps[0] if request.steps else None
+        if not isinstance(first, ResampleStep):
+            even_rate(row, "sources", number, what="source")
         rows.append(row)
     return rows
 
@@ -159,8 +162,16 @@ def _compute(
 
 def _experiments(session: Session, workspace: str, row: Dataset, steps: Sequence[Step]) -> tuple[list[Record], int]:
     """Return the calibrated experiments of a recording, and how many steps reading has done: a cut only reads less."""
-    assert row.sample_rate is not None
     assert row.sample_count is not None
+    if row.sample_rate is None:
+        resample = steps[0]
+        assert isinstance(resample, Resample)
+        read = _read(session, workspace, row, 0, row.sample_count)
+        time = Instants(repository=DatasetRepository(session, workspace), row=row).at(0, row.sample_count)
+        instants = str(row.channels[0]["name"])
+        channels = {name: values for name, values in read.channels.items() if name != instants}
+        with at("steps", 0):
+            return [resample.evened(time, channels, read.units)], 1
     counts = ProcessingRepository(session, workspace).experiments(row.id) or (row.sample_count,)
     ends = np.cumsum(counts)
     spans = [(int(end) - count, int(end)) for end, count in zip(ends, counts, strict=True)]

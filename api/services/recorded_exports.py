@@ -10,8 +10,9 @@ from api.convert.recordings import physical
 from api.formats import FormatError, Values
 from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
 from api.problems import invalid
-from api.services.datasets import channel_of, stretch
+from api.services.datasets import channel_of
 from api.services.installation import Caller, Installation
+from api.services.instants import Instants, uneven
 from storage.repositories import DatasetRepository
 
 WRITERS: Mapping[str, tuple[Callable[[Outgoing], Iterator[bytes]], str, str]] = MappingProxyType(
@@ -54,11 +55,12 @@ def export(
     """
     with service.database.session() as session:
         row = DatasetRepository(session, caller.workspace).get(identifier)
-        names = list(channels or dict.fromkeys(str(channel["name"]) for channel in row.channels))
+        all_names = [str(channel["name"]) for channel in row.channels]
+        # uneven instants leave as the time of the file, which every format has
+        names = list(channels or dict.fromkeys(all_names[1:] if uneven(row) else all_names))
         described = [channel_of(row, name) for name in names]
-        assert row.sample_count is not None
-        rate = row.sample_rate or 1.0
-        first, stop = stretch(row.sample_count, rate, start, end)
+        found = Instants(repository=DatasetRepository(session, caller.workspace), row=row)
+        first, stop = found.stretch(start, end)
     where = {i: (name, one) for i, (name, one) in enumerate(zip(names, described, strict=True))}
 
     def read(channel: int, begin: int, until: int) -> Values:
@@ -70,14 +72,20 @@ def export(
             )
         return physical(raw, one)
 
+    def instants(begin: int, until: int) -> Values:
+        with service.database.session() as session:
+            repository = DatasetRepository(session, caller.workspace)
+            found = Instants(repository=repository, row=repository.get(identifier))
+            return found.at(first + begin, first + until)
+
     outgoing = Outgoing(
         name=row.name,
         columns=[
             Column(name=name, unit=str(one.get("unit", "")), quantity=str(one.get("quantity", "")))
             for name, one in where.values()
         ],
-        sample_rate=rate,
-        begin=first / rate,
+        sample_rate=row.sample_rate,
+        instants=instants,
         start_time=row.start_time.isoformat() if row.start_time else "",
         count=stop - first,
         read=read,

@@ -3,7 +3,8 @@
     rate = steps / (t_last - t_first),   a gap is a step of more than 1.5 usual ones
 
 A gap is filled with missing samples, so that what follows keeps its place on the time axis; everything that needs a
-whole recording then refuses it by name, instead of bending at the joint.
+whole recording then refuses it by name, instead of bending at the joint. Instants that are on no even axis are told
+(`regular`): they are kept as they are, or resampled where that is asked for.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
+from api.services.evenness import Evenness, rounding
 
 Values = npt.NDArray[np.float64]
 
@@ -24,6 +26,14 @@ _MOST_GAPS = 100_000
 _SHOWN = 100
 _FREE = 1_000_000
 _DAY = 86_400.0
+_TELLING = 64
+"""Instants of a piece that tell their rounding: few may be round by chance."""
+_SLOPE = 1.25
+"""How much wider a band of instants may be for a slope that is known from the first of them."""
+_SLOPE_OF_ANOTHER = 2.0
+"""The same between gaps, for the slope of the longest stretch."""
+_EVEN = 1e-3
+"""What an instant may be off its place on an even axis, in samples, whatever its printing."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -38,26 +48,31 @@ class TimeAxis:
         Whether gaps are filled with missing samples.
     of_day : bool
         Whether the instants are times of day, which begin again at midnight.
+    scale : float
+        What an instant is multiplied by to be s.
+    judging : bool
+        Whether the instants are only looked at: gaps are not bounded then.
     """
 
     requested: float | None = None
     fill: bool = True
     of_day: bool = False
+    scale: float = 1.0
+    judging: bool = False
     count: int = 0
     missing: int = 0
     _first: float = math.nan
     _last: float = math.nan
     _usual: float = math.nan
     _slack: float = 0.0
-    _least: float = math.inf
-    _most: float = 0.0
     _lost: float = 0.0  # time in gaps that are not filled, s
     _gaps: list[tuple[int, int, float]] = field(default_factory=list)
-    _marks: list[tuple[int, float]] = field(default_factory=list)
+    _evenness: Evenness = field(default_factory=Evenness)
+    _rounding: float = 0.0
     _days: float = 0.0
 
-    def add(self, instants: Values) -> None:
-        """Look at the next instants (n,), s.
+    def add(self, instants: Values) -> Values:
+        """Look at the next instants (n,) as the file has them, and return them in s from the first one.
 
         Raises
         ------
@@ -65,10 +80,13 @@ class TimeAxis:
             When time stands still, runs backwards, is missing, or leaps over more than was recorded.
         """
         if not instants.size:
-            return
+            return instants
         if not np.all(np.isfinite(instants)):
             at = self.count + int(np.flatnonzero(~np.isfinite(instants))[0])
             raise FormatError(f"time must be given for every sample, got none at sample {at}")
+        if instants.size >= _TELLING or not self.count:
+            self._rounding = max(self._rounding, rounding(instants) * self.scale)
+        instants = instants * self.scale
         if self.of_day:
             instants = self._past_midnight(instants)
         steps = np.diff(instants, prepend=self._last)
@@ -81,14 +99,12 @@ class TimeAxis:
             at = int(np.flatnonzero(steps < 0.0)[0])
             raise FormatError(f"time must not run backwards, got a step of {steps[at]:.6g} s at sample {offset + at}")
         gaps = np.flatnonzero(steps > _GAP * self._usual + self._slack)
-        even = np.delete(steps, gaps)
-        if even.size:
-            self._least, self._most = min(self._least, float(even.min())), max(self._most, float(even.max()))
+        self._evenness.add(instants, gaps + instants.size - steps.size)
         self.count += instants.size
         for at in gaps.tolist():
             self._gap(offset + at, float(steps[at]))
         self._last = float(instants[-1])
-        self._mark()
+        return instants - self._first
 
     def _past_midnight(self, instants: Values) -> Values:
         before = math.nan if math.isnan(self._last) else self._last - self._days
@@ -113,6 +129,8 @@ class TimeAxis:
 
     def _gap(self, before: int, step: float) -> None:
         missing = max(round(step / self._usual) - 1, 1)
+        if self.judging:
+            return
         if len(self._gaps) >= _MOST_GAPS:
             raise FormatError(f"time must have at most {_MOST_GAPS} gaps, got more: is its unit right?")
         self._gaps.append((before, missing, step))
@@ -125,12 +143,6 @@ class TimeAxis:
                 f"gaps must not be longer than what was recorded, got {self.missing} missing samples after "
                 f'{self.count} at sample {before} ({step:.6g} s): cut the file there, or say gaps: "close"'
             )
-
-    def _mark(self) -> None:
-        """Remember an instant, for the straight line through all of them."""
-        self._marks.append((self.count - 1 + self.missing, self._last - self._lost))
-        if len(self._marks) > 4096:
-            self._marks = self._marks[::2]
 
     def filled(self, start: int, values: Values) -> Values:
         """Return samples, the first of which is number ``start``, with the missing ones between them."""
@@ -155,12 +167,28 @@ class TimeAxis:
         nominal = self.requested or float(f"{1.0 / self._usual:.9g}")
         return nominal if abs(found - nominal) <= doubt * nominal else found
 
+    @property
+    def regular(self) -> bool:
+        """Whether the instants are on an even axis, as far as their rounding tells.
+
+        Rounding leaves a band as wide as the last digit, or as the step of a clock that gives several samples one stamp.
+        """
+        band = (_SLOPE_OF_ANOTHER if self._evenness.broken else _SLOPE) * max(self._rounding, self._slack)
+        return self._evenness.jitter() <= max(0.5 * band, _EVEN * self._usual)
+
     def uneven(self) -> float:
-        """Return how far an instant is from its place on an even axis, at most, in samples."""
-        step = 1.0 / self.rate
-        off = max((abs(instant - self._first - number * step) for number, instant in self._marks), default=0.0)
-        jitter = max(self._most - self._usual, self._usual - self._least, 0.0) - self._slack
-        return max(off - self._slack, jitter, 0.0) / step
+        """Return how far an instant is from its place on an even axis, at most, in samples; what rounding does counts."""
+        return self._evenness.jitter() / self._usual
+
+    @property
+    def usual_rate(self) -> float:
+        """Samples per second of the usual step."""
+        return 1.0 / self._usual
+
+    @property
+    def span(self) -> float:
+        """From the first instant to the last, s."""
+        return self._last - self._first
 
     def document(self) -> dict[str, Any]:
         """Return what is known of the instants: gaps (the first 100) as sample, missing samples and seconds."""
@@ -186,8 +214,4 @@ class TimeAxis:
             )
         if self.requested and abs(self.rate - self.requested) > 1e-3 * self.requested:
             said.append(f"the time column gives {self.rate:.9g} samples/s where {self.requested:.9g} were requested")
-        if (uneven := self.uneven()) > 0.5:
-            said.append(
-                f"the instants are uneven, up to {uneven:.3g} samples off: samples are kept in order at their mean rate"
-            )
         return said

@@ -13,6 +13,7 @@ R. E. Crochiere, L. R. Rabiner, "Multirate Digital Signal Processing", Prentice 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from engine.errors import ProcessingError
 from engine.processing.record import Real, Record
+from engine.processing.uneven import METHODS, evened
 
 MOST_FACTOR = 1000
 """Largest part of the ratio: 44100 samples/s from 48000 needs 147."""
@@ -35,19 +37,56 @@ class Resample:
     ----------
     rate : float
         Samples per second.
+    method : str, optional
+        How samples at uneven instants are interpolated, "linear" (by default) or "cubic".
+    longest : float, optional
+        Longest distance of two samples at uneven instants that is bridged, s; ten times the median one by default.
     """
 
     rate: float
+    method: str | None = None
+    longest: float | None = None
 
     def __post_init__(self) -> None:
+        if self.method is not None and self.method not in METHODS:
+            raise ProcessingError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}", at=("method",))
+        if self.longest is not None and not self.longest > 0:
+            raise ProcessingError(f"longest must be > 0 s, got {self.longest:g}", at=("longest",))
         if not (np.isfinite(self.rate) and self.rate > 0):
             raise ProcessingError(f"rate must be > 0 samples/s, got {self.rate:g}", at=("rate",))
 
     def apply(self, record: Record) -> Record:
-        """Return the record at the new rate."""
+        """Return the record at the new rate.
+
+        Raises
+        ------
+        ProcessingError
+            For a rate that is no simple ratio, missing samples, an interpolation where there is nothing to interpolate.
+        """
+        for name, value in (("method", self.method), ("longest", self.longest)):
+            if value is not None:
+                msg = (
+                    f"{name} must be left out for even samples, which are filtered and not interpolated, got {value!r}"
+                )
+                raise ProcessingError(msg, at=(name,))
         ratio = self._ratio(record.rate)
         channels = {name: resampled(record.values(name, complete=True), ratio) for name in record.channels}
         return replace(record, rate=record.rate * float(ratio), channels=channels)
+
+    def evened(self, time: Real, channels: Mapping[str, Real], units: Mapping[str, str]) -> Record:
+        """Return an even record of samples at uneven instants ``time`` (n,), s, which rise.
+
+        Raises
+        ------
+        ProcessingError
+            As `engine.processing.uneven.evened`.
+        """
+        method = self.method or "linear"
+        found = {
+            name: evened(time, values, rate=self.rate, method=method, longest=self.longest)
+            for name, values in channels.items()
+        }
+        return Record(rate=self.rate, channels=found, units=units, begin=float(time[0]))
 
     def _ratio(self, old: float) -> Fraction:
         wanted = self.rate / old

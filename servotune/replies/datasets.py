@@ -13,8 +13,9 @@ class Dataset(TypedDict, total=False):
     name: str
     format: str
     channels: list[dict[str, Any]]
-    sample_rate: float
+    sample_rate: float | None
     sample_count: int
+    uneven: bool
 
 
 class ChannelData(TypedDict, total=False):

@@ -29,10 +29,10 @@ class Outgoing:
     name : str
         Of the recording.
     columns : sequence of Column
-    sample_rate : float
-        Samples per second.
-    begin : float
-        Time of the first sample, s from the beginning of the recording.
+    sample_rate : float, optional
+        Samples per second, None where the instants are uneven.
+    instants : callable
+        Gives those of the samples start <= i < stop (start, stop), s from the beginning of the recording.
     start_time : str
         When the recording began, RFC 3339, "" where that is not known.
     count : int
@@ -43,8 +43,8 @@ class Outgoing:
 
     name: str
     columns: Sequence[Column]
-    sample_rate: float
-    begin: float
+    sample_rate: float | None
+    instants: Callable[[int, int], Values]
     start_time: str
     count: int
     read: Callable[[int, int, int], Values]

@@ -18,8 +18,17 @@ def write(recording: Outgoing) -> Iterator[bytes]:
     with tempfile.TemporaryFile() as file:
         with h5py.File(file, "w") as target:
             target.attrs["name"] = recording.name
-            target.attrs["sample_rate"] = recording.sample_rate
-            target.attrs["t0"] = recording.begin
+            target.attrs["t0"] = float(recording.instants(0, 1)[0])
+            if recording.sample_rate is None:
+                taken = {column.name for column in recording.columns}
+                name = next(name for name in ("time", "t", "time [s]") if name not in taken)
+                time = target.create_dataset(name, shape=(recording.count,), dtype="<f8")
+                time.attrs["unit"] = "s"
+                for start in range(0, recording.count, PIECE):
+                    stop = min(start + PIECE, recording.count)
+                    time[start:stop] = recording.instants(start, stop)
+            else:
+                target.attrs["sample_rate"] = recording.sample_rate
             target.attrs["start_time"] = recording.start_time
             for channel, column in enumerate(recording.columns):
                 # a slash would make a group of what stands before it

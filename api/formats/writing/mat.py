@@ -9,8 +9,6 @@ import re
 import struct
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from api.formats import FormatError
 from api.formats.writing import PIECE, Outgoing
 
@@ -39,11 +37,12 @@ def write(recording: Outgoing) -> Iterator[bytes]:
     listed = "\n".join(f"{name}: {label}" for name, label in zip(names, recording.labels(), strict=True))
     yield _text("channels", listed)
     yield _text("start_time", recording.start_time)
-    yield _head("sample_rate", 1) + struct.pack("<d", recording.sample_rate)
+    if recording.sample_rate is not None:
+        yield _head("sample_rate", 1) + struct.pack("<d", recording.sample_rate)
     yield _head("t", recording.count)
     for start in range(0, recording.count, PIECE):
         stop = min(start + PIECE, recording.count)
-        yield (recording.begin + np.arange(start, stop) / recording.sample_rate).astype("<f8").tobytes()
+        yield recording.instants(start, stop).astype("<f8").tobytes()
     for channel, name in enumerate(names):
         yield _head(name, recording.count)
         for start in range(0, recording.count, PIECE):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 
-import numpy as np
-
 from api.formats.writing import Outgoing
 
 _ROW_GROUP = 1 << 20
@@ -52,15 +50,17 @@ def write(recording: Outgoing) -> Iterator[bytes]:
     )
     metadata = {
         "name": recording.name,
-        "sample_rate": repr(recording.sample_rate),
+        **({"sample_rate": repr(recording.sample_rate)} if recording.sample_rate is not None else {}),
         "start_time": recording.start_time,
     }
     schema = pa.schema([pa.field(time, pa.float64(), metadata={"unit": "s"}), *fields], metadata=metadata)
     sink = _Sink()
     with pq.ParquetWriter(pa.PythonFile(sink, mode="w"), schema) as writer:
         for start, stop in recording.rows():
-            instants = recording.begin + np.arange(start, stop) / recording.sample_rate
-            columns = [instants, *(recording.read(channel, start, stop) for channel in range(len(fields)))]
+            columns = [
+                recording.instants(start, stop),
+                *(recording.read(channel, start, stop) for channel in range(len(fields))),
+            ]
             writer.write_table(pa.Table.from_arrays([pa.array(one) for one in columns], schema=schema), _ROW_GROUP)
             yield sink.fetch()
     yield sink.fetch()

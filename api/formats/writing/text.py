@@ -6,8 +6,6 @@ import csv
 import io
 from collections.abc import Iterator
 
-import numpy as np
-
 from api.formats.writing import Outgoing
 
 
@@ -17,7 +15,7 @@ def write(recording: Outgoing) -> Iterator[bytes]:
     csv.writer(head, lineterminator="\n").writerow(["time [s]", *recording.labels()])
     yield head.getvalue().encode()
     for start, stop in recording.rows():
-        time = recording.begin + np.arange(start, stop) / recording.sample_rate
+        time = recording.instants(start, stop)
         columns = [time, *(recording.read(channel, start, stop) for channel in range(len(recording.columns)))]
         # repr is the shortest text that is read back as the same number
         cells = [[repr(value) for value in column.tolist()] for column in columns]

@@ -40,6 +40,7 @@ class DatasetReply(DatasetHead):
     sample_rate: Number
     sample_count: int | None
     duration: Number
+    uneven: bool = Field(description="whether the instants of the samples are uneven: the first channel holds them")
     channels: list[dict[str, Any]]
     size: int | None
     sha256: str | None
@@ -67,7 +68,7 @@ class ChannelReply(Reply):
     """A stretch of a channel: `values`, or `min` and `max` of consecutive stretches."""
 
     unit: str
-    sample_rate: float
+    sample_rate: Number
     time: Curve
     values: Curve | None = None
     min: Curve | None = None

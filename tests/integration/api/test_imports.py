@@ -74,7 +74,7 @@ def test_a_table_is_looked_at_then_confirmed(client):
     assert proposed == {
         "delimiter": ",", "decimal": ".", "header_lines": 3, "missing": ["", "NaN"], "sample_rate": 1000,
         "columns": [{"index": 2, "name": "force", "unit": "N"}, {"index": 3, "name": "x", "unit": "mm"}],
-        "time": {"index": 1, "unit": "s"}, "gaps": "fill", "time_zone": "UTC",
+        "time": {"index": 1, "unit": "s"}, "gaps": "fill", "uneven": "keep", "time_zone": "UTC",
     }  # fmt: skip
     assert [one["role"] for one in found["series"]] == ["counter", "time", "channel", "channel"]
     assert found["channels"][1]["first"] == [1.5, 2.5, 3.5, 4.5, 5.5]

@@ -71,14 +71,41 @@ def test_a_clock_that_is_coarser_than_the_samples():
     assert axis.document()["gap_count"] == 0
 
 
-def test_uneven_instants_are_kept_and_said():
-    instants = np.cumsum(np.where(np.arange(1000) % 2, 0.8, 1.2))
-    axis, values = followed(instants, 1)
-    assert values.size == 1000
-    slow = np.cumsum(1 + 0.3 * np.sin(np.arange(2000) / 200))
-    axis, _ = followed(slow, 20)
-    assert axis.uneven() > 10
-    assert "the instants are uneven" in axis.remarks()[-1]
+RNG = np.random.default_rng(29)
+N = np.arange(5000)
+JITTER = RNG.uniform(-0.4, 0.4, N.size)
+EVEN = {
+    "exact": N / 500,
+    "written in ms": np.round(N / 512, 3),
+    "cut to ms": np.floor(N / 512 * 1000) / 1000,
+    "three samples in each ms": np.floor(N / 3) / 1000,
+    "six digits": np.array([float(f"{n / 512:.6g}") for n in N]),
+    "single precision": (N / 512.3).astype(np.float32).astype(float),
+    "holes": np.delete(N, [10, 11, 40, 41, 42, 4000]) / 500,
+    "a pause that is no whole number of steps": np.where(N > 2000, N / 500 + 3.3337, N / 500),
+    "a late day": 57936.674 + N / 1000,
+}
+UNEVEN = {
+    "jitter": (N + JITTER) / 500,
+    "jitter in us": np.round((N + JITTER) / 500, 6),
+    "jitter in ms": np.round((N + JITTER) / 500, 3),
+    "jitter of one in a hundred": (N + 0.025 * JITTER) / 500,
+    "steps that take turns": np.cumsum(np.where(N % 2, 0.8, 1.2)),
+    "a rate that drifts": np.cumsum(1 + 0.3 * np.sin(N / 200)),
+    "events": np.cumsum(RNG.exponential(size=N.size)),
+}
+
+
+@pytest.mark.parametrize("pieces", [1, 3])
+@pytest.mark.parametrize("case", [*EVEN, *UNEVEN])
+def test_what_is_even_is_told_from_what_is_not_by_the_rounding(case, pieces):
+    axis, _ = followed({**EVEN, **UNEVEN}[case], pieces, judging=True)
+    assert axis.regular == (case in EVEN)
+
+
+def test_how_far_instants_are_off_is_told():
+    axis, _ = followed(UNEVEN["jitter"], 1, judging=True)
+    assert abs(axis.uneven() - 0.4) < 0.05
 
 
 def test_times_of_day_pass_midnight():

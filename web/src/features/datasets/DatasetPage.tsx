@@ -82,7 +82,7 @@ export function DatasetPage() {
   const third = (to - from) / 3;
   return (
     <div className="page">
-      <PageHead title={dataset.data.name} doc={ready ? t("datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
+      <PageHead title={dataset.data.name} doc={ready ? t(dataset.data.uneven ? "datasets.aboutUneven" : "datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
         <StatusBadge status={dataset.data.status} />
         {ready && (
           <Button component={Link} to={`/datasets/${id}/process`} variant="default">
