@@ -95,17 +95,21 @@ def crossings(family: Family, grid: Real) -> list[Crossing]:
 
 def spectra(maps: Complex | Real) -> list[Spectrum]:
     """Return the eigenvalues of each map."""
-    return [_spectrum(one) for one in maps]
-
-
-def _spectrum(whole: Complex | Real) -> Spectrum:
-    if not np.isfinite(whole).all():
-        n = len(whole)
-        return Spectrum(values=np.full(n, np.nan + 0j), uncertainty=np.full(n, np.inf), known=False)
-    values, left, right = _eigenvectors(whole)
-    overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
-    size = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(whole), np.abs(right))
-    return Spectrum(values=values, uncertainty=20 * _EPS * size / np.maximum(overlap, _EPS))
+    known = np.asarray(np.isfinite(maps).all(axis=(1, 2)))
+    values, right = np.linalg.eig(np.where(known[:, None, None], maps, 0.0))
+    try:
+        left = np.linalg.inv(right)  # row by row, of product 1 with the right ones
+    except np.linalg.LinAlgError:
+        left = np.linalg.pinv(right, rcond=_EPS)
+    size = ((np.abs(left) @ np.abs(maps)) * np.abs(right).swapaxes(1, 2)).sum(axis=2)
+    found = []
+    for k in range(len(maps)):
+        if known[k]:
+            found.append(Spectrum(values=values[k].astype(complex), uncertainty=20 * _EPS * size[k]))
+        else:
+            n = maps.shape[-1]
+            found.append(Spectrum(values=np.full(n, np.nan + 0j), uncertainty=np.full(n, np.inf), known=False))
+    return found
 
 
 def _eigenvectors(whole: Complex | Real) -> tuple[Complex, Complex, Complex]:

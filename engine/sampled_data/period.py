@@ -102,9 +102,8 @@ class Period:
         """Return the instants (k,) and the states (k, N) behind each stop of one that begins the period at ``start``."""
         s, (b, c) = self.system, (end[0].real for end in self._matrices)
         factor = complex(self._factors(np.asarray(gain), float(self._through[0])))
-        flows = [
-            exponentials((width[0].real * (s.flow[0].real + factor * (b @ c)))[None])[0] for width in self._distinct
-        ]
+        widths = np.array([float(width[0].real) for width in self._distinct])
+        flows = exponentials(widths[:, None, None] * (s.flow[0].real + factor * (b @ c)))
         time, state = 0.0, start.astype(complex)
         times, states = [], []
         for kind, width, number in zip(self._kinds, self._widths, self._stops, strict=False):
