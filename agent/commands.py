@@ -46,6 +46,7 @@ def agent(argv: Sequence[str]) -> int:
         level=given.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     logging.getLogger("httpx").setLevel(logging.WARNING)
+    os.umask(0o077)  # samples and keys are this user's alone
     chosen = {
         "service.url": given.url,
         "rig.name": given.rig,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -151,7 +153,10 @@ def openapi(argv: Sequence[str]) -> int:
 
 
 def read_settings() -> Settings:
-    """Return the settings of this process, and let it write its log; wrong ones end it with a sentence."""
+    """Return the settings of this process, let it write its log, and make its files its user's alone.
+
+    Wrong settings end it with a sentence.
+    """
     from pydantic import ValidationError
     from pydantic_settings import SettingsError
 
@@ -166,6 +171,7 @@ def read_settings() -> Settings:
         found = re.search('field "(.*?)"', str(error))
         raise SystemExit(f"SERVOTUNE_{found[1].upper() if found else ''} must be JSON") from error
     logs.configure(settings.log_level, form=settings.log_format)
+    os.umask(0o077)
     return settings
 
 
@@ -195,6 +201,7 @@ def _prepare(settings: Settings) -> None:
         database = open_database(settings.database_url)
         try:
             database.migrate()
+            _tell_what_lies_open(settings)
             with database.session() as session:
                 renew_secrets(session, Vault(settings.secret_keys).renewed)
             token = bootstrap(database, settings.bootstrap_key)
@@ -209,6 +216,21 @@ def _prepare(settings: Settings) -> None:
             f"\n  First admin key: {token}\n  It is shown only now. Send it as `Authorization: Bearer <key>`.\n\n"
         )
         sys.stdout.flush()
+
+
+def _tell_what_lies_open(settings: Settings) -> None:
+    """Say which files others can read and which secrets are stored as they are."""
+    from storage.session import readable_by_others
+
+    log = logging.getLogger(__name__)
+    path = readable_by_others(settings.database_url)
+    if path is not None:
+        log.warning("the database %s can be read by other users of this machine: chmod 600 %s*", path, path)
+    if not settings.secret_keys:
+        log.warning(
+            "secrets of webhooks are stored as they are, in the database and its backups: set SERVOTUNE_SECRET_KEY "
+            "(openssl rand -base64 32)"
+        )
 
 
 def _wait_for_end_of_input(stop: threading.Event) -> None:

@@ -7,13 +7,16 @@ its turn (SQLite: ``BEGIN IMMEDIATE``, so that a reader never has to become a wr
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
+import stat
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Engine, ExceptionContext, create_engine, event, make_url, select
@@ -120,6 +123,7 @@ def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
     options = _ENGINE | {"json_serializer": _to_json, "pool_size": connections}
     if parsed.get_backend_name() == "sqlite":
         engine = create_engine(parsed, connect_args={"timeout": LOCK_TIMEOUT}, **options)
+        event.listen(engine, "do_connect", _make_own)
         event.listen(engine, "connect", _prepare_sqlite)
     else:
         patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
@@ -160,6 +164,23 @@ def _parse(url: str) -> URL:
     if parsed.get_backend_name() == "sqlite" and (parsed.database or ":memory:") == ":memory:":
         raise DatabaseUrlError("SQLite database must be a file, because workers open it too, got ':memory:'")
     return parsed
+
+
+def _make_own(_dialect: Any, _record: Any, arguments: list[Any], _options: Any) -> None:
+    """Make a file that is not there yet readable by its user alone; SQLite gives -wal and -shm the mode of the database."""
+    # a directory that is not there is SQLite's to report
+    with suppress(OSError):
+        os.close(os.open(str(arguments[0]), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+
+
+def readable_by_others(url: str) -> str | None:
+    """Return the path of a SQLite database that other users of the machine can read; None where they cannot."""
+    parsed = _parse(url)
+    if parsed.get_backend_name() != "sqlite" or os.name != "posix":
+        return None
+    path = Path(str(parsed.database))
+    shared = stat.S_IRGRP | stat.S_IROTH
+    return str(path) if path.is_file() and path.stat().st_mode & shared else None
 
 
 def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import os
@@ -100,6 +101,21 @@ def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_pat
     about = [line for line in lines if line.get("job") == job["id"]]
     assert {line["logger"] for line in about} >= {"storage.jobs.supervision"}
     assert {line.get("request") for line in about} == {"asked-for-it"}
+
+
+def test_serve_says_what_lies_open(tmp_path) -> None:
+    with served(tmp_path, "--no-worker", bootstrap_key=KEY):
+        assert (tmp_path / "served.db").stat().st_mode & 0o077 == 0
+    told = (tmp_path / "log.txt").read_text()
+    assert "secrets of webhooks are stored as they are" in told
+    assert "can be read by other users" not in told
+    (tmp_path / "served.db").chmod(0o644)
+    key = base64.b64encode(bytes(32)).decode()
+    with served(tmp_path, "--no-worker", bootstrap_key=KEY, secret_key=key):
+        pass
+    told = (tmp_path / "log.txt").read_text()
+    assert f"{tmp_path / 'served.db'} can be read by other users of this machine: chmod 600" in told
+    assert "secrets of webhooks" not in told
 
 
 def number(client: httpx.Client, name: str, within: float = 60.0) -> float:
