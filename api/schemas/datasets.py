@@ -120,7 +120,11 @@ class DatasetRequest(Document):
     """A recording: raw samples with their channels, or a file, whose description may be left to the service."""
 
     name: str = Field(min_length=1, max_length=200)
-    format: Format
+    format: Format | None = Field(
+        default=None,
+        description="told from the first bytes of the file, and the ending of `file` or `name`, where it is left out",
+    )
+    file: str | None = Field(default=None, max_length=255, description="name of the file, files only")
     start_time: AwareDatetime | None = Field(default=None, strict=False, description="RFC 3339 with a time zone")
     sample_rate: float | None = Field(default=None, gt=0.0, description="samples per second; raw only")
     channels: list[ChannelDocument] | None = Field(default=None, min_length=1, max_length=500, description="raw only")

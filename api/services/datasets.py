@@ -21,6 +21,7 @@ from api.services.importing import zone_of
 from api.services.installation import Caller, Installation
 from api.services.instants import Instants, even_rate, uneven
 from api.services.lineage import check_free
+from api.services.recognising import UNKNOWN, recognise
 from storage.errors import NotFoundError
 from storage.models import Dataset, DatasetStatus
 from storage.repositories import DatasetRepository, ProcessingRepository
@@ -39,7 +40,7 @@ def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[st
     described = document.get("import") or {}
     row = DatasetRepository(session, caller.workspace).create(
         name=request.name,
-        format=request.format,
+        format=request.format or UNKNOWN,
         channels=document.get("channels") or described.get("columns") or [],
         sample_rate=request.sample_rate or described.get("sample_rate"),
         start_time=request.start_time,
@@ -51,12 +52,14 @@ def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[st
 
 def _check(request: DatasetRequest) -> None:
     raw = request.format == "raw"
+    if raw and request.file is not None:
+        raise invalid("file must be left out for the format raw", "file")
     given = {"channels": request.channels, "sample_rate": request.sample_rate, "import": request.import_}
     for name, value in given.items():
         if raw and name != "import" and value is None:
             raise invalid(f"{name} must be given for the format {request.format}", name)
         if raw == (name == "import") and value is not None:
-            raise invalid(f"{name} must be left out for the format {request.format}", name)
+            raise invalid(f"{name} must be left out for the format {request.format or 'of a file'}", name)
     if request.channels:
         _check_channels(request.channels, ("channels",))
     if request.import_ is not None:
@@ -197,6 +200,7 @@ def commit(
     """Close a recording: raw samples are ready at once unless they are many; those, and files, are read by a job."""
     repository = DatasetRepository(session, caller.workspace)
     before = repository.get(identifier)
+    recognise(repository, before, request.segments)
     status, description = before.status, None
     if request.import_ is not None:
         if before.format == "raw":
@@ -224,6 +228,7 @@ def preview(
     if row.format == "raw":
         raise Problem(409, "conflict", f"dataset {identifier!r} must be a file to be looked at, it is raw")
     repository.received(identifier, request.segments)
+    recognise(repository, row, request.segments)
     given = row.description.get("import") if row.description else None
     if request.import_ is not None:
         check_import(request.import_)

@@ -25,6 +25,8 @@ Progress = Callable[[float, str], None]
 
 _LOOK_ROWS = 5
 _MOST_SHOWN = 200
+_WHOLE = 64 << 20
+"""Bytes of a file that is looked at as a whole."""
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
@@ -41,6 +43,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         repository = DatasetRepository(session, workspace)
         row = repository.get(identifier)
         given = _said((row.description or {}).get("import"))
+        told = _recognition(row.description)
         format_, size, stated_start = row.format, row.size or 1, row.start_time
         segments = list(row.manifest or ())
     if format_ == RAW:
@@ -57,7 +60,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
                 channels=taken.times.channels(plan.channels),
                 sample_rate=taken.times.rate,
                 start_time=plan.start_time if stated_start is None else None,
-                report=taken.report(),
+                report=taken.report(told),
                 uneven=taken.times.rate is None,
             )
     return {"dataset": identifier, "sample_count": count}
@@ -73,7 +76,8 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
     """
     identifier, given = str(body["dataset"]), _said(body.get("import"))
     with database.session() as session:
-        format_ = DatasetRepository(session, workspace).get(identifier).format
+        row = DatasetRepository(session, workspace).get(identifier)
+        format_, told = row.format, _recognition(row.description)
     with _refusing(), ExitStack() as undo:
         file = undo.enter_context(_spooled(database, workspace, identifier, body["segments"], progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
@@ -88,23 +92,11 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             plan = settle(format_, recording, given)
         except FormatError as error:
             # what there is to choose from is what helps now
-            return {**found, "import": None, "channels": [], "sample_rate": None, "uneven": None, "start_time": None,
-                    "scalars": dict(recording.scalars), "remarks": [*recording.remarks, error.message]}  # fmt: skip
+            return {**found, "import": None, "channels": [], "sample_rate": None, "sample_count": None, "uneven": None, "start_time": None,
+                    "scalars": dict(recording.scalars), "remarks": [*told, *recording.remarks, error.message]}  # fmt: skip
         first = [_first(recording, place) for place in plan.places]
-        said = list(plan.remarks)
-        rate, uneven = plan.sample_rate, None
-        if plan.time is not None:
-            axis = axis_of(recording, plan, judging=True)
-            axis.add(_first(recording, plan.time))
-            uneven = axis.uneven()
-            if axis.regular:
-                axis = axis_of(recording, plan)
-                axis.add(_first(recording, plan.time))
-                said += axis.remarks()
-                rate = axis.rate
-            else:
-                said.append(said_of_uneven(axis, plan))
-                rate = None
+        times = _times(recording, plan, whole=file.seek(0, 2) <= _WHOLE)
+        said = [*told, *plan.remarks, *times.pop("remarks")]
         channels = []
         for channel, values in zip(plan.channels, first, strict=True):
             quality = ChannelQuality()
@@ -116,16 +108,55 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             **found,
             "import": plan.document,
             "channels": channels,
-            "sample_rate": rate,
-            "uneven": uneven,
+            **times,
             "start_time": plan.start_time.isoformat() if plan.start_time else None,
             "scalars": dict(recording.scalars),
             "remarks": said,
         }
 
 
+def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
+    """Return the rate, the samples and how uneven they are, with remarks; of a long file its beginning tells."""
+    count = recording.series[plan.places[0]].count
+    looked_at = None if whole else 1
+    if plan.time is None:
+        if count is None and whole:
+            count = sum(values.size for _, values in recording.read([plan.places[0]]))
+        return {"sample_rate": plan.sample_rate, "sample_count": count, "uneven": None, "remarks": []}
+    pieces = [values for _, values in islice(recording.read([plan.time]), looked_at)]
+    axis = axis_of(recording, plan, judging=True)
+    for piece in pieces:
+        axis.add(piece)
+    uneven = axis.uneven()
+    rate: float | None
+    if axis.regular:
+        axis = axis_of(recording, plan)
+        for piece in pieces:
+            axis.add(piece)
+        filled = axis.missing
+        rate, said = axis.rate, axis.remarks()
+    else:
+        filled, said = 0, [said_of_uneven(axis, plan)]
+        asked = plan.document["uneven"]
+        rate = None if asked == "keep" else asked["resample"]["rate"]
+    if not whole:
+        said.append(f"the instants are those of the first {axis.count} samples: the import looks at all of them")
+    return {
+        "sample_rate": rate,
+        "sample_count": axis.count + filled if whole else None,
+        "uneven": uneven,
+        "remarks": said,
+    }
+
+
 def _said(given: Mapping[str, Any] | None) -> dict[str, Any]:
     return {key: value for key, value in (given or {}).items() if value is not None}
+
+
+def _recognition(description: Mapping[str, Any] | None) -> list[str]:
+    """Return what is to be said of a format that nobody named."""
+    found = (description or {}).get("recognised")
+    return [f"the format {found['format']} is told from {found['by']}"] if found else []
 
 
 def _first(recording: Recording, place: int) -> Values:
@@ -188,9 +219,9 @@ class _Taking:
         if not next(iter(counts.values())):
             raise FormatError("a recording must have samples, got none")
 
-    def report(self) -> dict[str, Any]:
-        """Return what was noticed."""
-        said = [*self._plan.remarks, *self.times.remarks()]
+    def report(self, before: Sequence[str]) -> dict[str, Any]:
+        """Return what was noticed; some sentences come before all others."""
+        said = [*before, *self._plan.remarks, *self.times.remarks()]
         noticed = {}
         for channel, quality in zip(self._plan.channels, self._qualities, strict=True):
             noticed[channel["name"]] = quality.document()

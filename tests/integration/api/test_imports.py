@@ -44,7 +44,11 @@ def client(sqlite_service, sqlite_worker):
 
 def imported(client, format_, content, **description):
     """Import a file; return the dataset as it is then."""
-    body = {"name": "recording", "format": format_} | ({"import": description} if description else {})
+    body = (
+        {"name": "recording"}
+        | ({"format": format_} if format_ else {})
+        | ({"import": description} if description else {})
+    )
     reply = upload(client, body, content, segment=1 << 22)
     assert reply.status_code == 202, reply.text
     job = finished(client, reply.json()["job"])
@@ -76,6 +80,7 @@ def test_a_table_is_looked_at_then_confirmed(client):
         "columns": [{"index": 2, "name": "force", "unit": "N"}, {"index": 3, "name": "x", "unit": "mm"}],
         "time": {"index": 1, "unit": "s"}, "gaps": "fill", "uneven": "keep", "time_zone": "UTC",
     }  # fmt: skip
+    assert (found["sample_rate"], found["sample_count"], found["uneven"]) == (1000, 7, pytest.approx(0, abs=1e-6))
     assert [one["role"] for one in found["series"]] == ["counter", "time", "channel", "channel"]
     assert found["channels"][1]["first"] == [1.5, 2.5, 3.5, 4.5, 5.5]
     assert client.get(where).json()["status"] == "open"
@@ -101,6 +106,43 @@ def test_a_table_is_looked_at_then_confirmed(client):
     }  # fmt: skip
     assert "time has 1 gaps" in report["remarks"][0]
     assert client.get(f"{where}/original").content == DAQ
+
+
+def test_the_format_of_a_file_that_nobody_named_is_told_from_its_beginning(client):
+    where = client.post("/v1/datasets", json={"name": "bench", "file": "run 7.txt"}).headers["Location"]
+    assert client.get(where).json()["format"] == "unknown"
+    segments = {"segments": [sha256(DAQ)]}
+    assert client.post(f"{where}/preview", json=segments).status_code == 409
+    client.put(f"{where}/segments/{sha256(DAQ)}", content=DAQ)
+    job = client.post(f"{where}/preview", json=segments).json()["job"]
+    assert finished(client, job)["status"] == "succeeded"
+    found = client.get(f"/v1/jobs/{job['id']}/result").json()
+    said = "the format txt is told from its first bytes, which are text, and its name"
+    assert (found["format"], found["remarks"][0]) == ("txt", said)
+    done = client.post(f"{where}/commit", json=segments | {"sha256": sha256(DAQ)})
+    assert finished(client, done.json()["job"])["status"] == "succeeded"
+    dataset = client.get(where).json()
+    assert (dataset["format"], dataset["report"]["remarks"][0]) == ("txt", said)
+    assert dataset["document"]["recognised"]["format"] == "txt"
+    mat = imported(client, None, matlab(x=np.arange(50.0), Ts=0.01))
+    assert (mat["status"], mat["format"], mat["sample_rate"]) == ("ready", "mat", 100)
+
+
+def test_a_file_whose_format_nothing_tells_is_refused_before_it_is_committed(client):
+    content = b"PK\x03\x04" + bytes(100)
+    where = client.post("/v1/datasets", json={"name": "run.xlsx"}).headers["Location"]
+    client.put(f"{where}/segments/{sha256(content)}", content=content)
+    body = {"segments": [sha256(content)]}
+    for asked in ("preview", "commit"):
+        reply = client.post(f"{where}/{asked}", json=body | ({"sha256": sha256(content)} if asked == "commit" else {}))
+        assert reply.status_code == 422, reply.text
+        assert "csv, hdf5, lvm, mat, mdf, parquet, tdms, txt, uff" in reply.json()["detail"]
+        assert "a spreadsheet: send what is in it, saved as CSV" in reply.json()["detail"]
+    assert client.get(where).json()["status"] == "open"
+    for field in ("channels", "sample_rate"):
+        wrong = client.post("/v1/datasets", json={"name": "x", field: RAW[field]})
+        assert (wrong.status_code, wrong.json()["errors"][0]["pointer"]) == (422, f"/{field}")
+    assert client.post("/v1/datasets", json=RAW | {"file": "x.bin"}).json()["errors"][0]["pointer"] == "/file"
 
 
 def test_a_file_that_cannot_be_read_as_described_is_read_again_as_it_should(client):

@@ -54,15 +54,13 @@ export function ImportPage() {
       ) : (
         <Stack gap="md">
           <ProblemAlert error={look.error ?? running.error ?? result.error} onRetry={() => look.mutate(null)} />
-          {running.data?.error && (
-            <>
-              <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(running.data.error as object) })} />
-              <Group>
-                <Button component={Link} to="/datasets">
-                  {t("importing.otherFormat")}
-                </Button>
-              </Group>
-            </>
+          {running.data?.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(running.data.error as object) })} />}
+          {(running.data?.error || look.error) && (
+            <Group>
+              <Button component={Link} to="/datasets">
+                {t("importing.otherFormat")}
+              </Button>
+            </Group>
           )}
           {(look.isPending || (job !== "" && !result.data && running.data?.status !== "failed" && !running.error)) && (
             <div>
@@ -113,6 +111,11 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
   return (
     <form onSubmit={(event) => void handleSubmit((fields) => commit.mutate(fields))(event)} noValidate data-testid="import">
       <Stack gap="md">
+        {look.sample_count !== null && (
+          <Text fz="sm" c="dimmed">
+            {look.sample_rate === null ? t("importing.holdsUneven", { count: look.sample_count }) : t("importing.holds", { count: look.sample_count, rate: formatNumber(look.sample_rate) })}
+          </Text>
+        )}
         {look.remarks.length > 0 && (
           <Alert color="blue" variant="outline" title={t("importing.noticed")}>
             <List size="sm">

@@ -6,7 +6,7 @@ import { useNavigate } from "react-router";
 import { isProblem } from "@/shared/api/problem";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber } from "@/shared/units/format";
-import { FORMATS, formatOf, type Format } from "./importing";
+import { FORMATS, type Format } from "./importing";
 import { interrupted, upload } from "./upload";
 
 /** A file on its way: sent in verified pieces, and taken up again where it broke off; what it holds is said on the next page. */
@@ -15,7 +15,7 @@ export function UploadPanel({ file, onClose }: { file: File; onClose(): void }) 
   const navigate = useNavigate();
   const queries = useQueryClient();
   const [name, setName] = useState(file.name.replace(/\.[^.]*$/, ""));
-  const [format, setFormat] = useState<Format>(formatOf(file.name));
+  const [format, setFormat] = useState<Format | "">("");
   const [sent, setSent] = useState<number | null>(null);
   const [failure, setFailure] = useState<unknown>(null);
   const abort = useRef<AbortController | null>(null);
@@ -25,7 +25,7 @@ export function UploadPanel({ file, onClose }: { file: File; onClose(): void }) 
     setSent(0);
     abort.current = new AbortController();
     try {
-      const id = await upload(file, { name, format, origin: { file: file.name } }, setSent, abort.current.signal);
+      const id = await upload(file, { name, file: file.name, ...(format ? { format } : {}), origin: { file: file.name } }, setSent, abort.current.signal);
       await queries.invalidateQueries({ queryKey: ["datasets"] });
       void navigate(`/datasets/${id}/import`);
     } catch (error) {
@@ -40,7 +40,7 @@ export function UploadPanel({ file, onClose }: { file: File; onClose(): void }) 
       </Title>
       <Group align="flex-start">
         <TextInput label={t("systems.name")} value={name} onChange={(event) => setName(event.currentTarget.value)} w={260} disabled={known} error={isProblem(failure) ? failure.at("/name") : undefined} />
-        <NativeSelect size="xs" label={t("importing.format")} value={format} onChange={(event) => setFormat(event.currentTarget.value as Format)} data={FORMATS.map((value) => ({ value, label: t(`importing.formats.${value}`) }))} disabled={known} error={isProblem(failure) ? failure.at("/format") : undefined} />
+        <NativeSelect size="xs" label={t("importing.format")} value={format} onChange={(event) => setFormat(event.currentTarget.value as Format | "")} data={[{ value: "", label: t("importing.formats.unknown") }, ...FORMATS.map((value) => ({ value, label: t(`importing.formats.${value}`) }))]} disabled={known} error={isProblem(failure) ? failure.at("/format") : undefined} />
         <Text fz="sm" pt={26}>
           {formatNumber(file.size / 1e6, 3)} MB
         </Text>

@@ -4,15 +4,9 @@ import type { components } from "@/shared/api/schema";
 
 type Schemas = components["schemas"];
 export type ImportDocument = Schemas["ImportDocument"];
-export type Format = Schemas["DatasetRequest"]["format"];
+export type Format = NonNullable<Schemas["DatasetRequest"]["format"]>;
 
 export const FORMATS: Format[] = ["csv", "txt", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf"];
-const ENDINGS: Record<string, Format> = { csv: "csv", tsv: "csv", txt: "txt", dat: "csv", asc: "csv", lvm: "lvm", tdms: "tdms", mat: "mat", h5: "hdf5", hdf5: "hdf5", hdf: "hdf5", parquet: "parquet", uff: "uff", unv: "uff", mdf: "mdf", mf4: "mdf" };
-
-export function formatOf(name: string): Format {
-  return ENDINGS[name.toLowerCase().split(".").at(-1) ?? ""] ?? "csv";
-}
-
 /** What a worker found on looking at a file: everything there is, how it would be read, and what it noticed. */
 export interface Look {
   series: { index: number; name: string; sample_count: number; unit: string; role: string }[];
@@ -20,6 +14,9 @@ export interface Look {
   import: ImportDocument | null;
   channels: { name: string; unit?: string; first: (number | null)[] }[];
   sample_rate: number | null;
+  /** Of a long file its beginning alone is looked at: null. */
+  sample_count: number | null;
+  uneven: number | null;
   start_time: string | null;
   scalars: Record<string, unknown>;
   remarks: string[];
