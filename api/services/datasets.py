@@ -283,10 +283,15 @@ def channel(
     return {"unit": described.get("unit", ""), "sample_rate": row.sample_rate, **curves}
 
 
-def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
-    """Return what is known of a channel; 404 for one that is not there, 409 while the recording is not ready."""
+def check_ready(row: Dataset) -> None:
+    """Refuse a recording whose samples are not there yet, with 409."""
     if row.status != DatasetStatus.READY:
         raise Problem(409, "conflict", f"dataset {row.id!r} must be ready, it is {row.status}")
+
+
+def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:
+    """Return what is known of a channel; 404 for one that is not there, 409 while the recording is not ready."""
+    check_ready(row)
     for described in row.channels:
         if described["name"] == name:
             found: Mapping[str, Any] = described

@@ -71,10 +71,12 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
     subject = subject_of(service, caller, request.system)
     read_channel = reader_of(service.database, caller.workspace)
     kind, options = method_options(request)
-    methods.catalogue()[kind].resolve(options)
+    method = methods.catalogue()[kind]
+    resolved = method.resolve(options)
     if request.alternatives is None:
         problem = problem_from_wire(request, subject.diagram, read_channel=read_channel)
         _proven(problem, request)
+        method.check(problem, resolved)
         return Prepared(subject=subject, alternatives=(), stored=(), doubts=_doubts(problem))
     documents, stored = [], []
     told: tuple[Mapping[str, str], ...] = ()  # the goals of all are the same
@@ -88,6 +90,7 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
                 request, diagram, read_channel=read_channel, variables=alternative.variables
             )  # fmt: skip
             _proven(problem, request)
+            method.check(problem, resolved)
             told = _doubts(problem)
         except EngineError as error:
             own = error.at[:1] == ("variables",) and alternative.variables is not None

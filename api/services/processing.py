@@ -12,10 +12,10 @@ from sqlalchemy.orm import Session
 
 from api.convert.processing import described, steps_from_wire
 from api.convert.recordings import physical
-from api.problems import Problem, at, invalid
+from api.problems import at, invalid
 from api.schemas.processing import ProcessingRequest, ResampleStep
 from api.services import jobs
-from api.services.datasets import to_wire
+from api.services.datasets import check_ready, to_wire
 from api.services.installation import Caller, Installation
 from api.services.instants import Instants, even_rate
 from api.services.results import versions
@@ -25,7 +25,7 @@ from engine.processing.record import Record, Step, process
 from engine.processing.resample import Resample
 from storage.errors import NotFoundError
 from storage.imports import Import
-from storage.models import Dataset, DatasetStatus
+from storage.models import Dataset
 from storage.repositories import DatasetRepository, ProcessingRepository
 from storage.session import Database
 
@@ -133,8 +133,7 @@ def _sources(session: Session, workspace: str, request: ProcessingRequest) -> li
         except NotFoundError as error:
             detail = f"source must be a dataset that exists, got {identifier!r}"
             raise invalid(detail, "sources", number) from error
-        if row.status != DatasetStatus.READY:
-            raise Problem(409, "conflict", f"dataset {identifier!r} must be ready, it is {row.status}")
+        check_ready(row)
         first = request.steps[0] if request.steps else None
         if not isinstance(first, ResampleStep):
             even_rate(row, "sources", number, what="source")

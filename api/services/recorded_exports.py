@@ -10,7 +10,7 @@ from api.convert.recordings import physical
 from api.formats import FormatError, Values
 from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
 from api.problems import invalid
-from api.services.datasets import channel_of
+from api.services.datasets import channel_of, check_ready
 from api.services.installation import Caller, Installation
 from api.services.instants import Instants, uneven
 from storage.repositories import DatasetRepository
@@ -55,6 +55,7 @@ def export(
     """
     with service.database.session() as session:
         row = DatasetRepository(session, caller.workspace).get(identifier)
+        check_ready(row)
         all_names = [str(channel["name"]) for channel in row.channels]
         # uneven instants leave as the time of the file, which every format has
         names = list(channels or dict.fromkeys(all_names[1:] if uneven(row) else all_names))

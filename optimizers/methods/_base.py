@@ -50,6 +50,16 @@ class Method(abc.ABC):
         """
 
     @classmethod
+    def check(cls, problem: Problem, options: Mapping[str, Any]) -> None:  # noqa: ARG003 - most take any problem
+        """Refuse a problem that these options, complete and checked, cannot be used with; before anything is evaluated.
+
+        Raises
+        ------
+        ProblemError
+        """
+        return
+
+    @classmethod
     def resolve(cls, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return the options with defaults filled in.
 

@@ -55,6 +55,12 @@ class Grid(Method):
         MAX_SECONDS,
     )  # fmt: skip
 
+    @classmethod
+    def check(cls, problem: Problem, options: Mapping[str, Any]) -> None:
+        """Refuse too many points, ``points`` for something that is no variable, a shard that does not exist."""
+        if options["sampling"] == "full":
+            _size(problem, options)
+
     def minimize(
         self, problem: Problem, options: Mapping[str, Any], *, rng: np.random.Generator, monitor: Monitor
     ) -> Result:
@@ -123,8 +129,14 @@ def first_look(tracker: Tracker, design: Design, first: int, last: int) -> Itera
 
 def _grid(problem: Problem, options: Mapping[str, Any]) -> Combinations:
     """Return the full grid, or the part of it that this run evaluates."""
+    counts = _size(problem, options)
+    axes = [places(axis, n) for axis, n in zip(problem.axes, counts, strict=True)]
+    return Combinations([np.array_split(axes[0], int(options["shards"]))[int(options["shard"])], *axes[1:]])
+
+
+def _size(problem: Problem, options: Mapping[str, Any]) -> list[int]:
+    """Return how many values of each variable a full grid has; none is laid out."""
     counts = _counts(problem, options["points"])
-    # Counted before any axis is laid out: a number of points has no bound of its own.
     counts = [min(n, len(axis.levels) or n) for n, axis in zip(counts, problem.axes, strict=True)]
     shards, shard = int(options["shards"]), int(options["shard"])
     if shard >= shards:
@@ -146,8 +158,7 @@ def _grid(problem: Problem, options: Mapping[str, Any]) -> Combinations:
             "shards, or the method gradient",
             at=("method", "points"),
         )
-    axes = [places(axis, n) for axis, n in zip(problem.axes, counts, strict=True)]
-    return Combinations([np.array_split(axes[0], shards)[shard], *axes[1:]])
+    return counts
 
 
 class _Listed:

@@ -12,7 +12,7 @@ from api.formats.writing import Outgoing
 def write(recording: Outgoing) -> Iterator[bytes]:
     """Yield the file."""
     head = io.StringIO()
-    csv.writer(head, lineterminator="\n").writerow(["time [s]", *recording.labels()])
+    csv.writer(head, lineterminator="\n").writerow(["time [s]", *map(_as_text, recording.labels())])
     yield head.getvalue().encode()
     for start, stop in recording.rows():
         time = recording.instants(start, stop)
@@ -20,3 +20,8 @@ def write(recording: Outgoing) -> Iterator[bytes]:
         # repr is the shortest text that is read back as the same number
         cells = [[repr(value) for value in column.tolist()] for column in columns]
         yield ("\n".join(map(",".join, zip(*cells, strict=True))) + "\n").encode()
+
+
+def _as_text(label: str) -> str:
+    """Return a label that a spreadsheet does not take for a formula: an apostrophe in front says that it is a text."""
+    return f"'{label}" if label.startswith(("=", "+", "-", "@", "\t", "\r")) else label

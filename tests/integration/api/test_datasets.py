@@ -252,10 +252,23 @@ def test_a_wrong_checksum_of_the_whole_is_refused(client) -> None:
     assert client.get(where).json()["status"] == "open"
 
 
+def test_a_name_is_no_formula_in_a_spreadsheet(client) -> None:
+    channels = [{**RAW["channels"][0], "name": "=1+1"}, RAW["channels"][1]]
+    ready = f"/v1/datasets/{upload(client, RAW | {'channels': channels}, lag_recording(samples=10)).json()['id']}"
+    head = client.get(f"{ready}/export", params={"format": "csv"}).text.splitlines()[0]
+    assert head.split(",")[1].startswith("'=1+1")
+
+
 def test_channels_that_cannot_be_read_say_why(client) -> None:
     where = create(client)
     assert client.get(f"{where}/channels/u").status_code == 409  # still open
     assert client.get(f"{where}/original").status_code == 409
+    unread = create(client, format="txt", channels=None, sample_rate=None, start_time=None)
+    for place in (where, unread):
+        for name in ("csv", "mat", "parquet", "hdf5"):
+            reply = client.get(f"{place}/export", params={"format": name})
+            assert reply.status_code == 409, reply.text
+            assert "must be ready, it is open" in reply.json()["detail"]
     ready = f"/v1/datasets/{upload(client, RAW, lag_recording(samples=100)).json()['id']}"
     assert client.get(f"{ready}/channels/ghost").status_code == 404
     for query in ("start=9", "start=0.05&end=0.01", "points=0", "points=x", "start=nan", "end=inf"):
