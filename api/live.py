@@ -19,6 +19,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
 from starlette.concurrency import run_in_threadpool
 
+from api.bodies import parse
 from api.errors import KNOWN, problem_of
 from api.handlers import validation_problem
 from api.problems import Problem, invalid
@@ -107,9 +108,9 @@ async def _read(socket: WebSocket, box: _Letterbox, limit: int) -> None:
 def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
     """Return what a message says, or what is wrong with it."""
     try:
-        body = json.loads(text)
-    except ValueError as error:
-        return invalid(f"a message must be JSON: {error}")
+        body = parse(text.encode(errors="replace"))
+    except json.JSONDecodeError as error:
+        return invalid(f"a message must be JSON: {error.msg}")
     try:
         return _MESSAGES.validate_json(text)
     except ValidationError as error:

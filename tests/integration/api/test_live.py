@@ -168,6 +168,10 @@ def test_what_is_wrong_is_told_at_its_place_and_the_channel_stays_open(sqlite_se
         assert (told["type"], told["seq"], told["problem"]["status"]) == ("problem", 3, 409)
         socket.send("{not json")
         assert heard(socket)["problem"]["status"] == 422
+        socket.send('{"type": "set", "seq": ' + 100_000 * "[" + 100_000 * "]" + "}")
+        assert "at most 128 levels deep" in heard(socket)["problem"]["detail"]
+        socket.send('{"type": "set", "seq": 1, "seq": 2, "vectors": [[1.0]]}')
+        assert "a key must stand once in an object, got 'seq' twice" in heard(socket)["problem"]["detail"]
         say(socket, **{**OPEN, "parameters": ["nothing"]})
         assert heard(socket)["problem"]["errors"][0]["pointer"] == "/parameters/0"
         say(socket, **{**OPEN, "system": "sys_nowhere"})
