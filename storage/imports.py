@@ -7,26 +7,30 @@ worker began the job again) finds that out at its next transaction and stops; wh
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
 
-from sqlalchemy import CursorResult, delete, insert, update
+from sqlalchemy import CursorResult, Select, delete, insert, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
+from storage.audit import record
 from storage.blobs import Packed, packed, put_packed
 from storage.channels import ChannelCutter, Float
 from storage.errors import StateError
 from storage.ids import new_id
+from storage.lineage import remember
 from storage.models import ChannelBlock, Dataset, DatasetStatus
 from storage.models.base import Document
 from storage.session import Database
 
 RAW = "raw"
 """The format of samples that are received as such."""
+PROCESSED = "processed"
+"""The format of recordings that were made from others."""
 
 #: Blocks that are written in one transaction, each of 256 or 512 KiB before compression.
 _BATCH = 64
@@ -61,6 +65,7 @@ class Import:
         self._cutters: dict[int, ChannelCutter] = {}
         self._waiting: deque[tuple[dict[str, Any], Future[Packed]]] = deque()
         self._counted = False
+        self._ending: dict[str, Any] = {}
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="compress")
         with database.session() as session:
             self._claim(session, DatasetStatus.PARSING, writer=self._token)
@@ -92,7 +97,7 @@ class Import:
         """How many samples each channel has by now."""
         return {channel: cutter.count for channel, cutter in self._cutters.items()}
 
-    def finish(
+    def prepare(
         self,
         *,
         channels: Sequence[Document],
@@ -101,7 +106,7 @@ class Import:
         start_time: datetime | None = None,
         uneven: bool = False,
     ) -> int:
-        """Make the dataset ``ready`` and return how many samples each channel has.
+        """Write what is left, say what the dataset will be, and return how many samples each channel has.
 
         A sample rate or a start that a file tells replaces what was known before; where the samples are ``uneven`` there
         is no rate, and the first channel holds their instants.
@@ -131,10 +136,18 @@ class Import:
         values |= {name: value for name, value in told.items() if value is not None}
         if uneven:
             values["sample_rate"] = None
-        with self._database.session() as session:
-            self._claim(session, DatasetStatus.READY, held_by=self._token, **values)
-            quotas.add_bytes(session, self._workspace_id, self._bytes)
+        self._ending = values
         return count
+
+    def finish(self, **known: Any) -> int:
+        """Make the dataset ``ready`` as `prepare` describes it."""
+        count = self.prepare(**known)
+        publish([self])
+        return count
+
+    def _publish(self, session: Session) -> None:
+        self._claim(session, DatasetStatus.READY, held_by=self._token, **self._ending)
+        quotas.add_bytes(session, self._workspace_id, self._bytes)
 
     def _put(self, channel: int, level: int, number: int, cells: Float) -> None:
         place = {"dataset_id": self._identifier, "channel": channel, "level": level, "number": number}
@@ -170,8 +183,56 @@ class Import:
             raise StateError(f"dataset {self._identifier!r} must be parsing and in the hands of this import")
 
 
+def publish(imports: Sequence[Import]) -> None:
+    """Make prepared datasets of one database ``ready`` together, or none of them."""
+    with imports[0]._database.session() as session:  # noqa: SLF001 - a function of the class, for several
+        for one in imports:
+            one._publish(session)  # noqa: SLF001 - as above
+
+
+def open_groups(
+    database: Database, workspace_id: str, identifier: str, groups: Mapping[str, Document]
+) -> dict[str, str]:
+    """Open a recording for each further group of a file (name -> its import description), and return their ids.
+
+    They are ``parsing`` as long as their file is, and made from it. Those of an earlier attempt at the file go.
+    """
+    with database.session() as session:
+        file = session.get_one(Dataset, identifier)
+        for row in session.scalars(_groups(file.job_id).where(Dataset.status == DatasetStatus.PARSING)).all():
+            session.delete(row)
+        made = {}
+        for name, described in groups.items():
+            opened = Dataset(
+                id=new_id("ds"),
+                workspace_id=workspace_id,
+                name=f"{file.name[:120]}: {name[:78]}",
+                format=file.format,
+                status=DatasetStatus.PARSING,
+                channels=[],
+                start_time=file.start_time,
+                description={"name": file.name, "format": file.format, "import": described},
+                origin={"dataset": identifier, "group": name},
+                job_id=file.job_id,
+            )
+            session.add(opened)
+            session.flush()
+            remember(session, workspace_id, opened.id, [identifier])
+            record(session, workspace_id, "dataset.create", opened.id)
+            made[name] = opened.id
+    return made
+
+
+def _groups(job_id: str | None) -> Select[Dataset]:
+    """Return the further groups of the file that a job reads: recordings that it opened and nobody sent."""
+    return select(Dataset).where(Dataset.job_id == job_id, Dataset.manifest.is_(None), Dataset.format != PROCESSED)
+
+
 def abandon(session: Session, job_id: str, error: Document) -> None:
-    """Say that the dataset whose file a job was to read cannot be read; nothing happens for a job of another kind."""
+    """Say that the dataset whose file a job was to read cannot be read, and forget its further groups; nothing happens for a job of another kind."""
+    for row in session.scalars(_groups(job_id).where(Dataset.status == DatasetStatus.PARSING)).all():
+        session.delete(row)
+    session.flush()
     failed = (
         update(Dataset)
         .where(Dataset.job_id == job_id, Dataset.status == DatasetStatus.PARSING)

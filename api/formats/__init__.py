@@ -63,6 +63,8 @@ class Series:
         Of the first sample; naive where the file names no time zone.
     role : str
         ``time`` for the instants of the samples (s, or as ``unit`` says), ``counter`` for sample numbers.
+    group : str
+        What the file calls those that were recorded together, "" where it has no such thing.
     doubt : str
         What must be said before it can be read, "" for nothing.
     """
@@ -75,6 +77,7 @@ class Series:
     sample_rate: float | None = None
     start_time: datetime | None = None
     role: Literal["channel", "time", "counter"] = "channel"
+    group: str = ""
     doubt: str = ""
 
 

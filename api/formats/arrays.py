@@ -58,16 +58,30 @@ def is_time(name: str) -> bool:
     return _TIME.fullmatch(name.rpartition(".")[2].rpartition("/")[2]) is not None
 
 
+def _folder(name: str) -> str:
+    """Return the structure or folder that an array lies in.
+
+    >>> _folder("bench/x"), _folder("run.force(:,1)"), _folder("x")
+    ('bench', 'run', '')
+    """
+    return name[: max(name.rfind("."), name.rfind("/"), 0)]
+
+
 def series_of(parts: Sequence[Part], units: Sequence[str] | None = None) -> list[Series]:
-    """Return the channels; the first vector that is called t or time is the time."""
-    time = next((i for i, part in enumerate(parts) if is_time(part.name)), None)
+    """Return the channels; the first vector of a structure or folder that is called t or time is the time of it."""
+    groups = [_folder(part.name) for part in parts]
+    times: dict[str, int] = {}
+    for i, part in enumerate(parts):
+        if is_time(part.name):
+            times.setdefault(groups[i], i)
     return [
         Series(
             name=part.name,
             index=i,
             count=part.count,
             unit=units[part.array] if units else "",
-            role="time" if i == time else "channel",
+            role="time" if i == times.get(groups[i]) else "channel",
+            group=groups[i],
         )
         for i, part in enumerate(parts)
     ]

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import FormatError, Recording, Series, bounded, by_channel
+from api.formats import FormatError, Recording, bounded, by_channel
 from api.formats.arrays import Part, parts_of, series_of, stated_rate
 
 _LARGEST_CHUNK = 256 << 20
@@ -88,14 +88,7 @@ def _recording(
             refused[name] = reason
     rates = [_rate(array.attrs) for array in arrays]
     series = [
-        Series(
-            name=one.name,
-            index=one.index,
-            count=one.count,
-            unit=one.unit,
-            sample_rate=rates[part.array],
-            role=one.role,
-        )
+        replace(one, sample_rate=rates[part.array])
         for one, part in zip(series_of(parts, [_text(array.attrs, _UNIT) for array in arrays]), parts, strict=True)
     ]
 

@@ -1,13 +1,33 @@
-"""ASAM MDF, versions 3 and 4: groups of channels, each with its own master of time."""
+"""ASAM MDF, versions 3 and 4: groups of channels, each with its own master of time.
+
+Groups whose masters hold the same instants are one group. Samples that the file calls invalid are missing (NaN); channels
+whose numbers stand for texts (states, switches) are those numbers.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from api.formats import PIECE, FormatError, Recording, Series, Values, bounded
+
+_NUMBERS = {3: {0, 1, 2, 3, *range(9, 17)}, 4: set(range(6))}
+"""Types of data of each version that are plain numbers."""
+_TEXTS = {3: {11, 12}, 4: {7, 8, 11}}
+"""Conversions of each version that make texts of numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where a channel is; ``index`` is None for the master of its group."""
+
+    group: int
+    index: int | None
+    raw: bool = False
 
 
 def open_file(file: BinaryIO) -> Recording:
@@ -35,55 +55,90 @@ def open_file(file: BinaryIO) -> Recording:
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         for position, one in enumerate(wanted):
-            group, index, name = places[one]
             count = series[one].count or 0
             for start in range(0, count, PIECE):
-                length = min(PIECE, count - start)
                 try:
-                    if index is None:
-                        values = source.get_master(group, record_offset=start, record_count=length)
-                    else:
-                        values = source.get(
-                            group=group,
-                            index=index,
-                            record_offset=start,
-                            record_count=length,
-                            samples_only=True,
-                            ignore_invalidation_bits=True,
-                        )[0]
-                    yield position, np.asarray(values, dtype=np.float64)
+                    yield position, _values(source, places[one], start, min(PIECE, count - start))
                 except wrong as error:
-                    raise FormatError(f"channel {name!r} must be numbers, got {error}") from error
+                    raise FormatError(f"channel {series[one].name!r} must be numbers, got {error}") from error
 
-    return Recording(series=series, read=read, refused=refused, close=source.close)
+    texts = [one.name for one, place in zip(series, places, strict=True) if place.raw]
+    remarks = [f"{name}: its numbers are taken, not the texts that they stand for" for name in texts]
+    return Recording(series=series, read=read, refused=refused, remarks=remarks, close=source.close)
 
 
-def _channels(source: Any) -> tuple[list[tuple[int, int | None, str]], list[Series], dict[str, str]]:
-    """Return where each channel is (group, index), what it is, and what is refused."""
-    places: list[tuple[int, int | None, str]] = []
+def _values(source: Any, place: _Place, start: int, count: int) -> Values:
+    """Return samples of a channel; invalid ones are NaN."""
+    if place.index is None:
+        return np.asarray(source.get_master(place.group, record_offset=start, record_count=count), dtype=np.float64)
+    samples, invalid = source.get(
+        group=place.group,
+        index=place.index,
+        raw=place.raw,
+        record_offset=start,
+        record_count=count,
+        samples_only=True,
+        ignore_invalidation_bits=True,  # they are handed over instead of being left out, which would shift the rest
+    )
+    if samples.ndim != 1 or samples.dtype.names:
+        raise ValueError(f"{samples.dtype} of shape {samples.shape}")
+    values = np.array(samples, dtype=np.float64)
+    if invalid is not None:
+        values[np.asarray(invalid, dtype=bool)] = np.nan
+    return values
+
+
+def _channels(source: Any) -> tuple[list[_Place], list[Series], dict[str, str]]:
+    """Return where each channel is, what it is, and what is refused."""
+    places: list[_Place] = []
     series: list[Series] = []
     refused: dict[str, str] = {}
     used = [group for group in range(len(source.groups)) if source.groups[group].channel_group.cycles_nr]
     names = [channel.name for group in used for channel in source.groups[group].channels]
     start = source.header.start_time
+    version = 4 if str(source.version) >= "4" else 3
+    labels: dict[bytes, str] = {}
     for group in used:
         count = int(source.groups[group].channel_group.cycles_nr)
+        bounded(f"the samples of group {group}", count)
         master = source.masters_db.get(group)
+        label = labels.setdefault(_digest(source, group, count, timed=master is not None), _label(source, group))
+        known = len([one for one in series if one.group == label and one.role == "time"])
         for index, channel in enumerate(source.groups[group].channels):
             name = channel.name if names.count(channel.name) == 1 else f"{channel.name} (group {group})"
-            bounded(f"channel {name!r}", count)
-            if getattr(channel, "data_type", 0) > 5:
+            if channel.data_type not in _NUMBERS[version]:
                 refused[name] = "its values are no plain numbers"
                 continue
+            timed = index == master
+            if timed and known:
+                continue  # the same instants once more
             series.append(
                 Series(
                     name=name,
                     index=len(series),
                     count=count,
-                    unit="" if index == master else str(getattr(channel, "unit", "") or "")[:64],
+                    unit="" if timed else str(getattr(channel, "unit", "") or "")[:64],
                     start_time=start,
-                    role="time" if index == master else "channel",
+                    role="time" if timed else "channel",
+                    group=label,
                 )
             )
-            places.append((group, None if index == master else index, name))
+            kind = getattr(channel.conversion, "conversion_type", None)
+            places.append(
+                _Place(group=group, index=None if timed else index, raw=not timed and kind in _TEXTS[version])
+            )
     return places, series, refused
+
+
+def _label(source: Any, group: int) -> str:
+    name = str(getattr(source.groups[group].channel_group, "acq_name", "") or "")
+    return f"{name[:80]} (group {group})" if name else f"group {group}"
+
+
+def _digest(source: Any, group: int, count: int, *, timed: bool) -> bytes:
+    """Return what groups of the same instants have in common."""
+    found = hashlib.sha256(f"{count} {'' if timed else group}".encode())
+    for start in range(0, count if timed else 0, PIECE):
+        master = _Place(group=group, index=None)
+        found.update(_values(source, master, start, min(PIECE, count - start)).tobytes())
+    return found.digest()

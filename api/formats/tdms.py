@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError, Recording, Series, bounded, by_channel
+from api.formats.arrays import is_time
 from api.formats.tdms_scaling import Scaling, scaling_of
 
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
@@ -110,7 +111,7 @@ def open_file(file: BinaryIO) -> Recording:
             refused[name] = reason
             continue
         bounded(f"channel {name!r}", found.count)
-        series.append(_series(name, len(series), found))
+        series.append(_series(name, len(series), found, group=_parts(path)[0]))
         channels.append((found, scaling))
 
     def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
@@ -127,7 +128,7 @@ def open_file(file: BinaryIO) -> Recording:
     )
 
 
-def _series(name: str, index: int, found: _Object) -> Series:
+def _series(name: str, index: int, found: _Object, *, group: str) -> Series:
     properties = found.properties
     step = properties.get("wf_increment")
     start = properties.get("wf_start_time")
@@ -138,6 +139,8 @@ def _series(name: str, index: int, found: _Object) -> Series:
         unit=str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))[:64],
         sample_rate=1.0 / step if isinstance(step, float) and step > 0.0 else None,
         start_time=start if isinstance(start, datetime) and start > _EPOCH else None,
+        role="time" if not isinstance(step, float) and is_time(name.rpartition("/")[2]) else "channel",
+        group=group,
     )
 
 

@@ -108,6 +108,12 @@ class ImportDocument(Document):
     time_zone: str | None = Field(
         default=None, max_length=80, description="of instants without one, such as Europe/Bucharest; UTC unless given"
     )
+    group: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="which of a file's groups of channels this recording holds; the first unless given",
+    )
     columns: list[ColumnDocument] | None = Field(
         default=None, min_length=1, max_length=500, description="all that are numbers unless given"
     )

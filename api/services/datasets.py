@@ -122,6 +122,7 @@ def to_wire(row: Dataset) -> dict[str, Any]:
         "sha256": row.sha256,
         "error": row.error,
         "report": row.report,
+        "groups": (row.report or {}).get("groups", []),
     }
 
 

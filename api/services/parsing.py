@@ -14,10 +14,11 @@ from api.convert.values import listed, numbers
 from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
 from api.problems import Problem
 from api.services import raw_samples
-from api.services.importing import Plan, options, settle
+from api.services.groups import parts_of
+from api.services.importing import Plan, options
 from api.services.quality import ChannelQuality, remarks
 from api.services.timing import Timing, axis_of, said_of_uneven, timing_of
-from storage.imports import RAW, Import
+from storage.imports import RAW, Import, open_groups, publish
 from storage.repositories import DatasetRepository
 from storage.session import Database
 
@@ -52,18 +53,39 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         file = undo.enter_context(_spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
         undo.callback(recording.close)
-        plan = settle(format_, recording, given)
-        with Import(database, workspace, identifier) as writing:
-            taken = _Taking(recording, plan, writing, progress, read=lambda: file.tell() / size)
+        parts = parts_of(format_, recording, given)
+        further = {part.name: {"group": part.name} for part in parts[1:]}
+        made = open_groups(database, workspace, identifier, further) if further else {}
+        known: list[dict[str, Any]] = []
+        groups: list[dict[str, Any]] = []
+        imports: list[Import] = []
+        for number, (part, target) in enumerate(zip(parts, (identifier, *made.values()), strict=True)):
+            writing = undo.enter_context(Import(database, workspace, target))
+            steps = _part_of(progress, number, len(parts))
+            taken = _Taking(part.recording, part.plan, writing, steps, read=lambda: file.tell() / size)
             taken.all()
-            count = writing.finish(
-                channels=taken.times.channels(plan.channels),
+            known.append(taken.report(told))
+            count = writing.prepare(
+                channels=taken.times.channels(part.plan.channels),
                 sample_rate=taken.times.rate,
-                start_time=plan.start_time if stated_start is None else None,
-                report=taken.report(told),
+                start_time=part.plan.start_time if stated_start is None else None,
+                report=known[-1],
                 uneven=taken.times.rate is None,
             )
-    return {"dataset": identifier, "sample_count": count}
+            names = [channel["name"] for channel in taken.times.channels(part.plan.channels)]
+            groups.append({"name": part.name, "dataset_id": target, "sample_rate": taken.times.rate,
+                           "sample_count": count, "channels": names})  # fmt: skip
+            imports.append(writing)
+        if further:
+            for report in known:
+                report["groups"] = groups
+        publish(imports)
+    return {"dataset": identifier, "sample_count": groups[0]["sample_count"]}
+
+
+def _part_of(progress: Progress, number: int, parts: int) -> Progress:
+    """Return the progress of one of several parts."""
+    return lambda done, said: progress((number + done) / parts, said)
 
 
 def look(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
@@ -84,16 +106,25 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
         undo.callback(recording.close)
         refused = dict(islice(recording.refused.items(), _MOST_SHOWN))
         there = [
-            {"index": one.index, "name": one.name, "sample_count": one.count, "unit": one.unit, "role": one.role}
+            {
+                "index": one.index,
+                "name": one.name,
+                "sample_count": one.count,
+                "unit": one.unit,
+                "role": one.role,
+                "group": one.group,
+            }
             for one in recording.series[:_MOST_SHOWN]
         ]
         found: dict[str, Any] = {"dataset": identifier, "format": format_, "series": there, "refused": refused}
         try:
-            plan = settle(format_, recording, given)
+            parts = parts_of(format_, recording, given)
         except FormatError as error:
             # what there is to choose from is what helps now
             return {**found, "import": None, "channels": [], "sample_rate": None, "sample_count": None, "uneven": None, "start_time": None,
                     "scalars": dict(recording.scalars), "remarks": [*told, *recording.remarks, error.message]}  # fmt: skip
+        recording, plan = parts[0].recording, parts[0].plan
+        refused |= islice(recording.refused.items(), _MOST_SHOWN)
         first = [_first(recording, place) for place in plan.places]
         times = _times(recording, plan, whole=file.seek(0, 2) <= _WHOLE)
         said = [*told, *plan.remarks, *times.pop("remarks")]

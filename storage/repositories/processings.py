@@ -11,11 +11,12 @@ from sqlalchemy.orm import Session
 from storage import quotas
 from storage.audit import record
 from storage.ids import new_id
+from storage.imports import PROCESSED
 from storage.models import Dataset, DatasetStatus, Processing, ProcessingSource
 from storage.models.base import Document
 from storage.repositories.datasets import DatasetRepository
 
-FORMAT = "processed"
+FORMAT = PROCESSED
 """The format of a recording that was computed: it has no original."""
 
 

@@ -32,6 +32,16 @@ class ProcessingReply(Reply):
     versions: dict[str, str]
 
 
+class GroupReply(Reply):
+    """Channels of one time base, which are a recording."""
+
+    name: str
+    dataset_id: str
+    sample_rate: Number
+    sample_count: int
+    channels: list[str]
+
+
 class DatasetReply(DatasetHead):
     """A recording without its samples."""
 
@@ -46,6 +56,7 @@ class DatasetReply(DatasetHead):
     sha256: str | None
     error: dict[str, Any] | None
     report: dict[str, Any] | None
+    groups: list[GroupReply] = Field(description="of a file of several time bases: the recordings that it became")
     job: JobReply | None = None
     processing: ProcessingReply | None = Field(default=None, description="of a recording that was made from others")
 

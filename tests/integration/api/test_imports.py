@@ -251,7 +251,7 @@ BAD = {
     "a billion samples": ("mat", billion(), {}, "must fit into the .* got 1000000000"),
     "a cut MATLAB file": ("mat", matlab(a=np.ones(500))[:-100], {}, "the file is cut off"),
     "a cut HDF5 file": ("hdf5", b"\x89HDF\r\n\x1a\n" + bytes(600), {}, "an HDF5 file must be complete"),
-    "channels of different length": ("mat", matlab(a=np.ones(50), b=np.ones(40)), {}, "same number of samples, got a 50, b 40"),
+    "channels of different length": ("mat", matlab(a=np.ones(50), b=np.ones(40)), {"columns": [{"source": "a", "name": "a"}, {"source": "b", "name": "b"}]}, "same number of samples, got a 50, b 40"),
     "no sample rate": ("mat", matlab(a=np.ones(50)), {}, "sample_rate must be given in import"),
     "not there": ("mat", matlab(a=np.ones(50)), {"columns": [{"source": "c", "name": "c"}]}, r"one of the file's \(a\), got 'c'"),
     "a text": ("mat", matlab(a=np.ones(50), w="hi"), {"columns": [{"source": "w", "name": "w"}]}, "w cannot be read: it is a text"),
@@ -295,7 +295,8 @@ def test_a_look_at_what_cannot_be_taken_shows_what_there_is(client):
     assert found["import"] is None
     assert [(one["name"], one["sample_count"]) for one in found["series"]] == [("a", 50), ("b", 40)]
     assert found["refused"] == {"w": "it is a text"}
-    assert "same number of samples" in found["remarks"][-1]
+    assert "sample_rate must be given in import" in found["remarks"][-1]
+    assert "the file holds 2 groups of channels, each with its own time: group 1, group 2" in found["remarks"][-1]
 
 
 def test_raw_samples_are_looked_at_too(client):

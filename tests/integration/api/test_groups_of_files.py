@@ -1,0 +1,130 @@
+"""Files of several time bases: every group a recording of its own, none resampled, equal to what other readers find."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.signal
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, TdmsFile, TdmsWriter
+
+from tests.integration.api.test_imports import imported, matlab, values
+
+RNG = np.random.default_rng(29)
+FAST, SLOW, SWITCH = RNG.normal(size=1000), RNG.normal(size=77), RNG.random(77) > 0.5
+
+
+@pytest.fixture(scope="module")
+def client(sqlite_service, sqlite_worker):
+    with sqlite_service.client() as client:
+        yield client
+
+
+def tdms_of_two_rates(slow=SLOW):
+    target = io.BytesIO()
+    with TdmsWriter(target) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("fast", "force", FAST, {"wf_increment": 1e-3, "unit_string": "N"}),
+                ChannelObject("slow", "temperature", slow, {"wf_increment": 0.1, "unit_string": "degC"}),
+                ChannelObject("slow", "force", SWITCH, {"wf_increment": 0.1}),
+            ]
+        )
+    return target.getvalue()
+
+
+def mdf_of_two_rates(tmp_path, version):
+    fast, slow = np.arange(1000) / 1000, np.arange(77) / 10
+    with MDF(version=version) as file:
+        file.append([Signal(FAST, fast, name="force", unit="N")])
+        file.append([Signal(SLOW, slow, name="temperature"), Signal(SWITCH.astype("u1"), slow, name="switch")])
+        # in a group of its own, at the instants of the first
+        file.append([Signal(2 * FAST, fast, name="twice", invalidation_bits=FAST > 0)])
+        return Path(file.save(tmp_path / "x.mf4", overwrite=True)).read_bytes()
+
+
+def test_groups_of_tdms_become_recordings(client):
+    content = tdms_of_two_rates()
+    first = imported(client, "tdms", content)
+    assert first["status"] == "ready", first["error"]
+    theirs = TdmsFile.read(io.BytesIO(content))
+    fast, slow = first["groups"]
+    assert (fast["name"], fast["dataset_id"], fast["sample_rate"], fast["sample_count"]) == (
+        "fast",
+        first["id"],
+        1e3,
+        1000,
+    )
+    second = client.get(f"/v1/datasets/{slow['dataset_id']}").json()
+    assert (second["name"], second["sample_rate"], second["sample_count"]) == ("recording: slow", 10, 77)
+    assert second["groups"] == first["groups"]
+    np.testing.assert_array_equal(values(client, first, "fast/force"), FAST)
+    np.testing.assert_array_equal(values(client, second, "temperature"), theirs["slow"]["temperature"][:])
+    np.testing.assert_array_equal(values(client, second, "slow/force"), theirs["slow"]["force"][:].astype(float))
+    lineage = client.get(f"/v1/lineage/{second['id']}").json()
+    assert first["id"] in {node["id"] for node in lineage["nodes"]}
+    refused = client.delete(f"/v1/datasets/{first['id']}", headers={"If-Match": f'"{first["revision"]}"'})
+    assert refused.status_code == 409
+    assert second["id"] in refused.text
+
+
+def test_the_group_that_was_asked_for_is_the_recording_that_was_sent(client):
+    first = imported(client, "tdms", tdms_of_two_rates(), group="slow")
+    assert (first["sample_rate"], first["sample_count"]) == (10, 77)
+    assert [group["name"] for group in first["groups"]] == ["slow", "fast"]
+    wrong = imported(client, "tdms", tdms_of_two_rates(), group="medium")
+    assert "group must be one of the file's (fast, slow), got 'medium'" in wrong["error"]["detail"]
+
+
+def test_groups_are_brought_to_one_time_when_that_is_asked_for(client):
+    slow = np.sin(np.arange(77) / 20)
+    fast, slow_one = imported(client, "tdms", tdms_of_two_rates(slow=slow))["groups"]
+    body = {
+        "name": "together",
+        "sources": [fast["dataset_id"], slow_one["dataset_id"]],
+        "steps": [{"kind": "resample", "rate": 100}, {"kind": "cut", "start": 0, "end": 0.9}],
+        "combine": "side_by_side",
+    }
+    reply = client.post("/v1/processings", json=body)
+    assert reply.status_code == 201, reply.text
+    made = reply.json()
+    assert (made["sample_rate"], made["sample_count"]) == (100, 91)
+    expected = scipy.signal.resample_poly(slow, 10, 1, padtype="line")[:91]
+    found = values(client, made, "temperature")
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_groups_of_mdf_become_recordings(client, tmp_path, version):
+    content = mdf_of_two_rates(tmp_path, version)
+    first = imported(client, "mdf", content)
+    assert first["status"] == "ready", first["error"]
+    second = client.get(f"/v1/datasets/{first['groups'][1]['dataset_id']}").json()
+    assert (first["sample_rate"], second["sample_rate"]) == (pytest.approx(1000), pytest.approx(10))
+    assert [channel["name"] for channel in first["channels"]] == ["force", "twice"]
+    np.testing.assert_array_equal(values(client, first, "force"), FAST)
+    np.testing.assert_array_equal(values(client, second, "temperature"), SLOW)
+    np.testing.assert_array_equal(values(client, second, "switch"), SWITCH.astype(float))
+    if version.startswith("4"):
+        np.testing.assert_array_equal(values(client, first, "twice"), np.where(FAST > 0, np.nan, 2 * FAST))
+
+
+def test_a_group_without_a_rate_is_refused_by_name_and_can_be_asked_for(client):
+    content = matlab(a={"t": np.arange(50) / 10, "x": np.ones(50)}, b={"y": np.arange(40.0)})
+    first = imported(client, "mat", content)
+    assert (first["status"], first["sample_count"], first["groups"]) == ("ready", 50, [])
+    assert "sample_rate must be given in import" in first["report"]["refused"]["b"]
+    second = imported(client, "mat", content, group="b", sample_rate=5)
+    assert (second["sample_rate"], second["sample_count"]) == (5, 40)
+
+
+def test_a_file_whose_second_group_is_bad_leaves_nothing(client):
+    before = {one["id"] for one in client.get("/v1/datasets", params={"limit": 1000}).json()["items"]}
+    bad = imported(client, "tdms", tdms_of_two_rates(slow=np.where(np.arange(77) == 5, np.inf, SLOW)))
+    assert (bad["status"], bad["groups"]) == ("failed", [])
+    assert "channel 'temperature' must be finite or missing, got an infinity at sample 5" in bad["error"]["detail"]
+    after = {one["id"] for one in client.get("/v1/datasets", params={"limit": 1000}).json()["items"]}
+    assert after - before == {bad["id"]}
