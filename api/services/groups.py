@@ -14,7 +14,7 @@ from api.formats import FormatError, Recording, Series, Values
 from api.services.importing import Plan, settle
 
 _SHOWN = 20
-_SHARED = ("gaps", "time_zone")
+_SHARED = ("gaps", "time_zone", "uneven")
 """What a description says of all groups."""
 
 
