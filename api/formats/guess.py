@@ -132,7 +132,7 @@ def _separators(sample: Sequence[str], given: Known, *, first: str) -> tuple[str
     asked = given.delimiter or (said and said[1])
     quoted = any('"' in line for line in sample)
     # a line of tabs has blanks within its cells only
-    marks = [mark for mark in DELIMITERS if mark != " " or not all("\t" in line.strip() for line in sample)]
+    marks = [mark for mark in DELIMITERS if mark != " " or not all("\t" in line for line in sample)]
     tried = [
         (_score(sample, mark, point), (mark, point))
         for mark in ([asked] if asked else marks)

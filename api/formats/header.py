@@ -88,7 +88,7 @@ def _split(cell: str, form: re.Pattern[str]) -> tuple[str, str]:
 
 
 def _is_unit(text: str) -> bool:
-    if not text or text[0].isdigit():
+    if not text or (text[0].isdigit() and not text.startswith("1/")):
         return False
     for candidate in (text, text.lower()):
         try:
