@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sys
 from contextvars import ContextVar
 from datetime import UTC, datetime
@@ -15,6 +16,7 @@ from storage.jobs.compute import ASKED_BY, CURRENT_JOB
 CURRENT_REQUEST: ContextVar[str | None] = ContextVar("current_request", default=None)
 
 _LINE = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+_TICKET = re.compile(r"ticket=[^\s&\"']+")
 #: What a caller of a logger may add to a line of JSON.
 _MORE = ("method", "path", "status", "seconds")
 
@@ -42,10 +44,22 @@ class Structured(logging.Formatter):
         return json.dumps(line, ensure_ascii=False, default=str)
 
 
+class _WithoutTickets(logging.Filter):
+    """Hides tickets, which are in the address of a WebSocket because a browser can send nothing else with it."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Let every record through, with its tickets hidden."""
+        message = record.getMessage()
+        if "ticket=" in message:
+            record.msg, record.args = _TICKET.sub("ticket=...", message), ()
+        return True
+
+
 def configure(level: str, *, form: Literal["text", "json"]) -> None:
     """Let this process write its log on standard error; what was configured before is replaced."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(Structured() if form == "json" else logging.Formatter(_LINE))
+    handler.addFilter(_WithoutTickets())
     root = logging.getLogger()
     root.handlers = [handler]
     root.setLevel(level.upper())

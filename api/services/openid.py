@@ -160,9 +160,17 @@ class Provider:
             except (JoseError, ValueError):  # signed with a key that the provider has since we last asked, perhaps
                 found = jwt.decode(token, self._look(anew=True)[1], algorithms=list(_ALGORITHMS))
             rules.validate(found.claims)
+            self._check_party(found.claims)
         except (JoseError, ValueError) as error:
             raise _refused(f"the provider's id_token must be valid, got: {type(error).__name__}") from error
         return found.claims
+
+    def _check_party(self, claims: Mapping[str, Any]) -> None:
+        """Refuse a token that was made for another client (OpenID Connect Core 1.0, section 3.1.3.7, points 4 and 5)."""
+        party = claims.get("azp")
+        several = isinstance(claims["aud"], list) and len(claims["aud"]) > 1
+        if party != self._client_id and (several or party is not None):
+            raise ValueError("azp")
 
     def _look(self, *, anew: bool = False) -> tuple[Mapping[str, Any], KeySet]:
         """Return what the provider says of itself, and its keys."""

@@ -92,6 +92,6 @@ def is_public(address: Address) -> bool:
             inner = IPv4Address(int(address) & 0xFFFFFFFF)
         if inner is not None:
             return is_public(inner)
-        if address.teredo is not None:
+        if address.teredo is not None or address.is_site_local:  # fec0::/10, which was for sites (RFC 3879)
             return False
     return address.is_global and not (address.is_multicast or address.is_reserved or address.is_unspecified)

@@ -20,6 +20,7 @@ from typing import Any
 import httpx
 import pytest
 from opentelemetry.proto.trace.v1.trace_pb2 import Span
+from websockets.sync.client import connect
 
 from api.commands import openapi, serve, worker
 from tests.integration.api.conftest import finished
@@ -223,6 +224,9 @@ def test_no_secret_gets_into_the_most_talkative_log(tmp_path, postgres_url, post
         made = client.post("/v1/keys", json={"name": "x", "scopes": ["read"]}, headers={"Idempotency-Key": "once"})
         signed_in = client.post("/v1/session")
         ticket = client.post("/v1/tickets").json()["ticket"]
+        with connect(f"ws://127.0.0.1:{client.base_url.port}/v1/live?ticket={ticket}", proxy=None) as page:
+            page.send("{")
+            page.recv(timeout=30)
         client.post("/v1/systems", json={"name": "a-name-nobody-else-reads"})
         client.post("/v1/systems", json=LAG | {"name": "a-name-nobody-else-reads"})
         client.get("/v1/nothing", headers={"Authorization": "Bearer st_a_wrong_key"})
@@ -231,6 +235,7 @@ def test_no_secret_gets_into_the_most_talkative_log(tmp_path, postgres_url, post
         secrets += [hashlib.sha256(secret.encode()).hexdigest() for secret in secrets]
     written = log.read_text()
     assert "POST /v1/keys" in written  # it was talkative
+    assert "/v1/live?ticket=..." in written
     assert "Traceback" not in written
     assert [secret for secret in secrets if secret in written] == []
     postgres.drop_database(postgres_url, "talkative")
