@@ -30,8 +30,6 @@ MAX_LINE_CHARACTERS = 1 << 20
 
 _FEW = 32
 """Rows that are read one by one where they cannot be read together."""
-_COMMA_TO_POINT = str.maketrans(",.", ".?")
-"""A point is no decimal mark where commas are, and must not pass as one."""
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -184,7 +182,8 @@ def _quickly(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | 
     if not blank and (len(layout.delimiter) > 1 or layout.delimiter == decimal):
         return None
     if decimal == ",":
-        lines = [line.translate(_COMMA_TO_POINT) for line in lines]
+        # a point is no decimal mark where commas are, and must not pass as one
+        lines = [line.replace(".", "?").replace(",", ".") for line in lines]
     quote = '"' if any('"' in line for line in lines) else None
     try:
         values = np.loadtxt(
