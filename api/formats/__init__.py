@@ -110,6 +110,8 @@ class Recording:
         What was found out about the file, in the words of an import description.
     remarks : sequence of str
         Sentences that a person should read before trusting the channels.
+    stated_count : int, optional
+        Samples of a channel that the file says it has.
     close : callable
         Lets go of what was opened to read the file; the file itself is its owner's.
     """
@@ -120,6 +122,7 @@ class Recording:
     scalars: Mapping[str, float] = field(default_factory=dict)
     layout: Mapping[str, Any] = field(default_factory=dict)
     remarks: Sequence[str] = ()
+    stated_count: int | None = None
     close: Callable[[], None] = _nothing
 
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 from api.formats import FormatError
 from api.formats.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
 from api.formats.clock import Clock, Order, clock_for, is_stamp
-from api.formats.header import COMMENTS, TIME_NAME, Header, header_of, stated_rate
+from api.formats.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
@@ -44,8 +44,8 @@ class Guess:
         Column of the instants; ``clock`` where they are times of day, otherwise they are numbers.
     counter : int, optional
         Column of sample numbers.
-    sample_rate : float, optional
-        Where the header states it.
+    sample_rate, count : optional
+        Samples per second, and of each channel, where the header states them.
     missing : tuple of str
         Cells that stand for a missing sample.
     """
@@ -62,6 +62,7 @@ class Guess:
     clock: Clock | None = None
     counter: int | None = None
     sample_rate: float | None = None
+    count: int | None = None
     missing: tuple[str, ...] = MISSING
     remarks: tuple[str, ...] = field(default=())
 
@@ -121,6 +122,7 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
         clock=clock,
         counter=counter,
         sample_rate=stated_rate(lines[:begin]),
+        count=stated_count(lines[:begin]),
         missing=tuple(sorted({*MISSING, *missing})),
         remarks=(*header.remarks, *_doubtful(rows, columns, marks, given), *remarks),
     )

@@ -24,6 +24,10 @@ _INTERVAL = re.compile(
     r"(?i)\b(sampl\w*[ _-]*(interval|period|time)|delta[ _]?[tx]|time[ _]?step)\W*?(?P<value>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
     r"\s*(?P<unit>ms|us|µs|s)?"
 )
+_COUNT = re.compile(
+    r"(?i)\b(?:(?:sample|point|row|value)s?[ _-]*count|number of (?:samples|points|rows|values)|anzahl (?:der )?(?:werte|messwerte|punkte))"
+    r"\W*(?P<value>\d{1,12})\W*"
+)
 _SCALE = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 _NO_UNIT = {"", "-", "--", "1", "[]", "()", "[-]", "(-)"}
 
@@ -128,3 +132,8 @@ def stated_rate(lines: Sequence[str]) -> float | None:
             interval = float(found["value"].replace(",", ".")) * _SCALE[found["unit"] or "s"]
             return 1.0 / interval if interval else None
     return None
+
+
+def stated_count(lines: Sequence[str]) -> int | None:
+    """Return how many samples a header says that there are."""
+    return next((int(found["value"]) for line in lines if (found := _COUNT.fullmatch(line.strip()))), None)

@@ -86,7 +86,14 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
     }
     there = {one.index for one in series}
     refused = {found.names.get(i, f"column {i}"): why for i, why in found.refused.items() if i not in there}
-    return Recording(series=series, read=rows, refused=refused, layout=layout, remarks=(*found.remarks, *said))
+    return Recording(
+        series=series,
+        read=rows,
+        refused=refused,
+        layout=layout,
+        remarks=(*found.remarks, *said),
+        stated_count=found.count,
+    )
 
 
 def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[Series]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from api.convert.values import listed, numbers
 from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
+from api.formats.txt import lines_of
 from api.problems import Problem
 from api.services import raw_samples
 from api.services.groups import parts_of
@@ -26,6 +27,8 @@ Progress = Callable[[float, str], None]
 
 _LOOK_ROWS = 5
 _MOST_SHOWN = 200
+_HEADER_LINES = 50
+_HEAD = 1 << 18
 _WHOLE = 64 << 20
 """Bytes of a file that is looked at as a whole."""
 
@@ -121,7 +124,7 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             parts = parts_of(format_, recording, given)
         except FormatError as error:
             # what there is to choose from is what helps now
-            return {**found, "import": None, "channels": [], "sample_rate": None, "sample_count": None, "uneven": None, "start_time": None,
+            return {**found, "import": None, "header": [], "channels": [], "sample_rate": None, "sample_count": None, "uneven": None, "start_time": None,
                     "scalars": dict(recording.scalars), "remarks": [*told, *recording.remarks, error.message]}  # fmt: skip
         recording, plan = parts[0].recording, parts[0].plan
         refused |= islice(recording.refused.items(), _MOST_SHOWN)
@@ -138,6 +141,7 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
         return {
             **found,
             "import": plan.document,
+            "header": _header(file, plan.document.get("header_lines", 0)),
             "channels": channels,
             **times,
             "start_time": plan.start_time.isoformat() if plan.start_time else None,
@@ -153,7 +157,8 @@ def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
     if plan.time is None:
         if count is None and whole:
             count = sum(values.size for _, values in recording.read([plan.places[0]]))
-        return {"sample_rate": plan.sample_rate, "sample_count": count, "uneven": None, "remarks": []}
+        said = [] if count is None else _counted(recording, count)
+        return {"sample_rate": plan.sample_rate, "sample_count": count, "uneven": None, "remarks": said}
     pieces = [values for _, values in islice(recording.read([plan.time]), looked_at)]
     axis = axis_of(recording, plan, judging=True)
     for piece in pieces:
@@ -170,7 +175,9 @@ def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
         filled, said = 0, [said_of_uneven(axis, plan)]
         asked = plan.document["uneven"]
         rate = None if asked == "keep" else asked["resample"]["rate"]
-    if not whole:
+    if whole:
+        said = [*_counted(recording, axis.count), *said]
+    else:
         said.append(f"the instants are those of the first {axis.count} samples: the import looks at all of them")
     return {
         "sample_rate": rate,
@@ -182,6 +189,21 @@ def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
 
 def _said(given: Mapping[str, Any] | None) -> dict[str, Any]:
     return {key: value for key, value in (given or {}).items() if value is not None}
+
+
+def _header(file: BinaryIO, count: int) -> list[str]:
+    """Return the lines before the rows of a text, the first of many."""
+    if not count:
+        return []
+    file.seek(0)
+    return [line[:_MOST_SHOWN] for line in islice(lines_of([file.read(_HEAD)]), min(count, _HEADER_LINES))]
+
+
+def _counted(recording: Recording, count: int) -> list[str]:
+    """Return a sentence where a file has other samples than it says."""
+    if recording.stated_count in {None, count}:
+        return []
+    return [f"the file says that it has {recording.stated_count} samples, {count} are there: is it cut?"]
 
 
 def _recognition(description: Mapping[str, Any] | None) -> list[str]:
@@ -252,7 +274,8 @@ class _Taking:
 
     def report(self, before: Sequence[str]) -> dict[str, Any]:
         """Return what was noticed; some sentences come before all others."""
-        said = [*before, *self._plan.remarks, *self.times.remarks()]
+        count = self._qualities[0].count
+        said = [*before, *self._plan.remarks, *_counted(self._recording, count), *self.times.remarks()]
         noticed = {}
         for channel, quality in zip(self._plan.channels, self._qualities, strict=True):
             noticed[channel["name"]] = quality.document()

@@ -82,6 +82,7 @@ def test_a_table_is_looked_at_then_confirmed(client):
     }  # fmt: skip
     assert (found["sample_rate"], found["sample_count"], found["uneven"]) == (1000, 7, pytest.approx(0, abs=1e-6))
     assert [one["role"] for one in found["series"]] == ["counter", "time", "channel", "channel"]
+    assert found["header"] == DAQ.decode().splitlines()[:3]
     assert found["channels"][1]["first"] == [1.5, 2.5, 3.5, 4.5, 5.5]
     assert client.get(where).json()["status"] == "open"
     proposed["columns"][0] |= {"scale": 1000, "sensor": {"model": "U9C", "serial": "12"}}
@@ -143,6 +144,13 @@ def test_a_file_whose_format_nothing_tells_is_refused_before_it_is_committed(cli
         wrong = client.post("/v1/datasets", json={"name": "x", field: RAW[field]})
         assert (wrong.status_code, wrong.json()["errors"][0]["pointer"]) == (422, f"/{field}")
     assert client.post("/v1/datasets", json=RAW | {"file": "x.bin"}).json()["errors"][0]["pointer"] == "/file"
+
+
+def test_a_file_with_fewer_samples_than_it_says_is_read_and_that_is_said(client):
+    content = b"Sample Count: 61500\nt,x\n" + b"".join(b"%d,1.5\n" % i for i in range(20))
+    dataset = imported(client, "csv", content)
+    assert dataset["sample_count"] == 20
+    assert "the file says that it has 61500 samples, 20 are there: is it cut?" in dataset["report"]["remarks"]
 
 
 def test_a_file_that_cannot_be_read_as_described_is_read_again_as_it_should(client):

@@ -162,3 +162,17 @@ def test_a_last_line_without_an_end_is_read_where_it_is_whole(tmp_path):
     found = opened("csv", whole.encode(), tmp_path)
     assert (arrays(found)["x"].size, found.remarks) == (100, ())
     assert arrays(opened("csv", whole.encode(), tmp_path, allow_truncated=True))["x"].size == 100
+
+
+@pytest.mark.parametrize(
+    ("line", "count"),
+    [
+        ("Sample Count:  4", 4),
+        ("Number of samples = 1000;", 1000),
+        ("Anzahl Werte;61500", 61500),
+        ("Samples per second: 1000", None),
+        ("sample_count,7,", 7),
+    ],
+)
+def test_the_samples_that_a_header_claims(tmp_path, line, count):
+    assert opened("csv", f"{line}\nt,x\n0,1.5\n1,2.5\n2,1.5\n3,2.5\n".encode(), tmp_path).stated_count == count
