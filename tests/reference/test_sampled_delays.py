@@ -22,6 +22,8 @@ from engine.evaluation import Evaluation
 from engine.measuring import MetricRequest, measure
 from engine.study import frequency_response
 from engine.verdicts import Verdict
+from optimizers.problem import Goal, Problem, Sense, Uncertain, Variable
+from optimizers.solving import solve
 from tests.reference.test_sampled_loops import AXES, MS, Axis, bounds
 from tests.unit.engine.diagrams import block, document
 
@@ -116,7 +118,7 @@ def single(delay: float, *, sensor: bool, legs: int = 1) -> Diagram:
     return compile_system(document(blocks, wires, {"y": "p"}))
 
 
-def radius(delay: float, gain: float) -> float:
+def radius(delay: float, gain: float, kp: float = KP) -> float:
     """x' = A x + B u(t - m T - ρ): the state, the integral and m + 1 values of u that are under way."""
     m, rho = int(delay / PERIOD + 1e-12), max(delay - PERIOD * int(delay / PERIOD + 1e-12), 0.0)
     flow = np.zeros((4, 4))
@@ -125,7 +127,7 @@ def radius(delay: float, gain: float) -> float:
     early, late = expm(flow * rho), expm(flow * (PERIOD - rho))
     size = 4 + m + 1
     whole, output = np.zeros((size, size)), np.zeros(size)
-    output[0], output[3] = -2 * gain * (KP + KI * PERIOD), 1.0
+    output[0], output[3] = -2 * gain * (kp + KI * PERIOD), 1.0
     under_way = np.vstack([output, np.eye(size)[4:]])
     first = early[:3, :3] @ np.eye(size)[:3] + np.outer(early[:3, 3], under_way[m + 1])
     whole[:3] = late[:3, :3] @ first + np.outer(late[:3, 3], under_way[m])
@@ -202,3 +204,37 @@ def test_an_output_behind_a_delay_that_flows_is_refused_by_name():
     )  # fmt: skip
     with pytest.raises(UnresolvedError, match="y comes through a pure delay"):
         frequency_response(late, source="r", target="y")
+
+
+def test_a_computing_time_that_jitters_is_an_uncertain_delay():
+    """The greatest bandwidth on a grid of kp whose gain margin is 2 for every computing time up to 40 ms."""
+    made = compile_system(
+        document(
+            {
+                "r": block("input"), "e": block("sum", signs="+-"),
+                "c": block("sampled_pid", kp=KP, ki=KI, sample_time=PERIOD),
+                "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0, 0.0]),
+            },
+            ["r -> e.in1", "p -> e.in2", "e -> c", "c -> p"], {"y": "p"},
+        )
+    )  # fmt: skip
+    problem = Problem(
+        diagram=made,
+        variables=(Variable(parameter="c.kp", lower=0.05, upper=0.6),),
+        goals=(
+            Goal(metric="gain_margin_up", open_at="e", lower=2.0),
+            Goal(metric="bandwidth", source="r", target="y", sense=Sense.MAXIMIZE),
+        ),
+        uncertain=(Uncertain(parameter="c.delay", lower=0.0, upper=0.04),),
+    )
+    found = solve("grid", problem, {"points": 6})
+    assert found.certificate.valid
+    tried = np.geomspace(0.05, 0.6, 6)
+    margins = [
+        [brentq(lambda g: radius(delay, g, kp) - 1, 1e-2, 1e2, xtol=1e-14) for delay in (0.0, 0.01, 0.02, 0.03, 0.04)]  # noqa: B023
+        for kp in tried
+    ]
+    allowed = [k for k, own in enumerate(margins) if min(own) >= 2]
+    assert 0 < len(allowed) < 6
+    assert found.best["c.kp"] == pytest.approx(tried[allowed[-1]], rel=1e-12)
+    assert found.goals[0].after.value == pytest.approx(min(margins[allowed[-1]]), rel=1e-8)
