@@ -14,6 +14,7 @@ import numpy.typing as npt
 from engine.between_samples import BetweenSamples
 from engine.errors import Path
 from engine.names import no_parameter
+from optimizers.measured_response import FrequencyExperiment
 from optimizers.problem import ProblemError, Variable
 from optimizers.problem.errors import amount
 
@@ -147,12 +148,6 @@ class RecordedExperiment:
         ProblemError
         """
         _check_recording(diagram, self.recording, self.at)
-        for name, value in self.values.items():
-            place = (*self.at, "parameters", name)
-            if name not in diagram.parameters:
-                raise ProblemError(no_parameter(name, diagram.parameters), at=place)
-            if not math.isfinite(value):
-                raise ProblemError(f"{name} must be finite, got {value}", at=place)
         if not 0 <= self.split <= 1:
             raise ProblemError(f"split must be >= 0 and <= 1, got {self.split:g}", at=(*self.at, "split"))
         end = self.recording.end
@@ -181,7 +176,7 @@ class Identification:
     ----------
     diagram : Diagram
     experiments : tuple of RecordedExperiment
-        At least one of them estimates.
+        At least one of them estimates, or a measured frequency response does.
     parameters : tuple of Variable
         The unknown ones. Bounds default to the parameter's own and may be infinite; ``start`` to its present value.
     offsets : bool
@@ -193,6 +188,8 @@ class Identification:
         How many starts: the given one, then random ones.
     max_evaluations : int
         Simulations of all experiments for each start.
+    frequency : tuple of FrequencyExperiment
+        Measured frequency responses, all lines of which estimate.
 
     Raises
     ------
@@ -207,12 +204,15 @@ class Identification:
     initial_states: bool = False
     starts: int = 1
     max_evaluations: int = 60
+    frequency: tuple[FrequencyExperiment, ...] = ()
     unknowns: tuple[Unknown, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.experiments:
+        every = self._every
+        if not every:
             raise ProblemError("experiments must be at least one, got none", at=("experiments",))
-        for experiment in self.experiments:
+        for experiment in every:
+            check_known(self.diagram, experiment.values, experiment.at)
             experiment.check(self.diagram)
         if not self.parameters:
             raise ProblemError("parameters must be at least one, got none", at=("parameters",))
@@ -220,7 +220,7 @@ class Identification:
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise ProblemError(f"parameter must be named once, got {name!r} twice", at=("parameters", index))
-            for experiment in self.experiments:
+            for experiment in every:
                 if name in experiment.values:
                     raise ProblemError(
                         f"{name} must be either estimated or known, got both", at=(*experiment.at, "parameters", name)
@@ -235,9 +235,15 @@ class Identification:
         self._check_contents()
 
     @property
+    def _every(self) -> tuple[RecordedExperiment | FrequencyExperiment, ...]:
+        return (*self.experiments, *self.frequency)
+
+    @property
     def undecided(self) -> tuple[str, ...]:
         """Inputs of which nobody knows what they do between their samples."""
-        return tuple(dict.fromkeys(name for e in self.experiments for name in e.recording.undecided))
+        sampled = () if self.diagram.sampled else self.frequency  # samplers of its own: nothing to be tried
+        measured = (f.source for f in sampled if f.between_samples is None)
+        return tuple(dict.fromkeys([*(name for e in self.experiments for name in e.recording.undecided), *measured]))
 
     @property
     def estimating(self) -> tuple[RecordedExperiment, ...]:
@@ -245,8 +251,8 @@ class Identification:
         return tuple(experiment for experiment in self.experiments if experiment.windows[0] is not None)
 
     def _check_names(self) -> None:
-        names = [experiment.name for experiment in self.experiments]
-        for experiment in self.experiments:
+        names = [experiment.name for experiment in self._every]
+        for experiment in self._every:
             if names.count(experiment.name) > 1:
                 raise ProblemError(
                     f"name must be different for each experiment, got {experiment.name!r} twice",
@@ -255,22 +261,44 @@ class Identification:
 
     def _check_contents(self) -> None:
         """Refuse an identification whose estimation windows hold too little."""
-        if not self.estimating:
+        if not self.estimating and not self.frequency:
             raise ProblemError("at least one experiment must have an estimation window, got none", at=("experiments",))
         slices = [(e, e.recording.within(e.windows[0])) for e in self.estimating if e.windows[0] is not None]
         fewest, held = MIN_SAMPLES_PER_PARAMETER * (len(self.parameters) + 1), sum(s.stop - s.start for _, s in slices)
-        if held < fewest:
+        told = held + 2 * sum(f.lines for f in self.frequency)
+        if told < fewest and not self.estimating:
+            raise ProblemError(
+                f"band must hold at least {fewest // 2} lines, got {told // 2}: {MIN_SAMPLES_PER_PARAMETER // 2} for each "
+                "parameter, and as many for the model",
+                at=(*self.frequency[0].at, "band"),
+            )
+        if told < fewest:
             raise ProblemError(
                 f"estimation must hold at least {fewest} samples, got {held}: "
                 f"{MIN_SAMPLES_PER_PARAMETER} for each parameter, and as many for the model",
                 at=(*self.estimating[0].at, "estimation"),
             )
         moved = any(np.ptp(u[: part.stop]) > 0 for e, part in slices for u in e.recording.inputs.values())
-        if not moved and not self.initial_states:
+        if not moved and not self.initial_states and not self.frequency:
             raise ProblemError(
                 "inputs must vary: constant ones excite nothing (initial_states may be estimated from free motion)",
                 at=(*self.estimating[0].at, "inputs"),
             )
+
+
+def check_known(diagram: Diagram, values: Mapping[str, float], at: Path) -> None:
+    """Refuse values of parameters that the diagram does not have.
+
+    Raises
+    ------
+    ProblemError
+    """
+    for name, value in values.items():
+        place = (*at, "parameters", name)
+        if name not in diagram.parameters:
+            raise ProblemError(no_parameter(name, diagram.parameters), at=place)
+        if not math.isfinite(value):
+            raise ProblemError(f"{name} must be finite, got {value}", at=place)
 
 
 def _check_recording(diagram: Diagram, recording: Recording, at: Path) -> None:

@@ -13,7 +13,9 @@ L. Kaufman, "A variable projection method for solving separable nonlinear least 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -43,8 +45,30 @@ class Errors:
     jacobian: Samples
 
 
+class Part(Protocol):
+    """One experiment with its model, as the search asks it: a recording, or a measured frequency response."""
+
+    @property
+    def states(self) -> int:
+        """How many initial states are coordinates of the search."""
+        ...
+
+    @property
+    def signals(self) -> list[list[int]]:
+        """Lengths of the signals of each output: its errors in time; the real, then the imaginary parts of those over frequency."""
+        ...
+
+    def errors(self, values: Mapping[str, float], deviation: Samples, slope: Samples) -> Errors | None:
+        """Return errors and slopes; see :meth:`Comparison.errors`."""
+        ...
+
+    def widths(self) -> list[float]:
+        """Return the factor by which each signal's errors count more for the intervals."""
+        ...
+
+
 class Comparison:
-    """One experiment with its model."""
+    """One recording with its model."""
 
     def __init__(self, experiment: RecordedExperiment, model: Model, *, offsets: bool) -> None:
         self.experiment, self.model = experiment, model
@@ -57,19 +81,42 @@ class Comparison:
         spread = np.maximum(inside.std(axis=1), 1e-300)
         self._weight = 1 / (spread * math.sqrt(inside.shape[1]))
 
+    @property
+    def states(self) -> int:
+        """How many initial states are coordinates of the search."""
+        return self.model.states
+
+    @property
+    def signals(self) -> list[list[int]]:
+        """Lengths of the errors of each output."""
+        return [[self._part.stop - self._part.start]] * len(self.measured)
+
+    def widths(self) -> list[float]:
+        """Return how much wider each signal's errors let the intervals be: its weight is known."""
+        return [1.0] * len(self.measured)
+
     def part(self, window: Window) -> slice:
         """Return the samples of a window."""
         return self.experiment.recording.within(window)
 
-    def errors(self, answer: Answer, slope: Samples) -> Errors | None:
+    def errors(self, values: Mapping[str, float], deviation: Samples, slope: Samples) -> Errors | None:
         """Return errors in the estimation window, None where the response is not finite.
 
         Parameters
         ----------
-        answer : Answer
+        values : mapping of str to float
+            All unknown parameters (SI), in their order.
+        deviation : ndarray, shape (states,)
+            From rest, at the beginning.
         slope : ndarray, shape (coordinates,)
             What the slopes are multiplied by: those of the values by their coordinates.
+
+        Raises
+        ------
+        EngineError
+            Where there is no response at these values.
         """
+        answer = self.model.answer(values, deviation)
         if not np.isfinite(answer.values).all():
             return None
         part = self._part

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from engine.fit import ResidualTests
-from optimizers.identification.result import Estimate, Judged
+from optimizers.identification.result import Estimate, Judged, JudgedResponse
 from optimizers.identification.ways import Tried
+from optimizers.measured_response import FrequencyExperiment
 
 _EXACT = 1e-4
 """In percent of the output's spread: residuals smaller than this are no measurement's, but rounding."""
@@ -43,6 +44,43 @@ def doubts(experiments: Sequence[Judged], inputs: Sequence[Sequence[str]]) -> tu
                     f"the residuals of {output}{where} are not white (Ljung-Box statistic {tests.ljung_box:.3g}, which white ones "
                     f"keep below {tests.ljung_box_limit:.3g} in 99 of 100 recordings): the intervals allow for their colour as "
                     "that of a noise, and are too narrow where it is an error of the model"
+                )
+    return tuple(said)
+
+
+def doubted_responses(
+    experiments: Sequence[FrequencyExperiment], judged: Sequence[Mapping[str, JudgedResponse]]
+) -> tuple[str, ...]:
+    """Return a sentence on every measured response that the intervals may be wrong about.
+
+    Parameters
+    ----------
+    experiments : sequence of FrequencyExperiment
+    judged : sequence of mapping of output to JudgedResponse
+        Of each experiment; empty where the model has no response.
+    """
+    said = []
+    for experiment, outputs in zip(experiments, judged, strict=bool(judged)):
+        where = f" in {experiment.name}" if experiment.name else ""
+        said += [f"{remark}{where}" for remark in experiment.remarks]
+        for output, one in outputs.items():
+            if one.fit_percent is not None and one.fit_percent > 100.0 - _EXACT:
+                continue
+            if one.lines_left_out:
+                said.append(
+                    f"{one.lines_left_out} of {one.lines + one.lines_left_out} lines of {output}{where} are left out: no input is "
+                    "there, or too little coherence"
+                )
+            if one.scatter is not None and one.scatter_limit is not None and one.scatter > one.scatter_limit:
+                said.append(
+                    f"the measured response of {output}{where} is {math.sqrt(one.scatter):.3g} times as far from the model as its "
+                    f"coherence explains (chance keeps that below {math.sqrt(one.scatter_limit):.3g} in 99 of 100): the model is "
+                    "wrong there, or the measurement has a systematic error, and no interval knows of it"
+                )
+            if one.white is False:
+                said.append(
+                    f"the errors of the measured response of {output}{where} are not independent from line to line: the intervals "
+                    "allow for that as for a noise, and are too narrow where it is an error of the model"
                 )
     return tuple(said)
 

@@ -14,7 +14,7 @@ from optimizers.confidence import correlations, covariance
 from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
-from optimizers.identification.doubts import doubts, undecided
+from optimizers.identification.doubts import doubted_responses, doubts, undecided
 from optimizers.identification.result import BetweenTried, Fits, Identified, Judged
 from optimizers.identification.search import Search
 from optimizers.identification.starts import first_start
@@ -50,6 +50,7 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
     x = first_start(problem) if found is None else found.x
     with search.workers():
         answers = [None] * len(search.comparisons) if found is None else search.answers(x)
+        responses = () if found is None else tuple(r.judged(search.values(x)) for r in search.responses)
     shown = [_Shown(c, *answer) for c, answer in zip(search.comparisons, answers, strict=True) if answer is not None]
     cov = None if found is None else covariance(*search.blocks(found))
     unknowns, count = problem.unknowns, len(problem.unknowns)
@@ -78,8 +79,10 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
         between_tried={one.way: _tried(one) for one in tried if one.way is not None},
         warnings=(
             *doubts(judged, [tuple(e.recording.inputs) for e in _seen(search, shown)]),
+            *doubted_responses(problem.frequency, responses),
             *undecided(tried, estimates),
         ),
+        responses=responses or tuple({} for _ in problem.frequency),
     )
 
 

@@ -56,6 +56,34 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedResponse:
+    """How the model stands to one measured frequency response.
+
+    Attributes
+    ----------
+    fit_percent, relative_error_percent : float or None
+        100 (1 - ||H - G|| / ||H - mean H||) and 100 ||H - G|| / ||H|| in the complex plane, each line alike.
+    lines, lines_left_out : int
+    band : (float, float)
+        Of the lines that were used, rad/s.
+    scatter, scatter_limit : float or None
+        Mean square of the errors over their standard deviations, and what it stays below in 99 of 100 where the model is
+        right; None where nothing tells the deviations.
+    white : bool or None
+        Whether errors of lines that share no window are independent; None for too few lines.
+    """
+
+    fit_percent: float | None
+    relative_error_percent: float | None
+    lines: int
+    lines_left_out: int
+    band: tuple[float, float]
+    scatter: float | None
+    scatter_limit: float | None
+    white: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BetweenTried:
     """What the parameters come to with one way of inputs between their samples.
 
@@ -84,7 +112,9 @@ class Identified:
     baselines : mapping of baseline to mapping of output to Fit
         What models without dynamics reach where the validation is (the estimation without one).
     experiments : tuple of Judged
-        One by one.
+        The recordings one by one.
+    responses : tuple of (mapping of output to JudgedResponse)
+        The measured frequency responses one by one; empty where the model has none.
     between_samples : BetweenSamples or None
         The way that fits best, where it was not known what inputs do between their samples; everything else is said with it.
     between_tried : mapping of BetweenSamples to BetweenTried
@@ -108,11 +138,12 @@ class Identified:
     between_samples: BetweenSamples | None
     between_tried: Mapping[BetweenSamples, BetweenTried]
     warnings: tuple[str, ...]
+    responses: tuple[Mapping[str, JudgedResponse], ...] = ()
 
     @property
     def offsets(self) -> Mapping[str, float]:
-        """Offsets of the first experiment."""
-        return self.experiments[0].offsets
+        """Offsets of the first recording."""
+        return self.experiments[0].offsets if self.experiments else {}
 
     @property
     def residuals(self) -> Mapping[str, ResidualTests]:

@@ -2,7 +2,9 @@
 
     minimize over p   Σ_e Σ_o Σ_t (y_eo(t) - ŷ_eo(t; p))² / (n_e var y_eo),   t in the estimation windows
 
-Every output of every experiment counts alike, whatever its unit, its size and its length.
+Every output of every experiment counts alike, whatever its unit, its size and its length. Measured frequency responses are
+compared relative to their own size, each line by its standard deviation; where they stand beside other signals, the search
+goes on with every output weighted by the variance that is left of it.
 """
 
 from __future__ import annotations
@@ -22,8 +24,9 @@ import numpy as np
 from engine.errors import EngineError
 from engine.traced import UnsuitableError
 from optimizers.identification.answers import Answer, Model, Samples
-from optimizers.identification.comparison import Comparison, Errors
+from optimizers.identification.comparison import Comparison, Errors, Part
 from optimizers.identification.exact import ExactModel
+from optimizers.identification.frequency import FrequencyComparison
 from optimizers.identification.linear import LinearModel
 from optimizers.identification.marched import MarchedModel, Structure
 from optimizers.methods.least_squares import Minimum
@@ -53,9 +56,15 @@ class Search:
         """Whether the monitor ended the search."""
         build = _models(problem, self._clock)
         self.comparisons = [Comparison(e, build(e), offsets=problem.offsets) for e in problem.experiments]
-        self._estimating = [c for c in self.comparisons if c.experiment.windows[0] is not None]
+        self.responses = [FrequencyComparison(f, problem.diagram, problem.unknowns) for f in problem.frequency]
+        self._estimating: list[Part] = [
+            *(c for c in self.comparisons if c.experiment.windows[0] is not None), *self.responses
+        ]  # fmt: skip
+        self._outputs = [lengths for part in self._estimating for lengths in part.signals]
+        self._weights: Samples | None = None
+        """Of each output; None where all outputs count alike."""
         self.parameters = len(problem.unknowns)
-        ends = np.cumsum([self.parameters, *(c.model.states for c in self._estimating)])
+        ends = np.cumsum([self.parameters, *(part.states for part in self._estimating)])
         self._states = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.coordinates = int(ends[-1])
         self._lock = threading.Lock()
@@ -65,7 +74,7 @@ class Search:
     @contextmanager
     def workers(self) -> Iterator[None]:
         """Answer for several experiments at once, inside."""
-        count = min(len(os.sched_getaffinity(0)), len(self.comparisons))
+        count = min(len(os.sched_getaffinity(0)), len(self.comparisons) + len(self.responses))
         if count < 2:
             yield
             return
@@ -83,7 +92,7 @@ class Search:
         self._check()
         self.evaluations += 1
         found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
-        size = sum(c.measured.shape[0] * self._length(c) for c in self._estimating)
+        size = sum(map(sum, self._outputs))
         if any(errors is None for errors in found):
             return np.full(size, np.inf), np.zeros((size, len(x)))
         residuals, jacobian = np.concatenate([e.residuals for e in found if e]), np.zeros((size, len(x)))
@@ -94,8 +103,10 @@ class Search:
                 jacobian[rows, : self.parameters] = errors.jacobian[:, : self.parameters]
                 jacobian[rows, states] = errors.jacobian[:, self.parameters :]
                 row = rows.stop
-        scale = 1 / math.sqrt(sum(c.measured.shape[0] for c in self._estimating))
+        scale = 1 / math.sqrt(len(self._outputs))
         residuals, jacobian = residuals * scale, jacobian * scale
+        if self._weights is not None:
+            return residuals * self._weights, jacobian * self._weights[:, None]
         self._report(
             Minimum(x=x.copy(), residuals=residuals, jacobian=jacobian, converged=False, evaluations=self.evaluations)
         )
@@ -119,26 +130,46 @@ class Search:
         return self._each(answer, self.comparisons)
 
     def blocks(self, found: Minimum) -> tuple[list[Samples], list[Samples]]:
-        """Return Jacobian and residuals of a minimum, signal by signal."""
-        lengths = [self._length(c) for c in self._estimating for _ in c.measured]
+        """Return Jacobian and residuals of a minimum, signal by signal, as they were weighted at the end of the search."""
+        lengths = [length for output in self._outputs for length in output]
+        weights = np.ones(sum(lengths)) if self._weights is None else self._weights
         cuts = np.cumsum(lengths)[:-1]
-        return np.split(found.jacobian, cuts), np.split(found.residuals, cuts)
+        residuals = np.split(found.residuals * weights, cuts)
+        widths = [width for part in self._estimating for width in part.widths()]
+        wider = [residual * width for residual, width in zip(residuals, widths, strict=True)]
+        return np.split(found.jacobian * weights[:, None], cuts), wider
 
-    def _length(self, comparison: Comparison) -> int:
-        window = comparison.experiment.windows[0]
-        part = comparison.part(window) if window is not None else slice(0, 0)
-        return part.stop - part.start
+    @property
+    def weighs(self) -> bool:
+        """Whether outputs are to count by what is left of them: where frequencies stand beside other signals."""
+        return bool(self.responses) and len(self._outputs) > 1
+
+    def weigh(self, found: Minimum) -> None:
+        """Let each output count by the variance that is left of it: a combination of estimates is best so."""
+        sizes = [sum(lengths) for lengths in self._outputs]
+        parts = np.split(found.residuals, np.cumsum(sizes)[:-1])
+        left = np.array([np.linalg.norm(part) / math.sqrt(part.size) for part in parts])
+        left = np.maximum(left, 1e-9 * max(float(left.max()), 1e-300))
+        self._weights = np.repeat(float(left.min()) / left, sizes)
+
+    @contextmanager
+    def alike(self) -> Iterator[None]:
+        """Let all outputs count alike inside."""
+        weights, self._weights = self._weights, None
+        try:
+            yield
+        finally:
+            self._weights = weights
 
     def _errors(self, place: int, x: Samples) -> Errors | None:
         self._check()
-        comparison, states = self._estimating[place], x[self._states[place]]
+        part, states = self._estimating[place], x[self._states[place]]
         unknowns = self.problem.unknowns
         slope = np.array([u.slope(float(c)) for u, c in zip(unknowns, x, strict=False)] + [1.0] * states.size)
         try:
-            answer = comparison.model.answer(self.values(x), states)
+            return part.errors(self.values(x), states, slope)
         except EngineError:
             return None  # an algebraic loop without a solution or a delay too short to follow: no model at these values
-        return comparison.errors(answer, slope)
 
     def _each(self, function: Callable[[S], T], over: Iterable[S]) -> list[T]:
         return list(map(function, over) if self._pool is None else self._pool.map(function, over))

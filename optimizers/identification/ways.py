@@ -25,6 +25,8 @@ LEAST_GAIN: Final = 1e-7
 """A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""
 _KIND = "identification"
 """Of the states that a search keeps."""
+_WEIGHINGS: Final = 3
+"""Times that outputs are weighted by what is left of them: it changes little after the first."""
 _EXACT: Final = 1e-18
 """Costs below this are rounding: errors of 1e-9 of the output's spread."""
 
@@ -81,7 +83,8 @@ def tried_ways(problem: Identification, monitor: Monitor, rng: np.random.Generat
 
 def _with(problem: Identification, way: BetweenSamples) -> Identification:
     experiments = (replace(e, recording=e.recording.with_undecided(way)) for e in problem.experiments)
-    return replace(problem, experiments=tuple(experiments))
+    frequency = (f.with_undecided(way) for f in problem.frequency)
+    return replace(problem, experiments=tuple(experiments), frequency=tuple(frequency))
 
 
 def _padded(search: Search, starts: Samples) -> Samples:
@@ -95,9 +98,10 @@ def _again(way: BetweenSamples | None, search: Search, done: Mapping[str, Any]) 
         return Tried(way=way, search=search, found=None, status=Status.STALLED)
     x, count = np.array(done["x"]), search.evaluations
     with search.workers():
-        residuals, jacobian = search.errors(x)
+        found = _at(search, x, converged=done["converged"])
+    if search.weighs:
+        search.weigh(found)
     search.evaluations = count
-    found = Minimum(x=x, residuals=residuals, jacobian=jacobian, converged=done["converged"], evaluations=1)
     return Tried(way=way, search=search, found=found, status=_ended(found))
 
 
@@ -107,6 +111,9 @@ def _searched(
     """Return the best minimum and how the search ended."""
     unknowns, monitor = search.problem.unknowns, search.monitor
     free = np.full(search.coordinates - search.parameters, np.inf)
+    lower = np.append([u.coordinate(u.lower) for u in unknowns], -free)
+    upper = np.append([u.coordinate(u.upper) for u in unknowns], free)
+    most = search.problem.max_evaluations
     keeper = monitor if isinstance(monitor, Keeper) else None
 
     def tell(now: Reached) -> None:
@@ -118,18 +125,33 @@ def _searched(
             found = minimize_squares(
                 search.errors,
                 starts,
-                lower=np.append([u.coordinate(u.lower) for u in unknowns], -free),
-                upper=np.append([u.coordinate(u.upper) for u in unknowns], free),
-                max_evaluations=search.problem.max_evaluations,
+                lower=lower,
+                upper=upper,
+                max_evaluations=most,
                 least_gain=LEAST_GAIN,
                 reached=reached,
                 tell=tell,
             )
+            for _ in range(_WEIGHINGS if found is not None and search.weighs else 0):
+                assert found is not None
+                search.weigh(found)
+                nearer = minimize_squares(
+                    search.errors, found.x[None], lower=lower, upper=upper, max_evaluations=most, least_gain=LEAST_GAIN
+                )
+                if nearer is not None:
+                    with search.alike():
+                        found = _at(search, nearer.x, converged=found.converged and nearer.converged)
     except CancelledError:
         search.stopped = True
         over = isinstance(monitor, Limited) and monitor.over
         return search.best, Status.BUDGET if over else Status.CANCELLED
     return found, Status.STALLED if found is None else _ended(found)
+
+
+def _at(search: Search, x: Samples, *, converged: bool) -> Minimum:
+    """Return what was found as all outputs count alike, whatever they were weighted by."""
+    residuals, jacobian = search.errors(x)
+    return Minimum(x=x, residuals=residuals, jacobian=jacobian, converged=converged, evaluations=1)
 
 
 def _ended(found: Minimum) -> Status:
