@@ -29,6 +29,7 @@ class Identifications:
         inputs: Mapping[str, str | Document] | None = None,
         outputs: Mapping[str, str] | None = None,
         experiments: Sequence[Document] | None = None,
+        frequency_responses: Sequence[Document] | None = None,
         offsets: str | None = None,
         initial_states: str | None = None,
         estimation: Sequence[float] | None = None,
@@ -38,7 +39,7 @@ class Identifications:
         max_evaluations: int | None = None,
         queue: Document | None = None,
     ) -> Job[Identification]:
-        """Start the estimation of parameters from one recording or several.
+        """Start the estimation of parameters from recordings, measured frequency responses, or both.
 
         Parameters
         ----------
@@ -51,6 +52,10 @@ class Identifications:
         experiments : sequence, optional
             Several recordings in place of it: `{"dataset": ..., "inputs": ..., "outputs": ..., "parameters": {"load": 5}}`, the
             parameters being what is known of this one alone, and `split`, `estimation`, `validation` its parts.
+        frequency_responses : sequence, optional
+            Measured frequency responses beside recordings, or in place of them:
+            `{"dataset": ..., "inputs": {"u": ...}, "outputs": ..., "segment": 2.0, "band": ["1 Hz", "50 Hz"]}`, or `{"frf": ...}` with
+            the identifier of a kept response in place of the dataset.
         offsets : str, optional
             `"estimate"` adds an unknown constant to each output (a sensor's zero).
         initial_states : str, optional
@@ -70,6 +75,7 @@ class Identifications:
             inputs=inputs,
             outputs=outputs,
             experiments=experiments,
+            frequency_responses=frequency_responses,
             parameters=parameters,
             offsets=offsets,
             initial_states=initial_states,

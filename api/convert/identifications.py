@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,12 +16,16 @@ from api.schemas.identifications import IdentificationRequest, IdentifiedParamet
 from engine.diagram import Diagram
 from engine.fit import Fit, ResidualTests
 from optimizers.identification import Identified, Judged
+from optimizers.measured_response import FrequencyExperiment
 from optimizers.problem import Variable
 from optimizers.recording import Identification, RecordedExperiment, Recording
 
 
 def identification_from_wire(
-    document: IdentificationRequest, diagram: Diagram, recordings: Sequence[Recording]
+    document: IdentificationRequest,
+    diagram: Diagram,
+    recordings: Sequence[Recording],
+    frequency: Sequence[FrequencyExperiment] = (),
 ) -> Identification:
     """Return the identification, proven to make sense.
 
@@ -31,6 +35,8 @@ def identification_from_wire(
     diagram : Diagram
     recordings : sequence of Recording
         Of the experiments in their order, or the only one.
+    frequency : sequence of FrequencyExperiment
+        Measured frequency responses in their order.
 
     Raises
     ------
@@ -47,16 +53,17 @@ def identification_from_wire(
         initial_states=document.initial_states == "estimate",
         starts=document.starts,
         max_evaluations=document.max_evaluations,
+        frequency=tuple(frequency),
     )
 
 
 def _experiments(
     document: IdentificationRequest, diagram: Diagram, recordings: Sequence[Recording]
 ) -> Iterator[RecordedExperiment]:
-    if document.experiments is None:
+    if document.dataset is not None:
         yield experiment_of(document, recordings[0])
         return
-    for index, (one, recording) in enumerate(zip(document.experiments, recordings, strict=True)):
+    for index, (one, recording) in enumerate(zip(document.experiments or (), recordings, strict=True)):
         place: Place = ("experiments", index)
         found = experiment_of(one, recording, place=place)
         values = overrides_from_wire(one.parameters, diagram, place=(*place, "parameters"))
@@ -98,7 +105,7 @@ def identified_to_wire(
     found: Identified, problem: Identification, *, system: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     """Return the body of a finished identification."""
-    estimation, validation = problem.experiments[0].windows
+    estimation, validation = problem.experiments[0].windows if problem.experiments else (None, None)
     return {
         "method": "grey_box",
         "status": str(found.status),
@@ -123,6 +130,13 @@ def identified_to_wire(
         },
         "one_step_prediction": fits_to_wire(found.one_step),
         "experiments": [_judged_to_wire(one) for one in found.experiments],
+        "frequency_responses": [
+            {
+                "name": one.name,
+                "outputs": {name: asdict(judged) | {"band": list(judged.band)} for name, judged in outputs.items()},
+            }
+            for one, outputs in zip(problem.frequency, found.responses, strict=True)
+        ],
         "residuals": _residuals_to_wire(found.residuals),
         "between_samples": None if found.between_samples is None else _between_to_wire(found),
         "warnings": [{"pointer": "/parameters", "detail": sentence} for sentence in found.warnings],

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from api.schemas.jobs import Channels, Window
 from api.schemas.queue import QueueDocument
 from api.schemas.systems import SystemRef
-from api.schemas.values import Document, Identifier, Name, Overrides, Path, Quantity
+from api.schemas.values import Band, Document, Identifier, Name, Overrides, Path, Quantity
 
 Outputs = Annotated[dict[Name, str], Field(min_length=1, max_length=50)]
 
@@ -52,6 +52,45 @@ class IdentificationExperiment(Document):
     validation: Window | None = None
 
 
+class FrequencyResponseExperiment(Document):
+    """A measured frequency response that the model is compared with, line by line: of a recording, or one that was kept."""
+
+    name: Name | None = Field(default=None, description="response_1, response_2 ... by default")
+    frf: Identifier | None = Field(default=None, description="a kept result of /v1/frfs, in place of dataset")
+    dataset: Identifier | None = None
+    inputs: Annotated[Channels, Field(max_length=1)] = Field(
+        description="input port -> channel; between_samples as for recordings: band_limited compares with G(jω), hold and "
+        "linear from sample to sample"
+    )
+    outputs: Outputs = Field(description="output -> channel")
+    parameters: Overrides = Field(
+        default_factory=dict, description="parameters that had another value in this experiment: a current, a load"
+    )
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    window: Literal["hann", "flat_top", "none"] = "hann"
+    segment: Quantity | None = Field(default=None, description="s, of averaged segments; default as of /v1/frfs")
+    overlap: float = Field(default=0.5, ge=0.0, lt=1.0, description="of neighbouring segments")
+    removal: Literal["nothing", "mean", "trend"] = Field(default="mean", description="from each segment")
+    part: Window | None = Field(default=None, description="[t0, t1] in s; default: everything")
+    band: Band | None = Field(default=None, description="the lines that estimate; default: all that tell something")
+    least_coherence: float = Field(
+        default=0.5, ge=0.0, lt=1.0, description="lines below are left out, as are those that chance may have made"
+    )
+    weights: Literal["coherence", "equal"] = Field(
+        default="coherence",
+        description="coherence: each line by the standard deviation that coherence and averages give; equal: all alike",
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> FrequencyResponseExperiment:
+        if (self.frf is None) == (self.dataset is None):
+            raise ValueError(f"must have dataset or frf, got {'neither' if self.frf is None else 'both'}")
+        estimating = sorted({"estimator", "window", "segment", "overlap", "removal", "part"} & self.model_fields_set)
+        if self.frf is not None and estimating:
+            raise ValueError(f"must have {estimating[0]} with dataset only: frf was estimated already")
+        return self
+
+
 class IdentificationRequest(Document):
     """A model, what is measured where in one recording or several, and what is to be estimated."""
 
@@ -62,6 +101,9 @@ class IdentificationRequest(Document):
     outputs: Outputs | None = Field(default=None, description="output -> channel")
     experiments: Annotated[list[IdentificationExperiment], Field(min_length=1, max_length=200)] | None = Field(
         default=None, description="several recordings at once, in place of dataset, inputs and outputs"
+    )
+    frequency_responses: Annotated[list[FrequencyResponseExperiment], Field(min_length=1, max_length=200)] | None = (
+        Field(default=None, description="measured frequency responses, beside recordings or in place of them")
     )
     parameters: list[ParameterChoice] = Field(min_length=1, max_length=50)
     split: float = Field(default=0.5, gt=0.0, lt=1.0, description="share of the recording that estimates")
@@ -80,9 +122,12 @@ class IdentificationRequest(Document):
     def _one_or_several(self) -> IdentificationRequest:
         alone = {"dataset": self.dataset, "inputs": self.inputs, "outputs": self.outputs}
         given = [name for name, value in alone.items() if value is not None]
-        if self.experiments is None and len(given) < len(alone):
+        recorded = bool(given) or self.frequency_responses is None
+        if self.experiments is None and recorded and len(given) < len(alone):
             missing = ", ".join(name for name in alone if name not in given)
-            raise ValueError(f"must have dataset, inputs and outputs, or experiments; {missing} is missing")
+            raise ValueError(
+                f"must have dataset, inputs and outputs, or experiments, or frequency_responses; {missing} is missing"
+            )
         windows = [name for name in ("estimation", "validation") if getattr(self, name) is not None]
         if self.experiments is not None and (given or windows):
             raise ValueError(f"must have {(given + windows)[0]} in each of its experiments, not beside them")

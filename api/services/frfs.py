@@ -15,17 +15,16 @@ from api.convert.frfs import (
     frf_to_wire,
     modes_to_wire,
     named,
-    sensor_from_wire,
     simulated_to_wire,
-    steps_from_wire,
 )
 from api.convert.signals import check_name
 from api.convert.spectra import window_to_wire
-from api.convert.values import band_from_wire, number, numbers, optional_si, overrides_from_wire, si
+from api.convert.values import band_from_wire, number, numbers, overrides_from_wire
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
 from api.services.installation import Caller, Installation
+from api.services.measured_frfs import formed, frfs_of, segment_of, sensors_of
 from api.services.measured_parts import Part, check_lines, part_of_recording
 from api.services.results import Study
 from api.services.systems import Subject, subject_of
@@ -35,19 +34,13 @@ from engine.errors import UnresolvedError
 from engine.evaluation import Evaluation
 from engine.linear.sampled_frequency import sampled_frequency_response
 from engine.modal.modes import modes_of
-from engine.spectra.averaged import averaged_frf
 from engine.spectra.comparison import compared
 from engine.spectra.frf import Frf
 from engine.spectra.motion import MOTIONS, in_form
-from engine.spectra.multisine import multisine_frf
 from engine.spectra.sampled import window_of
-from engine.spectra.sensors import Sensor, correction
-from engine.spectra.stepped_sine import stepped_sine_frf
 from engine.study import frequency_response
 
 KIND = "frf"
-_SEGMENTS, _LONGEST = 8, 65_536
-"""Parts that a recording is cut into unless the request says how long a segment is, and the most samples of such a one."""
 
 
 def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study:
@@ -56,21 +49,17 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     if len(set(names)) < len(names):
         raise invalid("output must name each channel once", "output")
     measured = _measured(service, caller, request, names)
-    sensors = _sensors(request, names)
+    sensors = sensors_of(request, names)
     subject = None if request.system is None else subject_of(service, caller, request.system)
     if subject is not None:
         _check_path(request, subject)
     with service.computing.slot(), at():
-        found = {name: _frf(request, measured, name) for name in names}
-        band = band_from_wire(request.band, place=("band",))
-        if band is not None:
-            found = {name: frf.within(*band) for name, frf in found.items()}
-        found = {name: _corrected(frf, request.input, name, sensors) for name, frf in found.items()}
+        found = frfs_of(request, measured, names, sensors)
         first = next(iter(found.values()))
         check_lines(service, first.frequency.size, curves=9 * len(names))
         outputs, warnings = {}, []
-        formed = {name: _formed(request, frf, measured.units[name]) for name, frf in found.items()}
-        for name, (frf, unit) in formed.items():
+        for name, corrected in found.items():
+            frf, unit = formed(request, corrected, measured.units[name])
             source = measured.units[request.input]
             outputs[name] = frf_to_wire(frf, output=unit, input=source, level=request.confidence)
             warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
@@ -106,66 +95,10 @@ def _measured(service: Installation, caller: Caller, request: FrfRequest, names:
     return part_of_recording(service, caller, request.dataset, places, request.part)
 
 
-def _sensors(request: FrfRequest, names: list[str]) -> dict[str, Sensor | None]:
-    sensors = {}
-    for name, given in (request.corrections or {}).items():
-        if name not in {request.input, *names}:
-            known = ", ".join((request.input, *names))
-            raise invalid(f"corrections must be of channels used here ({known}), got {name!r}", "corrections", name)
-        sensors[name] = sensor_from_wire(given, place=("corrections", name))
-    return sensors
-
-
 def _check_path(request: FrfRequest, subject: Subject) -> None:
     diagram = subject.diagram
     check_name(str(request.source), diagram.inputs, name="from", what="the system's inputs", place=("from",))
     check_name(str(request.target), diagram.outputs, name="to", what="the system's outputs", place=("to",))
-
-
-def _segment(request: FrfRequest, measured: Part) -> int:
-    seconds = optional_si(request.segment, "s", name="segment", place=("segment",))
-    return (
-        min(measured.longest // _SEGMENTS, _LONGEST)
-        if seconds is None
-        else round(min(max(seconds * measured.rate, 0.0), 1e12))
-    )
-
-
-def _frf(request: FrfRequest, measured: Part, name: str) -> Frf:
-    pairs = list(zip(measured.channels[request.input], measured.channels[name], strict=True))
-    if request.estimator in ("H1", "H2", "Hv"):
-        return averaged_frf(
-            pairs,
-            measured.rate,
-            estimator=request.estimator,
-            segment=_segment(request, measured),
-            window=request.window,
-            overlap=request.overlap,
-            removal=request.removal,
-        )
-    if len(pairs) > 1:
-        detail = f"part must lie in one experiment for {request.estimator}, got {len(pairs)} of them"
-        raise invalid(detail, "part")
-    settle = si(request.settle, "s", name="settle", place=("settle",))
-    x, y = (recorded[:] for recorded in pairs[0])
-    if request.estimator == "multisine":
-        period = si(request.period, "s", name="period", place=("period",))
-        return multisine_frf(x, y, measured.rate, period=period, settle=settle)
-    return stepped_sine_frf(x, y, measured.rate, steps_from_wire(request), settle=settle)
-
-
-def _corrected(frf: Frf, source: str, target: str, sensors: Mapping[str, Sensor | None]) -> Frf:
-    if not sensors:
-        return frf
-    for name in (source, target):
-        with at("corrections", name):
-            if (sensor := sensors.get(name)) is not None:
-                sensor.response(frf.frequency)
-    return frf.times(correction(frf.frequency, input=sensors.get(source), output=sensors.get(target)))
-
-
-def _formed(request: FrfRequest, frf: Frf, unit: str) -> tuple[Frf, str]:
-    return (frf, unit) if request.form is None else in_form(frf, request.form, unit=unit)
 
 
 def _check_unit(request: FrfRequest, subject: Subject, name: str, unit: str) -> None:
@@ -243,5 +176,5 @@ def _modes(request: FrfRequest, found: Mapping[str, Frf], units: Mapping[str, st
 def _window(request: FrfRequest, measured: Part) -> dict[str, Any] | None:
     if request.estimator not in ("H1", "H2", "Hv"):
         return None
-    facts, _ = window_of(request.window, _segment(request, measured))
+    facts, _ = window_of(request.window, segment_of(request, measured))
     return window_to_wire(facts)

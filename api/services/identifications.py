@@ -15,12 +15,13 @@ from api.schemas.identifications import IdentificationRequest
 from api.schemas.jobs import RecordedInput
 from api.services import direct_identifications, jobs
 from api.services.installation import Caller, Installation
+from api.services.measured_experiments import dataset_of, frequency_experiment_of
 from api.services.recordings import recording_of
 from api.services.systems import Subject, compiled, subject_of
 from engine.diagram import Diagram
 from optimizers.identification import identify
 from optimizers.limits import Limited
-from optimizers.recording import Recording
+from optimizers.recording import Identification, Recording
 from optimizers.result import Monitor
 from storage.session import Database
 
@@ -38,9 +39,7 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)
-    identification_from_wire(
-        request, subject.diagram, _recordings(request, subject.diagram, service.database, caller.workspace)
-    )
+    _problem(request, subject.diagram, service.database, caller.workspace)
     return subject
 
 
@@ -67,37 +66,50 @@ def run(
         return direct_identifications.run(body, database=database, workspace=workspace, monitor=monitor)
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
-    problem = identification_from_wire(request, diagram, _recordings(request, diagram, database, workspace))
+    problem = _problem(request, diagram, database, workspace)
     found = identify(problem, rng=np.random.default_rng(_SEED), monitor=Limited(monitor, seconds))
     reference = body["system_reference"]
     result = identified_to_wire(found, problem, system=reference)
     place = ("system",) if reference is None else None
+    datasets = _datasets(request, database, workspace)
     return {
         **result,
-        "dataset": _datasets(request)[0],
-        "datasets": _datasets(request),
+        "dataset": datasets[0],
+        "datasets": datasets,
         "warnings": warnings_to_wire(diagram.warnings, place=place) + result["warnings"],
     }
+
+
+def _problem(request: IdentificationRequest, diagram: Diagram, database: Database, workspace: str) -> Identification:
+    recordings = _recordings(request, diagram, database, workspace)
+    frequency = []
+    for k, one in enumerate(request.frequency_responses or ()):
+        name = one.name or f"response_{k + 1}"
+        place: Place = ("frequency_responses", k)
+        frequency.append(
+            frequency_experiment_of(one, diagram, name=name, database=database, workspace=workspace, place=place)
+        )
+    return identification_from_wire(request, diagram, recordings, frequency)
 
 
 def _recordings(
     request: IdentificationRequest, diagram: Diagram, database: Database, workspace: str
 ) -> list[Recording]:
     """Return what was recorded in each experiment."""
-    if request.experiments is None:
-        assert request.dataset is not None  # the request was refused else
+    if request.dataset is not None:
         given: list[tuple[str, Mapping[str, str | RecordedInput], Mapping[str, str], Place]] = [
             (request.dataset, request.inputs or {}, request.outputs or {}, ())
         ]
     else:
-        given = [(e.dataset, e.inputs, e.outputs, ("experiments", k)) for k, e in enumerate(request.experiments)]
+        given = [(e.dataset, e.inputs, e.outputs, ("experiments", k)) for k, e in enumerate(request.experiments or ())]
     return [
         recording_of(dataset, inputs, outputs, diagram, database=database, workspace=workspace, place=place)
         for dataset, inputs, outputs, place in given
     ]
 
 
-def _datasets(request: IdentificationRequest) -> list[str]:
+def _datasets(request: IdentificationRequest, database: Database, workspace: str) -> list[str]:
     """Return every dataset once."""
-    experiments = request.experiments or ()
-    return list(dict.fromkeys([request.dataset] if request.dataset is not None else [e.dataset for e in experiments]))
+    recorded = [request.dataset] if request.dataset is not None else [e.dataset for e in request.experiments or ()]
+    measured = [dataset_of(one, database=database, workspace=workspace) for one in request.frequency_responses or ()]
+    return list(dict.fromkeys([*recorded, *measured]))

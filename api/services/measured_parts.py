@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ from api.services.instants import even_rate, uneven
 from storage.errors import NotFoundError
 from storage.models import Dataset
 from storage.repositories import DatasetRepository, ProcessingRepository
+from storage.session import Database
 
 MOST_NUMBERS = 20_000_000
 """Samples times channels that one request looks at: 160 MB."""
@@ -85,6 +87,21 @@ def part_of_recording(
     *,
     check: Callable[[float, int], None] | None = None,
 ) -> Part:
+    """Return channels as :func:`stored_part`, read while other requests may compute."""
+    quiet = service.computing.quiet
+    return stored_part(service.database, caller.workspace, dataset, places, given, check=check, quiet=quiet)
+
+
+def stored_part(
+    database: Database,
+    workspace: str,
+    dataset: str,
+    places: Mapping[Place, str],
+    given: list[Any] | None,
+    *,
+    check: Callable[[float, int], None] | None = None,
+    quiet: Callable[[], AbstractContextManager[object]] = nullcontext,
+) -> Part:
     """Return channels of a recording between two times, of which no sample is read yet.
 
     Parameters
@@ -96,6 +113,8 @@ def part_of_recording(
         ``part`` of the request: [t0, t1].
     check : callable, optional
         Told the rate and the samples of the longest experiment: raises what can be refused.
+    quiet : callable
+        Held while samples are read.
 
     Raises
     ------
@@ -103,13 +122,13 @@ def part_of_recording(
         422 with the place of a dataset or channel that does not exist, of a unit without a factor, or of a part that is
         empty or too long; 409 for a dataset not ready.
     """
-    with service.database.session() as session:
-        repository = DatasetRepository(session, caller.workspace)
+    with database.session() as session:
+        repository = DatasetRepository(session, workspace)
         row = _row(repository, dataset)
         described = {name: _described(row, name, place) for place, name in places.items()}
         assert row.sample_rate is not None
         assert row.sample_count is not None
-        counts = ProcessingRepository(session, caller.workspace).experiments(dataset) or (row.sample_count,)
+        counts = ProcessingRepository(session, workspace).experiments(dataset) or (row.sample_count,)
         first, stop = _stretch(row.sample_count, row.sample_rate, given, channels=len(described))
         rate = row.sample_rate
         ends = np.cumsum(counts)
@@ -124,18 +143,21 @@ def part_of_recording(
     units: dict[str, str] = {}
     for place, name in places.items():
         _, units[name] = in_si(np.empty(0), described[name], place=place)
-        read = partial(_read, service, caller, dataset, channel=described[name], rate=rate, place=place)
+        read = partial(
+            _read, database, workspace, dataset, quiet=quiet, channel=described[name], rate=rate, place=place
+        )
         channels[name] = [Recorded(read, begin, end) for begin, end in inside]
     return Part(rate=rate, channels=channels, units=units)
 
 
 def _read(
-    service: Installation,
-    caller: Caller,
+    database: Database,
+    workspace: str,
     dataset: str,
     first: int,
     stop: int,
     *,
+    quiet: Callable[[], AbstractContextManager[object]],
     channel: Mapping[str, Any],
     rate: float,
     place: Place,
@@ -143,8 +165,8 @@ def _read(
     """Return the samples first <= i < stop of a channel in SI, none missing."""
     name = str(channel["name"])
     values = np.empty(stop - first)
-    with service.computing.quiet(), service.database.session() as session:
-        repository = DatasetRepository(session, caller.workspace)
+    with quiet(), database.session() as session:
+        repository = DatasetRepository(session, workspace)
         for start in range(first - first % _PIECE, stop, _PIECE):
             begin, end = max(start, first), min(start + _PIECE, stop)
             piece, _ = in_si(repository.read_channel(dataset, name, begin, end), channel, place=place)

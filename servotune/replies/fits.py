@@ -42,6 +42,7 @@ class Identification(TypedDict):
     fit: FitReport
     one_step_prediction: dict[str, Fit]
     experiments: list[dict[str, Any]]
+    frequency_responses: list[dict[str, Any]]
     residuals: dict[str, Any]
     between_samples: dict[str, Any] | None
     warnings: list[dict[str, str]]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, freqz, lfilter
 
 from engine.between_samples import BetweenSamples
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
@@ -74,8 +74,6 @@ def found_by(frequency: tuple[FrequencyExperiment, ...], recordings: tuple[Recor
 
 def recorded(seed: int, size: float = 0.3) -> RecordedExperiment:
     """Return a recording with held input by scipy's zero-order hold of the plant, the delay being six samples."""
-    from scipy.signal import cont2discrete  # noqa: PLC0415
-
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.choice([-1.0, 1.0], size=60), 25)
     k, w, d = TRUTH["k"], TRUTH["w"], TRUTH["d"]
@@ -98,7 +96,9 @@ def test_estimates_are_those_of_scipy_on_the_same_weighted_errors():
         error = (response.value - closed_form(*p)) / response.deviation
         return np.concatenate([error.real, error.imag])
 
-    reference = least_squares(errors, list(START.values()), x_scale=list(START.values()), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    reference = least_squares(
+        errors, list(START.values()), x_scale=list(START.values()), xtol=1e-14, ftol=1e-14, gtol=1e-14
+    )
     found = found_by((experiment(response),))
     assert found.status is Status.CONVERGED
     covariance = np.linalg.inv(reference.jac.T @ reference.jac) * 2 * reference.cost / (2 * OMEGA.size - 4)
@@ -132,8 +132,6 @@ def test_both_at_once_tell_more_than_each_alone():
 
 def test_held_and_linear_inputs_are_compared_from_sample_to_sample():
     """Without a word every way is tried; the measurement is scipy's zero-order or first-order hold of the plant."""
-    from scipy.signal import cont2discrete, freqz  # noqa: PLC0415
-
     k, w, d = TRUTH["k"], TRUTH["w"], TRUTH["d"]
     for way, kind in ((BetweenSamples.HOLD, "zoh"), (BetweenSamples.LINEAR, "foh")):
         numerator, denominator, _ = cont2discrete(([k * w * w], [1.0, 2 * d * w, w * w]), H, method=kind)
