@@ -33,7 +33,7 @@ def client(sqlite_service, sqlite_worker):
 
 
 def imported(client, content=CONTENT, **description):
-    body = {"name": "jitter", "format": "csv", **({"import": description} if description else {})}
+    body = {"name": "jitter", **({"import": description} if description else {})}
     reply = upload(client, body, content, segment=1 << 22)
     finished(client, reply.json()["job"])
     dataset = client.get(f"/v1/datasets/{reply.json()['id']}").json()
@@ -58,7 +58,7 @@ def test_instants_are_kept_as_a_channel(client, kept):
     assert kept["duration"] == pytest.approx(SINCE[-1], abs=1e-12)
     assert kept["report"]["import"]["uneven"] == "keep"
     assert kept["report"]["time"]["mean"] == pytest.approx((COUNT - 1) / SINCE[-1], rel=1e-12)
-    assert "samples off an even axis of" in kept["report"]["remarks"][0]
+    assert "samples off an even axis of" in kept["report"]["remarks"][1]
     truth = pd.read_csv(io.StringIO(TABLE))
     read = channel(client, kept, "u")
     np.testing.assert_allclose(read["time"], truth["t [s]"] - truth["t [s]"][0], rtol=0, atol=1e-12)
@@ -91,9 +91,12 @@ def test_exports_hold_the_instants_and_come_back(client, kept):
     }
     for found in times.values():
         np.testing.assert_allclose(found, SINCE, rtol=0, atol=1e-12)
-    again = imported(client, files["csv"])
-    assert again["uneven"]
-    np.testing.assert_array_equal(channel(client, again, "y")["values"], channel(client, kept, "y")["values"])
+    for content in files.values():
+        again = imported(client, content)
+        assert again["uneven"], again
+        read = channel(client, again, "y")
+        np.testing.assert_array_equal(read["values"], channel(client, kept, "y")["values"])
+        np.testing.assert_allclose(read["time"], SINCE, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -135,7 +138,7 @@ def test_an_import_resamples_where_it_is_told(client):
     grid = np.arange(int(SINCE[-1] * 600) + 1) / 600
     found = channel(client, even, "u")["values"]
     np.testing.assert_allclose(found, CubicSpline(SINCE, FORCE)(grid), rtol=0, atol=1e-12)
-    assert "all channels are resampled to 600 samples/s (cubic)" in even["report"]["remarks"][0]
+    assert "all channels are resampled to 600 samples/s (cubic)" in even["report"]["remarks"][1]
     slow = imported(client, uneven={"resample": {"rate": 100}})
     assert slow["status"] == "failed"
     assert "rate must be at least the mean one of the uneven instants" in slow["error"]["detail"]
