@@ -108,12 +108,13 @@ class Rows:
         shapes = {_shape(cells[self.last_column], self.marks) for cells in rows if len(cells) > self.last_column}
         if len(before) < _FEWEST:
             return "doubtful"
-        if len(last) < min(map(len, before)):
-            return "cut"
         shape, usual = _shape(cell, self.marks), next(iter(shapes), "")
-        if len(shapes) > 1 or not usual:
-            return "doubtful"
-        return "whole" if shape == usual else "cut" if usual.startswith(shape) else "doubtful"
+        fixed = len(shapes) == 1 and usual
+        if fixed and shape == usual:
+            return "whole"
+        if len(last) < min(map(len, before)) or (fixed and usual.startswith(shape)):
+            return "cut"
+        return "doubtful"
 
 
 def _shape(cell: str, marks: Marks) -> str:

@@ -176,3 +176,11 @@ def test_a_last_line_without_an_end_is_read_where_it_is_whole(tmp_path):
 )
 def test_the_samples_that_a_header_claims(tmp_path, line, count):
     assert opened("csv", f"{line}\nt,x\n0,1.5\n1,2.5\n2,1.5\n3,2.5\n".encode(), tmp_path).stated_count == count
+
+
+def test_a_shorter_last_row_is_whole_where_all_digits_are_there(tmp_path):
+    """A cooling curve that passes 10 at its last sample, without a line end."""
+    text = "t,x\n" + "".join(f"{i / 10:.1f},{20 - i:.2f}\n" for i in range(10)) + "1.0,9.99"
+    assert arrays(opened("csv", text.encode(), tmp_path))["x"][-1] == 9.99
+    with pytest.raises(FormatError, match="its last line is cut"):
+        opened("csv", text[:-1].encode(), tmp_path)
