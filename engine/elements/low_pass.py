@@ -5,11 +5,10 @@ y/u = 1 / Π (1 + 2 d_k s/w + s²/w²),   d_k = sin((2k - 1) π/(2 order)),   wi
 
 from __future__ import annotations
 
-import math
-
-from engine.elements._base import Element, Ports, Realization, Values, matrix
+from engine.elements._base import Element, Ports, Realization, Values
+from engine.elements._butterworth import butterworth
 from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.parameters import Param
 
 
 class LowPass(Element):
@@ -49,27 +48,4 @@ class LowPass(Element):
     @classmethod
     def realize(cls, values: Values) -> Realization:
         """Return sections in series, the least damped last; every state is of the size of the input."""
-        w, order = values["frequency"], values["order"]
-        dampings: list[Scalar] = [math.sin((2 * k - 1) * math.pi / (2 * order)) for k in range(order // 2, 0, -1)]
-        if values["damping_ratio"] is not None:
-            dampings = [values["damping_ratio"]]
-        sections: list[Scalar | None] = [*[None] * (order % 2), *dampings]
-        rows: list[list[Scalar]] = [[0.0] * order for _ in range(order)]
-        column: list[list[Scalar]] = [[0.0] for _ in range(order)]
-        first, output = 0, -1
-        for damping in sections:
-            # x1' = w (v - x1), or x1' = w x2 and x2' = w (v - x1 - 2 d x2), with v the output of the section before.
-            entry = first
-            if damping is None:
-                rows[first][first] = -w
-            else:
-                entry = first + 1
-                rows[first][entry] = w
-                rows[entry][first], rows[entry][entry] = -w, -2.0 * damping * w
-            if first == 0:
-                column[entry][0] = w
-            else:
-                rows[entry][output] = w
-            first, output = entry + 1, first
-        read = [1.0 if state == output else 0.0 for state in range(order)]
-        return Realization(a=matrix(rows), b=matrix(column), c=matrix([read]), d=matrix([[0.0]]))
+        return butterworth(values["frequency"], values["order"], values["damping_ratio"])

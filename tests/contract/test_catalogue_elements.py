@@ -166,7 +166,11 @@ def varied(element: type[Element], name: str) -> tuple[dict[str, Any], float]:
     }  # fmt: skip
     for other in values.keys() & set(alternatives.get(name, ())):
         values[other] = next(p.default for p in element.parameters if p.name == other)
-    needs = {("ball_screw", "damping"): {"stiffness": 1e8}}
+    lead = {"design": "lead_lag", "frequency": None, "zero_frequency": 20.0, "pole_frequency": 180.0}
+    needs = {
+        ("ball_screw", "damping"): {"stiffness": 1e8},
+        ("sampled_pid", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
+    } | {("discrete_filter", own): lead for own in ("gain", "zero_frequency", "pole_frequency")}  # fmt: skip
     value = values[name] or 0.7
     return values | needs.get((element.kind, name), {}) | {name: value}, value
 

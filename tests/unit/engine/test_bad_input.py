@@ -31,6 +31,7 @@ BESIDE = {
     ("ball_screw", "damping"): {"stiffness": 1e8},
     ("pi", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
     ("pid", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
+    ("sampled_pid", "tracking_time"): {"upper": 1.0, "anti_windup": "back_calculation"},
 }
 """What a parameter is given with only."""
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import dlsim, lfilter
+from scipy.signal import butter, dlsim, lfilter
 
 from engine.diagram import Diagram, compile_system
 from engine.errors import DiagramError
@@ -177,3 +177,170 @@ def test_a_value_between_samples_moves_with_the_offset():
 def test_an_offset_of_a_sample_time_is_refused():
     with pytest.raises(DiagramError, match=r"offset must be < sample_time \(0.01 s\), got 0.01"):
         alone("zero_order_hold", sample_time=STEP, offset=STEP)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 8])
+@pytest.mark.parametrize("design", ["low_pass", "high_pass"])
+def test_a_butterworth_filter_is_that_of_scipy(design, order):
+    corner = 60.0
+    made = alone("discrete_filter", design=design, order=order, frequency=corner, sample_time=STEP)
+    u, y = samples(made)
+    b, a = butter(order, corner, design.replace("_pass", ""), fs=2 * np.pi / STEP)
+    np.testing.assert_allclose(y, lfilter(b, a, u), atol=1e-9)
+
+
+def test_a_lead_has_its_phase_at_the_mean_of_its_corners():
+    """Tustin's rule warped at the mean: there the response is that of the continuous lead."""
+    zero, pole, gain = 20.0, 180.0, 2.0
+    made = alone(
+        "discrete_filter", design="lead_lag", gain=gain, zero_frequency=zero, pole_frequency=pole, sample_time=STEP
+    )
+    u, y = samples(made)
+    middle = 60.0
+    k = middle / np.tan(0.5 * middle * STEP)
+    b, a = np.array([1 + k / zero, 1 - k / zero]), np.array([1 + k / pole, 1 - k / pole])
+    np.testing.assert_allclose(y, lfilter(gain * b, a, u), atol=1e-11)
+    z = np.exp(1j * middle * STEP)
+    exact = (1 + 1j * middle / zero) / (1 + 1j * middle / pole)
+    assert np.polyval(b, z) / np.polyval(a, z) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"frequency": 400.0}, "frequency must be < 314.159 rad/s, the Nyquist frequency .*, got 400"),
+        ({}, "frequency must be given for a low_pass"),
+        ({"frequency": 10.0, "gain": 2.0}, "gain must be absent in a low_pass"),
+        (
+            {"design": "lead_lag", "frequency": 10.0, "zero_frequency": 1.0, "pole_frequency": 2.0},
+            "frequency must be absent",
+        ),
+        ({"design": "lead_lag", "zero_frequency": 1.0}, "pole_frequency must be given for a lead_lag"),
+    ],
+)
+def test_a_filter_that_is_none_is_refused(values, message):
+    with pytest.raises(DiagramError, match=message):
+        alone("discrete_filter", sample_time=STEP, **values)
+
+
+def controlled(**values: Any) -> Diagram:
+    """Return a loop round x' = u - x with a sampled PID of two inputs."""
+    law = {"kp": 6.0, "ki": 9.0, "kd": 0.2, "filter_frequency": 60.0, "sample_time": 0.05, "delay": 0.02}
+    two = "setpoint_weight_p" in values or "setpoint_weight_d" in values
+    blocks = {
+        "r": block("input"),
+        "c": block("sampled_pid", **law | values),
+        "p": block("transfer_function", numerator=[1.0], denominator=[1.0, 1.0]),
+    }
+    if two:
+        return compile_system(
+            document(blocks, ["r -> c.reference", "p -> c.measurement", "c -> p"], {"y": "p", "u": "c"})
+        )
+    blocks["e"] = block("sum", signs="+-")
+    return compile_system(document(blocks, ["r -> e.in1", "p -> e.in2", "e -> c", "c -> p"], {"y": "p", "u": "c"}))
+
+
+def recursion(count: int, **values: Any) -> np.ndarray:
+    """Return the plant's state at each sample, the law written out sample by sample."""
+    given = {"setpoint_weight_p": 1.0, "setpoint_weight_d": 1.0, "derivative_rule": "backward", "form": "position",
+             "upper": np.inf, "lower": -np.inf, "rate": np.inf, "anti_windup": "clamping", "tracking_time": 6 / 9} | values  # fmt: skip
+    kp, ki, kd, w, step, late = 6.0, 9.0, 0.2, 60.0, 0.05, 0.02
+    x = before = integral = derivative = last_d = last_v = held = 0.0
+    found = []
+    for _ in range(count):
+        found.append(x)
+        p, e, d = given["setpoint_weight_p"] - x, 1 - x, given["setpoint_weight_d"] - x
+        if given["derivative_rule"] == "tustin":
+            derivative = ((2 - w * step) * derivative + 2 * w * kd * (d - last_d)) / (2 + w * step)
+        else:
+            derivative = (derivative + w * kd * (d - last_d)) / (1 + w * step)
+        last_d = d
+        grown = integral + ki * step * e
+        wanted = kp * p + grown + derivative
+        if given["form"] == "increment":
+            wanted, last_v, integral = before + wanted - last_v, wanted, grown
+        limited = min(max(wanted, before - given["rate"] * step), before + given["rate"] * step)
+        limited = min(max(limited, given["lower"]), given["upper"])
+        if given["form"] == "position":
+            if given["anti_windup"] == "back_calculation":
+                integral = grown + step / given["tracking_time"] * (limited - wanted)
+            elif given["anti_windup"] == "none" or not (wanted - limited) * (grown - integral) > 0:
+                integral = grown
+        before = limited
+        x = held + (x - held) * np.exp(-late)
+        held = limited
+        x = held + (x - held) * np.exp(-(step - late))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"setpoint_weight_p": 0.4, "setpoint_weight_d": 0.0},
+        {"setpoint_weight_p": 0.7},
+        {"derivative_rule": "tustin"},
+        {"form": "increment"},
+        {"form": "increment", "upper": 2.0, "rate": 20.0},
+        {"form": "increment", "setpoint_weight_p": 0.3, "setpoint_weight_d": 0.0, "derivative_rule": "tustin"},
+        {"upper": 2.0},
+        {"upper": 2.0, "anti_windup": "none"},
+        {"upper": 2.0, "anti_windup": "back_calculation"},
+        {"upper": 2.0, "lower": -1.0, "anti_windup": "back_calculation", "tracking_time": 0.2},
+        {"rate": 15.0},
+        {"rate": 15.0, "upper": 3.0, "anti_windup": "back_calculation", "tracking_time": 0.3},
+    ],
+)
+def test_a_sampled_pid_is_its_recursion(values):
+    found = simulate(controlled(**values), signals={"r": make("step", {})}, duration=3.0, samples=61, metrics=[])
+    np.testing.assert_allclose(found.curves["y"], recursion(61, **values), atol=1e-11)
+
+
+def test_an_increment_without_limits_is_the_position_form():
+    position, increment = (
+        simulate(
+            controlled(form=form, setpoint_weight_p=0.5), signals={"r": make("step", {})}, duration=3.0, metrics=[]
+        )
+        for form in ("position", "increment")
+    )
+    np.testing.assert_allclose(position.curves["y"], increment.curves["y"], atol=1e-11)
+
+
+@pytest.mark.parametrize("values", [{}, {"form": "increment"}, {"setpoint_weight_p": 0.3}, {"upper": 2.0, "rate": 5.0}])
+def test_forms_weights_and_limits_do_not_change_the_margins(values):
+    wanted = [MetricRequest(metric=name, open_at="p") for name in ("gain_margin_up", "phase_margin")]
+    expected = measure(controlled(), wanted)
+    found = measure(controlled(**values), wanted)
+    for (one, _), (other, _) in zip(found, expected, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-8)
+
+
+def test_slopes_by_a_weight_are_exact():
+    wanted = [MetricRequest(metric="peak", signals={"r": make("step", {})}, output="y", duration=3.0)]
+    made = controlled(setpoint_weight_p=0.9, derivative_rule="tustin", upper=5.0, anti_windup="back_calculation")
+    names = ["c.setpoint_weight_p", "c.kp", "c.delay"]
+    ((value, slopes),) = measure(made, wanted, gradient=names)
+    assert value.verdict is Verdict.OK
+    for k, name in enumerate(names):
+        base, h = made.parameters[name].value, 1e-6
+        sides = [measure(made, wanted, overrides={name: base * (1 + s * h)})[0][0].value for s in (1, -1)]
+        assert slopes.values[k] == pytest.approx((sides[0] - sides[1]) / (2 * h * base), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"form": "increment", "ki": 0.0}, "ki must not be 0 in the increment form"),
+        (
+            {"form": "increment", "upper": 1.0, "anti_windup": "clamping"},
+            "anti_windup must be absent in the increment form",
+        ),
+        ({"anti_windup": "back_calculation"}, "lower, upper or rate must be given for back_calculation"),
+        ({"upper": 1.0, "tracking_time": 0.1}, "tracking_time must be absent unless"),
+        ({"upper": 1.0, "ki": 0.0, "anti_windup": "back_calculation"}, "tracking_time must be given"),
+        ({"upper": -1.0, "lower": 2.0}, "upper must be > lower"),
+        ({"rate": 0.0}, "rate must be > 0"),
+    ],
+)
+def test_a_sampled_pid_that_is_none_is_refused(values, message):
+    with pytest.raises(DiagramError, match=message):
+        controlled(**values)

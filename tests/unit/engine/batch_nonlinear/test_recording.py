@@ -22,6 +22,7 @@ SMOOTH = {"friction": {"transition_velocity": 0.02, "coulomb_negative": 5.0, "st
 """What some elements need besides their example to be a formula."""
 REFUSED = {
     "backlash": "what ends its modes depends on more than its inputs and states",
+    "discrete_filter": "it takes samples",
     "discrete_integrator": "it takes samples",
     "discrete_notch": "it takes samples",
     "discrete_state_space": "it takes samples",
