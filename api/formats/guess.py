@@ -48,6 +48,8 @@ class Guess:
         Samples per second, and of each channel, where the header states them.
     missing : tuple of str
         Cells that stand for a missing sample.
+    usual : int
+        Cells of most rows.
     """
 
     delimiter: str
@@ -64,6 +66,7 @@ class Guess:
     sample_rate: float | None = None
     count: int | None = None
     missing: tuple[str, ...] = MISSING
+    usual: int = 0
     remarks: tuple[str, ...] = field(default=())
 
 
@@ -107,6 +110,7 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
     thousands = _thousands(rows, columns, decimal) if given.thousands is None else given.thousands
     marks = Marks(decimal=decimal, thousands=thousands)
     header = header_of(lines[:begin], mark, columns)
+    crowded = _crowded(lines[:begin], rows, columns, mark) if given.delimiter is None else []
     time, clock, counter, remarks = _instants(rows, columns, header, marks, given.order)
     missing = {cell for row in rows for i in columns if i < len(row) and is_word_for_missing(cell := row[i])}
     return Guess(
@@ -124,7 +128,8 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
         sample_rate=stated_rate(lines[:begin]),
         count=stated_count(lines[:begin]),
         missing=tuple(sorted({*MISSING, *missing})),
-        remarks=(*header.remarks, *_doubtful(rows, columns, marks, given), *remarks),
+        usual=Counter(map(len, rows)).most_common(1)[0][0] if rows and given.delimiter is None else 0,
+        remarks=(*header.remarks, *crowded, *_doubtful(rows, columns, marks, given), *remarks),
     )
 
 
@@ -136,7 +141,7 @@ def _separators(sample: Sequence[str], given: Known, *, first: str) -> tuple[str
     # a line of tabs has blanks within its cells only
     marks = [mark for mark in DELIMITERS if mark != " " or not all("\t" in line for line in sample)]
     tried = [
-        (_score(sample, mark, point), (mark, point))
+        (_score(sample, mark, point, 0.85 if mark == point else 1.0), (mark, point))
         for mark in ([asked] if asked else marks)
         for point in ([given.decimal] if given.decimal else [".", ","])
         if mark != point or quoted  # "1,5","2,5": quotes keep a decimal comma from being a separator
@@ -147,8 +152,10 @@ def _separators(sample: Sequence[str], given: Known, *, first: str) -> tuple[str
     return found
 
 
-def _score(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[float, float]:
+def _score(lines: Sequence[str], delimiter: str, decimal: str, weight: float) -> tuple[float, float]:
     """Return how well a separator and decimal mark explain some rows: first the share of numbers, then their count.
+
+    A comma within quotes between commas is rather one of thousands, where it may be: the weight of a decimal one is less.
 
     A number with separated thousands counts a little less, so that 1,234 is the simpler of its two readings.
     """
@@ -162,7 +169,7 @@ def _score(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[float, f
         shares.append((found + words) / len(full) if found else 0.0)
         counts[len(written) - written.count(None) + sum(is_word_for_missing(cell) for cell in cells)] += bool(found)
     usual, times = counts.most_common(1)[0] if counts else (0, 0)
-    return sum(shares) / len(shares) * times / len(lines) * usual**0.5, usual
+    return weight * sum(shares) / len(shares) * times / len(lines) * usual**0.5, usual
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -229,13 +236,56 @@ def _thousands(rows: Sequence[Sequence[str]], columns: Sequence[int], decimal: s
 
 def _doubtful(rows: Sequence[Sequence[str]], columns: Sequence[int], marks: Marks, given: Known) -> list[str]:
     """Return a remark where all decimal marks may as well be those of thousands: 1.234 alone tells neither."""
-    if given.decimal is not None or given.thousands is not None or marks.thousands:
+    if given.decimal is not None or given.thousands is not None or marks.thousands not in {"", ".", ","}:
         return []
-    marked = [row[i] for row in rows for i in columns if i < len(row) and marks.decimal in row[i]]
+    mark = marks.thousands or marks.decimal
+    cells = [row[i] for row in rows for i in columns if i < len(row)]
+    marked = [cell for cell in cells if mark in cell]
     if not marked or not all(re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell) for cell in marked):
         return []
-    read = f"{marked[0]} is read with {marks.decimal!r} as the decimal mark"
-    return [f"{read}; where it separates thousands, say decimal and thousands in import"]
+    if marks.thousands and any(marks.decimal in cell for cell in cells):
+        return []
+    read, other = (
+        ("separating thousands", "marks decimals")
+        if marks.thousands
+        else ("as the decimal mark", "separates thousands")
+    )
+    return [f"{marked[0]} is read with {mark!r} {read}; where it {other}, say decimal and thousands in import"]
+
+
+def _crowded(head: Sequence[str], rows: Sequence[Sequence[str]], columns: Sequence[int], mark: str) -> list[str]:
+    """Return a remark where rows have more cells than the line above them has names.
+
+    Raises
+    ------
+    FormatError
+        Where commas separate cells and stand in the numbers, too: nobody can tell 1,234 from two cells.
+    """
+    named = [cell for cell in cut(head[-1], mark) if cell] if head else []
+    width = len(columns)
+    if (
+        mark == " "
+        or len(named) < 2
+        or width <= len(named)
+        or any(thousands_of(cell, ".") is not None for cell in named)
+    ):
+        return []
+    said = f"line {len(head)} names {len(named)} columns, the rows have {width} of numbers"
+    cells = [[row[i] for row in rows if i < len(row)] for i in columns]
+    whole = all(cell.lstrip("+-").isdecimal() or not cell for column in cells for cell in column)
+    grouped = any(
+        all(
+            re.fullmatch(r"\d{3}(?:\.\d*)?", b) and re.fullmatch(r"[+-]?[1-9]\d{0,2}", a)
+            for a, b in zip(*two, strict=False)
+        )
+        for two in pairwise(cells)
+    )
+    if mark == "," and (grouped or (whole and width == 2 * len(named))):
+        raise FormatError(
+            f"{said}: commas stand in the numbers and between them; save it with another separator, or with quotes around "
+            "the cells (where it is right, say delimiter in import)"
+        )
+    return [f"{said}: is {mark!r} what separates them?"]
 
 
 def _others(rows: Sequence[Sequence[str]], taken: set[int | None]) -> dict[int, str]:

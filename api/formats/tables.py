@@ -66,6 +66,7 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
             header_lines=found.header_lines,
             missing=missing,
             stamps=(asked[stamped[0]].index, found.clock or Clock()) if stamped else None,
+            usual=found.usual,
             ended_only=left_out,
         )
         order = [*stamped, *(place for place in range(len(asked)) if place not in stamped)]

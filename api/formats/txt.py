@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import codecs
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +30,7 @@ BLOCK_ROWS = 8192
 MAX_LINE_CHARACTERS = 1 << 20
 """A longer line is no text table: reading on would hold a binary file in memory."""
 
+_HEAD_OF_GROUPS, _GROUP = re.compile(r"[+-]?[1-9]\d{0,2}"), re.compile(r"\d{3}(?:\.\d*)?")
 _FEW = 32
 """Rows that are read one by one where they cannot be read together."""
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -63,6 +66,9 @@ class TextLayout:
         Cells that stand for a missing sample and become NaN; without them such a cell is an error.
     stamps : tuple of (int, Clock), optional
         A column with the time of day, which comes out first, in s.
+    usual : int
+        Cells of nearly all rows, 0 where that is not known: among commas, one with more may have a number with separated
+        thousands.
     ended_only : bool
         Whether a last line without a line end is left out.
 
@@ -79,6 +85,7 @@ class TextLayout:
     header_lines: int = 0
     missing: tuple[str, ...] = ()
     stamps: tuple[int, Clock] | None = None
+    usual: int = 0
     ended_only: bool = False
 
     def __post_init__(self) -> None:
@@ -148,6 +155,10 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
 
 def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:
     """Return the values of some rows, each a line and its number."""
+    if layout.usual and layout.delimiter == ",":
+        for number, line in rows:
+            if line.count(",") >= layout.usual:
+                _check_groups(cut(line, ","), number, layout.usual)
     values = _values(rows, layout) if layout.columns else np.empty((len(rows), 0))
     if layout.stamps is None:
         return values
@@ -163,6 +174,17 @@ def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[n
     except FormatError as error:
         raise FormatError(f"lines {rows[0][0]} ... {rows[-1][0]}, column {column}: {error.message}") from error
     return np.column_stack([seconds, values])
+
+
+def _check_groups(cells: Sequence[str], number: int, usual: int) -> None:
+    """Refuse a row of more cells than the others where two of them may be one number: 1,234.5."""
+    for a, b in pairwise(cells):
+        if len(cells) > usual and _HEAD_OF_GROUPS.fullmatch(a) and _GROUP.fullmatch(b):
+            raise FormatError(
+                f"line {number} has more cells than the others: {a},{b} may be two cells or one number with separated "
+                "thousands; save it with another separator, or with quotes around the cells",
+                line=number,
+            )
 
 
 def _values(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:

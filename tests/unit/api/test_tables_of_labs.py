@@ -184,3 +184,27 @@ def test_a_shorter_last_row_is_whole_where_all_digits_are_there(tmp_path):
     assert arrays(opened("csv", text.encode(), tmp_path))["x"][-1] == 9.99
     with pytest.raises(FormatError, match="its last line is cut"):
         opened("csv", text[:-1].encode(), tmp_path)
+
+
+@pytest.mark.parametrize("row", ["{0}.5,1,23{0}.56", "0,{0},1,5"])
+def test_commas_in_numbers_and_between_them_are_refused(tmp_path, row):
+    text = ("t,F\n" + "".join(row.format(i % 10) + "\n" for i in range(20))).encode()
+    with pytest.raises(
+        FormatError, match=r"line 1 names 2 columns, the rows have . of numbers: commas stand in the numbers"
+    ):
+        opened("csv", text, tmp_path)
+    assert len(opened("csv", text, tmp_path, delimiter=",").series) > 2
+    unnamed = opened("csv", b"t;F\n0,5;1,5;7\n0,6;2,5;7\n0,7;1,5;8\n", tmp_path)
+    assert "names 2 columns, the rows have 3 of numbers: is ';' what separates them?" in unnamed.remarks[0]
+
+
+@pytest.mark.parametrize("before", [20, 40_000])
+def test_a_comma_of_thousands_that_makes_another_cell_is_refused_wherever_it_is(tmp_path, before):
+    text = "t,F\n" + "".join(f"{i},999.5\n" for i in range(before)) + f"{before},1,000.5\n"
+    with pytest.raises(
+        FormatError, match=rf"line {before + 2} has more cells than the others: .*1,000\.5 may be two cells"
+    ):
+        arrays(opened("csv", text.encode(), tmp_path))
+    assert arrays(opened("csv", text.encode(), tmp_path, delimiter=","))["F"][-1] == 1.0  # whoever says it means it
+    quoted = b't,a,F\n1,12,345\n2,13,"345"\n3,14,"1,345"\n4,15,340\n'
+    assert arrays(opened("csv", quoted, tmp_path))["F"].tolist() == [345, 345, 1345, 340]
