@@ -106,7 +106,7 @@ class Import:
         start_time: datetime | None = None,
         uneven: bool = False,
     ) -> int:
-        """Write what is left, say what the dataset will be, and return how many samples each channel has.
+        """Write what is left, say what the dataset will be, and return how many samples each channel has, 0 without any.
 
         A sample rate or a start that a file tells replaces what was known before; where the samples are ``uneven`` there
         is no rate, and the first channel holds their instants.
@@ -120,7 +120,7 @@ class Import:
             cutter.close()
         while self._waiting:
             self._write()
-        counts = set(self.counts.values())
+        counts = set(self.counts.values()) if channels else {0}
         if len(counts) != 1 or len(self._cutters) != len(channels):
             raise ValueError(f"channels must be {len(channels)} of one length, got {self.counts}")
         (count,) = counts

@@ -33,6 +33,7 @@ _CAUSES = {
     "leakage": "window",
     "not_settled": "settle",
     "resonance_bias": "segment",
+    "unit": "output",
 }
 """Kind of a doubt -> the setting that removes it."""
 

@@ -81,6 +81,36 @@ class Series:
     doubt: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpectralFunction:
+    """A function of frequency that a file holds: a measured response, a coherence, a spectrum.
+
+    Parameters
+    ----------
+    name : str
+        Different for each function of a file.
+    kind : str
+        What it is, in the words of the file's format.
+    response, reference : str
+        The points that it is of, "" where the file names none.
+    response_unit, reference_unit : str
+        As the file has them, not interpreted.
+    count : int
+        Lines.
+    read : callable
+        Returns the frequencies (Hz), shape (lines,), and the values, complex, shape (lines,).
+    """
+
+    name: str
+    kind: str
+    response: str
+    reference: str
+    response_unit: str = ""
+    reference_unit: str = ""
+    count: int
+    read: Callable[[], tuple[Values, npt.NDArray[np.complex128]]]
+
+
 Read = Callable[[Sequence[int]], Iterator[tuple[int, Values]]]
 """From places in `Recording.series` to (position in what was asked for, next samples), each channel in order.
 
@@ -112,6 +142,8 @@ class Recording:
         Sentences that a person should read before trusting the channels.
     stated_count : int, optional
         Samples of a channel that the file says it has.
+    functions : sequence of SpectralFunction
+        What is measured over frequency, which is no channel.
     close : callable
         Lets go of what was opened to read the file; the file itself is its owner's.
     """
@@ -123,6 +155,7 @@ class Recording:
     layout: Mapping[str, Any] = field(default_factory=dict)
     remarks: Sequence[str] = ()
     stated_count: int | None = None
+    functions: Sequence[SpectralFunction] = ()
     close: Callable[[], None] = _nothing
 
 

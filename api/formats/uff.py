@@ -2,14 +2,13 @@
 
     x_i = x_0 + i dx,   eleven lines of header (80 columns each), then the ordinates
 
-Time responses become channels; `write` makes text of frequency responses, which every program reads, whereas binary
-files are read by few.
+Time responses become channels, functions of frequency (responses, coherences, spectra) stay functions.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import BinaryIO
@@ -17,20 +16,24 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import PIECE, FormatError, Recording, Series, Values, claimed
+from api.formats import PIECE, FormatError, Recording, Series, SpectralFunction, Values, claimed
 
 _DELIMITER = b"    -1"
 _LINES = 11
-_FUNCTIONS = {
+_SPECTRAL = {2, 3, 4, 5, 6, 9, 10, 12}
+"""Types of functions that are of frequency where the file does not say what its abscissa is."""
+FUNCTIONS = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
     5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation",
     9: "power spectral density", 10: "energy spectral density", 11: "probability density", 12: "spectrum",
 }  # fmt: skip
+"""Type of a function -> what it is."""
 _QUANTITIES = {
     2: "stress", 3: "strain", 5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration",
     13: "force", 15: "pressure", 16: "mass", 17: "time", 18: "frequency", 21: "pressure",
 }  # fmt: skip
-_CODES = {"displacement": 8, "force": 13, "velocity": 11, "acceleration": 12, "pressure": 15, "": 0}
+_FREQUENCY = 18
+"""Kind of abscissa, and of what the lines of a function are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +42,10 @@ class _Function:
 
     name: str
     kind: int
+    axis: int
+    response: str
+    reference: str
+    reference_unit: str
     is_complex: bool
     double: bool
     count: int
@@ -54,7 +61,7 @@ class _Function:
 
 
 def open_file(file: BinaryIO) -> Recording:
-    """Return the time responses of a universal file; other functions and datasets are refused by name.
+    """Return the time responses and the functions of frequency of a universal file; the rest is refused by name.
 
     Raises
     ------
@@ -65,10 +72,16 @@ def open_file(file: BinaryIO) -> Recording:
     refused = {f"dataset {number}": "only datasets 58 hold recordings" for number in others}
     series: list[Series] = []
     usable: list[_Function] = []
+    spectral: list[SpectralFunction] = []
     names: set[str] = set()
-    for function in found:
-        name = function.name if function.name not in names else f"{function.name} ({len(series) + 1})"
+    for number, function in enumerate(found, start=1):
+        over_frequency = function.axis == _FREQUENCY or (function.axis in {0, 1} and function.kind in _SPECTRAL)
+        plain = _spectral_name(function) if over_frequency else function.name
+        name = plain if plain not in names else f"{plain} ({number})"
         names.add(name)
+        if over_frequency:
+            spectral.append(_spectral(file, function, name))
+            continue
         reason = _reason(function)
         if reason:
             refused[name] = reason
@@ -98,12 +111,40 @@ def open_file(file: BinaryIO) -> Recording:
         read=read,
         refused=refused,
         remarks=remarks if usable else [],
+        functions=spectral,
+    )
+
+
+def _spectral_name(function: _Function) -> str:
+    return f"{function.response} / {function.reference}, {FUNCTIONS.get(function.kind, f'type {function.kind}')}"
+
+
+def _spectral(file: BinaryIO, function: _Function, name: str) -> SpectralFunction:
+    def read() -> tuple[Values, npt.NDArray[np.complex128]]:
+        pieces = list(_binary(file, function) if function.binary else _text(file, function))
+        points = np.concatenate(pieces).reshape(function.count, -1)
+        first = 0 if function.even else 1
+        values = points[:, first].astype(np.complex128)
+        if function.is_complex:
+            values += 1j * points[:, first + 1]
+        frequency = function.start + function.step * np.arange(function.count) if function.even else points[:, 0]
+        return np.asarray(frequency, dtype=np.float64), values
+
+    return SpectralFunction(
+        name=name,
+        kind=FUNCTIONS.get(function.kind, f"type {function.kind}"),
+        response=function.response,
+        reference=function.reference,
+        response_unit=function.unit,
+        reference_unit=function.reference_unit,
+        count=function.count,
+        read=read,
     )
 
 
 def _reason(function: _Function) -> str | None:
     if function.kind not in {0, 1}:
-        return f"it is a {_FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), not a recording over time"
+        return f"it is a {FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), not a recording over time"
     if function.is_complex:
         return "its ordinates are complex"
     if not function.even:
@@ -154,7 +195,7 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
         type_, response, node, direction = int(head[5][0:5]), head[5][31:41], head[5][41:51], head[5][51:55]
         ordinate, count, spacing = int(head[6][0:10]), int(head[6][10:20]), int(head[6][20:30])
         start, step = float(head[6][30:43]), float(head[6][43:56])
-        quantity = int(head[8][0:10] or 0)
+        axis, quantity = int(head[7][0:10] or 0), int(head[8][0:10] or 0)
     except ValueError as error:
         raise FormatError(f"the header of a dataset 58 must have its numbers in their columns ({error})") from error
     if ordinate not in {2, 4, 5, 6}:
@@ -181,25 +222,40 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
     else:
         # the narrowest ordinate of the format is E13.5
         claimed(f"ordinates of {head[0].strip()!r}", count * per_point, size=size - offset, itemsize=12)
-    point = f"{response.strip()} {node.strip()}{_direction(direction)}".strip()
+    point = _point(response, node, direction)
     name = point if response.strip() not in {"", "NONE"} else head[0].strip() or f"function {node.strip()}"
-    unit = head[8][46:66].strip()
     return _Function(
         name=name[:200],
         kind=type_,
+        axis=axis,
+        response=point[:200],
+        reference=_point(head[5][56:66], head[5][66:76], head[5][76:80])[:200],
+        reference_unit=_unit(head[9]),
         is_complex=is_complex,
         double=double,
         count=count,
         even=spacing != 0,
         start=start,
         step=step,
-        unit="" if unit in {"NONE", "N/A"} else unit,
+        unit=_unit(head[8]),
         quantity=_QUANTITIES.get(quantity, ""),
         recorded=_recorded(head[2]),
         binary=order,
         offset=offset,
         size=length,
     )
+
+
+def _point(entity: str, node: str, direction: str) -> str:
+    """Return a degree of freedom: entity, node and direction."""
+    plain = entity.strip()
+    return f"{'' if plain in {'NONE', 'N/A'} else plain} {node.strip()}{_direction(direction)}".strip()
+
+
+def _unit(axis: str) -> str:
+    """Return the unit of a line on an axis, "" where it has none."""
+    unit = axis[46:66].strip()
+    return "" if unit in {"NONE", "N/A"} else unit
 
 
 def _direction(text: str) -> str:
@@ -216,131 +272,45 @@ def _recorded(text: str) -> datetime | None:
     return None
 
 
+def _widths(function: _Function) -> tuple[int, ...]:
+    """Return the columns of the numbers of one point in text: an uneven abscissa, then the ordinate's one or two."""
+    ordinate = 20 if function.double else 13
+    return (*(() if function.even else (13,)), *([ordinate] * (2 if function.is_complex else 1)))
+
+
 def _binary(file: BinaryIO, function: _Function) -> Iterator[Values]:
     dtype = np.dtype(f"{function.binary}f{8 if function.double else 4}")
-    for start in range(0, function.count, PIECE):
+    total = function.count * len(_widths(function))
+    for start in range(0, total, PIECE):
         file.seek(function.offset + start * dtype.itemsize)
-        data = file.read(min(PIECE, function.count - start) * dtype.itemsize)
+        data = file.read(min(PIECE, total - start) * dtype.itemsize)
         yield np.frombuffer(data, dtype=dtype).astype(np.float64)
 
 
 def _text(file: BinaryIO, function: _Function) -> Iterator[Values]:
-    """Yield the ordinates of a function in text; its numbers may touch each other, for their columns are fixed."""
+    """Yield the numbers of a function in text, which may touch each other, for their columns are fixed."""
     filled, position = 0, function.offset
-    width = 20 if function.double else 13
-    while filled < function.count:
+    widths = _widths(function)
+    point = sum(widths)
+    begins = [sum(widths[:i]) for i in range(len(widths))]
+    total = function.count * len(widths)
+    while filled < total:
         file.seek(position)
-        lines = file.readlines(PIECE * width)
+        lines = file.readlines(PIECE * point)
         position = file.tell()
-        cells = [line[i : i + width] for line in map(bytes.rstrip, lines) for i in range(0, len(line), width)]
-        cells = cells[: function.count - filled]
+        cells = [
+            line[i + begin : i + begin + width]
+            for line in map(bytes.rstrip, lines)
+            for i in range(0, len(line), point)
+            for begin, width in zip(begins, widths, strict=True)
+            if i + begin < len(line)
+        ]
+        cells = cells[: total - filled]
         try:
             values = np.array(cells, dtype="S").astype(np.float64)
         except ValueError as error:
-            raise FormatError(
-                f"{function.name!r} must have {function.count} ordinates, got {filled} and {error}"
-            ) from error
+            raise FormatError(f"{function.name!r} must have {total} numbers, got {filled} and {error}") from error
         if not values.size:
-            raise FormatError(
-                f"{function.name!r} must have {function.count} ordinates, got {filled}: the file is cut off"
-            )
+            raise FormatError(f"{function.name!r} must have {total} numbers, got {filled}: the file is cut off")
         filled += values.size
         yield values
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrequencyResponse:
-    """A measured frequency response, for a universal file.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (lines,)
-        Hz, evenly spaced.
-    values : ndarray of complex, shape (lines,)
-        Response over reference, in ``unit``.
-    name : str
-        A line that says what it is.
-    response, reference : str
-        Names of the two channels; up to 10 characters stand in the file, the rest is cut.
-    response_quantity, reference_quantity : str
-        "displacement", "velocity", "acceleration", "force", "pressure" or "".
-    response_unit, reference_unit : str
-    coherence : ndarray, shape (lines,), optional
-        Written as a function of its own behind the response.
-    """
-
-    frequency: npt.NDArray[np.float64]
-    values: npt.NDArray[np.complex128]
-    name: str = ""
-    response: str = ""
-    reference: str = ""
-    response_quantity: str = ""
-    reference_quantity: str = ""
-    response_unit: str = ""
-    reference_unit: str = ""
-    coherence: npt.NDArray[np.float64] | None = None
-
-
-def write(functions: Iterable[FrequencyResponse], *, recorded: datetime) -> Iterator[bytes]:
-    """Yield a universal file (text, double precision) with frequency responses, piece by piece.
-
-    Parameters
-    ----------
-    functions : iterable of FrequencyResponse
-    recorded : datetime
-        Written into each header.
-
-    Raises
-    ------
-    FormatError
-        For frequencies that are not evenly spaced, or a response of another length.
-    """
-    for function in functions:
-        yield _written(function, function.values, 4, recorded)
-        if function.coherence is not None:
-            yield _written(function, function.coherence, 6, recorded)
-
-
-def _written(
-    function: FrequencyResponse,
-    values: npt.NDArray[np.float64] | npt.NDArray[np.complex128],
-    kind: int,
-    recorded: datetime,
-) -> bytes:
-    frequency = np.asarray(function.frequency, dtype=np.float64)
-    count = frequency.size
-    if count < 2 or values.shape != frequency.shape:
-        raise FormatError(
-            f"a frequency response must be as long as its {count} (at least 2) frequencies, got {values.shape}"
-        )
-    step = (frequency[-1] - frequency[0]) / (count - 1)
-    if not step > 0.0 or float(np.max(np.abs(frequency - frequency[0] - step * np.arange(count)))) > 1e-6 * step:
-        raise FormatError("the frequencies of a universal file must be evenly spaced and rising, got others")
-    complex_values = kind == 4
-    ratio = (function.response_unit, function.reference_unit) if complex_values else ("NONE", "NONE")
-    lines = [
-        "    -1",
-        "    58",
-        _line(function.name or f"{function.response} / {function.reference}", 80),
-        _line(f"{_FUNCTIONS[kind]}", 80),
-        recorded.strftime("%d-%b-%y %H:%M:%S"),
-        "NONE",
-        "NONE",
-        f"{kind:5d}{0:10d}{0:5d}{0:10d} {_line(function.response, 10):10s}{1:10d}{0:4d} {_line(function.reference, 10):10s}{1:10d}{0:4d}",
-        f"{6 if complex_values else 4:10d}{count:10d}{1:10d}{frequency[0]:13.5E}{step:13.5E}{0.0:13.5E}",
-        _axis(18, "Frequency", "Hz"),
-        _axis(_CODES.get(function.response_quantity, 0) if complex_values else 0, function.response, ratio[0]),
-        _axis(_CODES.get(function.reference_quantity, 0) if complex_values else 0, function.reference, ratio[1]),
-        _axis(0, "NONE", "NONE"),
-    ]
-    flat = np.ascontiguousarray(values).view(np.float64) if complex_values else np.asarray(values, dtype=np.float64)
-    lines += ["".join(f"{value:20.12E}" for value in flat[i : i + 4]) for i in range(0, flat.size, 4)]
-    return "\n".join([*lines, "    -1", ""]).encode("ascii", errors="replace")
-
-
-def _axis(kind: int, label: str, unit: str) -> str:
-    return f"{kind:10d}{0:5d}{0:5d}{0:5d} {_line(label or 'NONE', 20):20s} {_line(unit or 'NONE', 20):20s}"
-
-
-def _line(text: str, width: int) -> str:
-    return " ".join(text.split())[:width]

@@ -24,8 +24,8 @@ from api.calls import (
     respond,
 )
 from api.schemas.datasets import CommitRequest, DatasetRequest, PreviewRequest
-from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, Page, PreviewReply, SegmentReply
-from api.services import datasets, recorded_exports
+from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, FunctionReply, Page, PreviewReply, SegmentReply
+from api.services import datasets, functions, recorded_exports
 from api.services.installation import Caller, Installation
 from storage.repositories import Answer
 
@@ -148,6 +148,12 @@ def preview(
 
 
 Seconds = Annotated[float | None, Query(allow_inf_nan=False, description="s from the beginning of the recording")]
+
+
+@router.get("/{identifier}/functions/{name:path}", response_model=FunctionReply, summary="Read a function of frequency")
+def function(identifier: str, name: str, caller: Reader, service: InstallationDep) -> Response:
+    """Lines in rad/s and complex values in the units of the file: a response, a coherence, a spectrum."""
+    return respond(answer(functions.function(service, caller, identifier, name)))
 
 
 @router.get("/{identifier}/channels/{name:path}", response_model=ChannelReply, summary="Read a channel")

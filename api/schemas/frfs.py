@@ -59,12 +59,15 @@ OutputChannels = Annotated[
 
 
 class FrfRequest(Document):
-    """Two channels of a recording, how the response of one to the other is estimated, and what it is held against."""
+    """Two channels of a recording (or two points of a measured response), how the response of one to the other is estimated, and what it is held against."""
 
     dataset: Identifier
     input: ChannelName = Field(description="what was measured of the excitation: the force, not the command")
     output: OutputChannels = Field(description="one channel or several")
-    estimator: Literal["H1", "H2", "Hv", "stepped_sine", "multisine"] = "H1"
+    estimator: Literal["H1", "H2", "Hv", "stepped_sine", "multisine", "measured"] = Field(
+        default="H1",
+        description="measured: the responses that the dataset's file holds; input and output are their points",
+    )
     window: Literal["hann", "flat_top", "none"] = "hann"
     segment: Quantity | None = Field(
         default=None,
@@ -103,6 +106,8 @@ class FrfRequest(Document):
         for name, estimator in (("period", "multisine"), ("steps", "stepped_sine")):
             if (getattr(self, name) is not None) != (self.estimator == estimator):
                 raise ValueError(f"must have {name} with the estimator {estimator}, and only with it")
+        if self.estimator == "measured" and self.part is not None:
+            raise ValueError("must have part only with an estimator that looks at a recording over time")
         model = (self.system is not None, self.source is not None, self.target is not None)
         if any(model) and not all(model):
             raise ValueError("must have system, from and to together")

@@ -66,7 +66,9 @@ class FrequencyResponseExperiment(Document):
     parameters: Overrides = Field(
         default_factory=dict, description="parameters that had another value in this experiment: a current, a load"
     )
-    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    estimator: Literal["H1", "H2", "Hv", "measured"] = Field(
+        default="H1", description="measured: the responses that the dataset's file holds"
+    )
     window: Literal["hann", "flat_top", "none"] = "hann"
     segment: Quantity | None = Field(default=None, description="s, of averaged segments; default as of /v1/frfs")
     overlap: float = Field(default=0.5, ge=0.0, lt=1.0, description="of neighbouring segments")

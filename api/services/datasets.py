@@ -122,6 +122,7 @@ def to_wire(row: Dataset) -> dict[str, Any]:
         "sha256": row.sha256,
         "error": row.error,
         "report": row.report,
+        "functions": (row.report or {}).get("functions", []),
         "groups": (row.report or {}).get("groups", []),
     }
 
@@ -285,9 +286,13 @@ def channel(
 
 
 def check_ready(row: Dataset) -> None:
-    """Refuse a recording whose samples are not there yet, with 409."""
+    """Refuse a recording whose samples are not there yet, or that has none, with 409."""
     if row.status != DatasetStatus.READY:
         raise Problem(409, "conflict", f"dataset {row.id!r} must be ready, it is {row.status}")
+    if not row.channels:
+        remedy = "POST /v1/frfs with the estimator measured takes its responses"
+        detail = f"dataset {row.id!r} must have channels, it has functions of frequency alone: {remedy}"
+        raise Problem(409, "conflict", detail)
 
 
 def channel_of(row: Dataset, name: str) -> Mapping[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from api.formats import FormatError
-from api.formats.uff import FrequencyResponse, write
+from api.formats.writing.uff import FrequencyResponse, write
 from api.problems import Problem
 from api.services.frfs import KIND
 from api.services.installation import Caller

@@ -23,6 +23,7 @@ from api.convert.values import band_from_wire, number, numbers, overrides_from_w
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
+from api.services.functions import measured_part
 from api.services.installation import Caller, Installation
 from api.services.measured_frfs import formed, frfs_of, segment_of, sensors_of
 from api.services.measured_parts import Part, check_lines, part_of_recording
@@ -92,6 +93,8 @@ def _measured(service: Installation, caller: Caller, request: FrfRequest, names:
     many = isinstance(request.output, list)
     places: dict[Place, str] = {("input",): request.input}
     places |= {("output", i) if many else ("output",): name for i, name in enumerate(names)}
+    if request.estimator == "measured":
+        return measured_part(service.database, caller.workspace, request.dataset, places)
     return part_of_recording(service, caller, request.dataset, places, request.part)
 
 
@@ -119,7 +122,10 @@ def _simulated(request: FrfRequest, subject: Subject, frf: Frf, sample_time: flo
             "between_samples must be band_limited (or auto) for a system with samplers, which has samples of its own"
         )
         raise invalid(f"{detail}, got {request.between_samples!r}", "between_samples")
-    if request.form is None and not subject.diagram.sampled:
+    if request.estimator == "measured" and request.between_samples in {BetweenSamples.HOLD, BetweenSamples.LINEAR}:
+        detail = "between_samples must be band_limited (or auto) for a measured response, which has no samples"
+        raise invalid(f"{detail}, got {request.between_samples!r}", "between_samples")
+    if request.form is None and not subject.diagram.sampled and request.estimator != "measured":
         # the continuous response first: of equals it is taken
         ways = (*ways, BetweenSamples.HOLD, BetweenSamples.LINEAR)
     if request.between_samples != "auto":

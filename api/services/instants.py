@@ -19,7 +19,7 @@ _READ_TOGETHER = 4_000_000
 
 def uneven(row: Dataset) -> bool:
     """Say whether the samples of a recording are at uneven instants, which are its first channel."""
-    return row.status == DatasetStatus.READY and row.sample_rate is None
+    return row.status == DatasetStatus.READY and row.sample_rate is None and bool(row.channels)
 
 
 def even_rate(row: Dataset, *place: str | int, what: str = "dataset") -> float:

@@ -11,6 +11,7 @@ from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
 from api.schemas.identifications import FrequencyResponseExperiment
+from api.services.functions import measured_part
 from api.services.measured_frfs import formed, frfs_of, sensors_of
 from api.services.measured_parts import stored_part
 from api.units import UnitError, factor
@@ -63,7 +64,10 @@ def frequency_experiment_of(
         request = _request(document, channel, database=database, workspace=workspace)
         places: dict[Place, str] = {("inputs", port): channel}
         places |= {("outputs", output): own for output, own in document.outputs.items()}
-        part = stored_part(database, workspace, request.dataset, places, request.part)
+        if request.estimator == "measured":
+            part = measured_part(database, workspace, request.dataset, places)
+        else:
+            part = stored_part(database, workspace, request.dataset, places, request.part)
         band = band_from_wire(document.band, place=("band",))
         nyquist = math.pi * part.rate
         if band is not None and band[1] > nyquist * (1 + 1e-9):
@@ -137,11 +141,11 @@ def _lines(document: FrequencyResponseExperiment, frf: Frf, nyquist: float) -> M
 
 
 def _way(way: str, request: FrfRequest, port: str) -> BetweenSamples | None:
-    if request.form is None:
+    if request.form is None and request.estimator != "measured":
         return None if way == "auto" else BetweenSamples(way)
     if way not in {"auto", "band_limited"}:
         raise invalid(
-            f"between_samples must be band_limited (or auto) with form, which is of continuous motions, got {way!r}",
+            f"between_samples must be band_limited (or auto) with form or a measured response, which are of continuous signals, got {way!r}",
             "inputs", port,
         )  # fmt: skip
     return BetweenSamples.BAND_LIMITED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from api.problems import invalid
 from api.services.datasets import channel_of
 from api.services.installation import Caller, Installation
 from api.services.instants import even_rate, uneven
+from engine.spectra.frf import Frf
 from storage.errors import NotFoundError
 from storage.models import Dataset
 from storage.repositories import DatasetRepository, ProcessingRepository
@@ -62,11 +63,12 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Part:
-    """A stretch of some channels, each experiment by experiment."""
+    """A stretch of some channels, each experiment by experiment; or the responses that a file holds, and no channels."""
 
     rate: float
     channels: Mapping[str, list[Recorded]]
     units: Mapping[str, str]
+    frfs: Mapping[str, Frf] = field(default_factory=dict)
 
     def experiments(self, name: str) -> list[Values]:
         """Return all samples of a channel."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from itertools import islice
 from typing import Any, BinaryIO
 
@@ -13,17 +12,16 @@ import numpy as np
 from api.convert.values import listed, numbers
 from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
 from api.formats.txt import lines_of
-from api.problems import Problem
 from api.services import raw_samples
+from api.services.functions import described
 from api.services.groups import parts_of
 from api.services.importing import Plan, options
 from api.services.quality import ChannelQuality, remarks
+from api.services.spooling import Progress, refusing, spooled
 from api.services.timing import Timing, axis_of, said_of_uneven, timing_of
 from storage.imports import RAW, Import, open_groups, publish
 from storage.repositories import DatasetRepository
 from storage.session import Database
-
-Progress = Callable[[float, str], None]
 
 _LOOK_ROWS = 5
 _MOST_SHOWN = 200
@@ -52,10 +50,14 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         segments = list(row.manifest or ())
     if format_ == RAW:
         return raw_samples.run(identifier, database=database, workspace=workspace, progress=progress)
-    with _refusing(), ExitStack() as undo:
-        file = undo.enter_context(_spooled(database, workspace, identifier, segments, progress))
+    with refusing(), ExitStack() as undo:
+        file = undo.enter_context(spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
         undo.callback(recording.close)
+        if recording.functions and not any(one.role == "channel" for one in recording.series):
+            with Import(database, workspace, identifier) as writing:
+                writing.finish(channels=[], report=_report_of_functions(recording, told))
+            return {"dataset": identifier, "sample_count": 0}
         parts = parts_of(format_, recording, given)
         further = {part.name: {"group": part.name} for part in parts[1:]}
         made = open_groups(database, workspace, identifier, further) if further else {}
@@ -79,11 +81,26 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
             groups.append({"name": part.name, "dataset_id": target, "sample_rate": taken.times.rate,
                            "sample_count": count, "channels": names})  # fmt: skip
             imports.append(writing)
+        if recording.functions:
+            known[0]["functions"] = described(recording.functions)
         if further:
             for report in known:
                 report["groups"] = groups
         publish(imports)
     return {"dataset": identifier, "sample_count": groups[0]["sample_count"]}
+
+
+def _report_of_functions(recording: Recording, told: Sequence[str]) -> dict[str, Any]:
+    """Return what is known of a file without channels, which holds functions of frequency alone."""
+    said = (
+        "the file holds functions of frequency and no channels: `functions` lists them, POST /v1/frfs takes responses"
+    )
+    return {
+        "functions": described(recording.functions),
+        "channels": {},
+        "refused": dict(islice(recording.refused.items(), _MOST_SHOWN)),
+        "remarks": [*told, *recording.remarks, said],
+    }
 
 
 def _part_of(progress: Progress, number: int, parts: int) -> Progress:
@@ -103,8 +120,8 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
     with database.session() as session:
         row = DatasetRepository(session, workspace).get(identifier)
         format_, told = row.format, _recognition(row.description)
-    with _refusing(), ExitStack() as undo:
-        file = undo.enter_context(_spooled(database, workspace, identifier, body["segments"], progress))
+    with refusing(), ExitStack() as undo:
+        file = undo.enter_context(spooled(database, workspace, identifier, body["segments"], progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
         undo.callback(recording.close)
         refused = dict(islice(recording.refused.items(), _MOST_SHOWN))
@@ -289,33 +306,3 @@ class _Taking:
             "scalars": dict(islice(self._recording.scalars.items(), _MOST_SHOWN)),
             "remarks": said[:_MOST_SHOWN],
         }
-
-
-@contextmanager
-def _refusing() -> Iterator[None]:
-    """Turn what is wrong with a file into the problem that its user reads."""
-    try:
-        yield
-    except FormatError as error:
-        raise Problem(422, "unreadable-file", error.message, extra=_where(error)) from error
-
-
-def _where(error: FormatError) -> dict[str, int]:
-    return {key: value for key, value in (("line", error.line), ("column", error.column)) if value is not None}
-
-
-@contextmanager
-def _spooled(
-    database: Database, workspace: str, identifier: str, segments: Sequence[str], progress: Progress
-) -> Iterator[BinaryIO]:
-    """Give the bytes as a file without a name, of which nothing is left even when this process is killed."""
-    with tempfile.TemporaryFile() as file:
-        with database.session() as session:
-            size, pieces = DatasetRepository(session, workspace).received(identifier, segments)
-            done = 0
-            for piece in pieces:
-                file.write(piece)
-                done += len(piece)
-                progress(0.1 * done / max(size, 1), f"{done / 1e6:.1f} of {size / 1e6:.1f} MB")
-        file.flush()
-        yield file

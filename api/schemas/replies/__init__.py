@@ -19,7 +19,14 @@ from api.schemas.replies.base import (
 )
 from api.schemas.replies.catalog import ElementEntry, MethodEntry, MetricEntry, ParameterEntry, SignalEntry
 from api.schemas.replies.cycles import LimitCycleReply, OperatingPointReply, PredictedCycleReply
-from api.schemas.replies.datasets import ChannelReply, DatasetHead, DatasetReply, PreviewReply, SegmentReply
+from api.schemas.replies.datasets import (
+    ChannelReply,
+    DatasetHead,
+    DatasetReply,
+    FunctionReply,
+    PreviewReply,
+    SegmentReply,
+)
 from api.schemas.replies.health import Health, Readiness
 from api.schemas.replies.influence import (
     ChangeReply,
@@ -57,6 +64,7 @@ __all__ = [
     "FitReply",
     "FrequencyReply",
     "FrequencyVariant",
+    "FunctionReply",
     "Health",
     "InfluenceReply",
     "Item",

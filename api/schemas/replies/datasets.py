@@ -42,6 +42,26 @@ class GroupReply(Reply):
     channels: list[str]
 
 
+class FunctionHead(Reply):
+    """A function of frequency of a file: what it is, between which points, in the units of the file."""
+
+    name: str
+    kind: str
+    response: str
+    reference: str
+    response_unit: str
+    reference_unit: str
+    lines: int
+
+
+class FunctionReply(FunctionHead):
+    """A function of frequency with its lines, rad/s, in the units of the file."""
+
+    frequency: Curve
+    real: Curve
+    imag: Curve
+
+
 class DatasetReply(DatasetHead):
     """A recording without its samples."""
 
@@ -56,6 +76,7 @@ class DatasetReply(DatasetHead):
     sha256: str | None
     error: dict[str, Any] | None
     report: dict[str, Any] | None
+    functions: list[FunctionHead] = Field(description="functions of frequency that the file holds")
     groups: list[GroupReply] = Field(description="of a file of several time bases: the recordings that it became")
     job: JobReply | None = None
     processing: ProcessingReply | None = Field(default=None, description="of a recording that was made from others")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from api.formats import FormatError
-from api.formats.uff import FrequencyResponse, write
+from api.formats.writing.uff import FrequencyResponse, write
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 
 DATA = Path(__file__).parents[3] / "examples" / "data"
