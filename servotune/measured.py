@@ -86,9 +86,9 @@ class Measured:
         dataset : str
         input, output : str
             Channels; several outputs share their lines.
-        estimator : {"H1", "H2", "Hv", "multisine", "stepped_sine"}, optional
-            Averaged segments (noise on the output, the input, both), a periodic input on its own lines, or one sine
-            after the other.
+        estimator : {"H1", "H2", "Hv", "multisine", "stepped_sine", "measured"}, optional
+            Averaged segments (noise on the output, the input, both), a periodic input on its own lines, one sine
+            after the other, or the responses that a file holds between the points ``input`` and ``output``.
         window, segment, overlap, removal : optional
             Of averaged segments: shape, length (s), how much of one its neighbour shares, what is taken away first.
         period, settle, steps : optional

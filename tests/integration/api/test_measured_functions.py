@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
 import api.schemas.frfs as schemas
+from tests.integration.api.conftest import finished
 from tests.integration.api.test_frfs import MASS, MODEL, W0, ZETA
 from tests.integration.api.test_imports import imported
 
@@ -140,3 +143,24 @@ def test_a_cut_file_is_refused(client):
     bad = imported(client, "uff", dataset58(RECEPTANCE, kind=4)[:-200])
     assert bad["status"] == "failed"
     assert "cut off" in bad["error"]["detail"]
+
+
+def test_a_measured_response_identifies_a_model(client, file):
+    asked = {"dataset": file, "estimator": "measured", "input": "2-X", "output": "7+Z", "keep": True}
+    kept = client.post("/v1/frfs", json=asked).json()["id"]
+    started = copy.deepcopy(MODEL)
+    started["parameters"] = {
+        "m": {"value": 1.05 * MASS, "lower": 0.1 * MASS, "upper": 10 * MASS, "scale": "log"},
+        "k": {"value": 0.98 * MASS * W0**2, "lower": 0.1 * MASS * W0**2, "upper": 10 * MASS * W0**2, "scale": "log"},
+    }
+    started["blocks"]["body"] |= {"mass": "=m", "stiffness": "=k"}
+    experiment = {"inputs": {"force": "2-X"}, "outputs": {"position": "7+Z"}, "weights": "equal"}
+    for source in ({"frf": kept}, {"dataset": file, "estimator": "measured"}):
+        body = {"system": started, "parameters": ["m", "k"], "frequency_responses": [experiment | source]}
+        reply = client.post("/v1/identifications", json=body)
+        assert reply.status_code == 202, reply.text
+        job = finished(client, reply.json())
+        assert job["status"] == "succeeded", job["error"]
+        found = client.get(job["result"]).json()["parameters"]
+        assert found["m"]["value"] == pytest.approx(MASS, rel=1e-6)
+        assert found["k"]["value"] == pytest.approx(MASS * W0**2, rel=1e-6)
