@@ -10,11 +10,14 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 
+from api.formats.writing.uff import FrequencyResponse, write
 from api.main import create_app
 from api.settings import Settings
 from storage import open_database
@@ -128,6 +131,7 @@ def tell(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
     _systems(ask)
     _studies(ask)
     dataset = _datasets(ask)
+    _functions(story, wait)
     _webhooks(story, dataset, wait)
     optimization = _jobs(ask, wait)
     _schedules(ask, optimization)
@@ -172,6 +176,23 @@ def _studies(ask: Callable[..., Any]) -> None:
     )  # fmt: skip
     ask("GET /v1/results", query={"kind": "simulation"})
     ask("GET /v1/results/{identifier}", identifier=result["id"])
+
+
+def _functions(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:
+    """Read a function of frequency of a universal file, which comes in as other files do."""
+    w = 2 * np.pi * np.arange(1.0, 101.0)
+    response = FrequencyResponse(
+        frequency=w / (2 * np.pi), values=1 / (400.0**2 - w**2 + 40j * w), response="x", reference="f",
+        response_unit="m", reference_unit="N",
+    )  # fmt: skip
+    content = b"".join(write([response], recorded=datetime(2026, 1, 2, tzinfo=UTC)))
+    one = f"/v1/datasets/{story.client.post('/v1/datasets', json={'name': 'hammer', 'format': 'uff'}).json()['id']}"
+    story.client.put(f"{one}/segments/{sha256(content)}", content=content)
+    manifest = {"segments": [sha256(content)], "sha256": sha256(content)}
+    wait(story.client.post(f"{one}/commit", json=manifest).json()["job"])
+    (listed,) = story.client.get(one).json()["functions"]
+    read = "GET /v1/datasets/{identifier}/functions/{name}"
+    story.ask(read, identifier=one.rpartition("/")[2], name=listed["name"])
 
 
 def _datasets(ask: Callable[..., Any]) -> str:
