@@ -116,7 +116,7 @@ def open_file(file: BinaryIO) -> Recording:
 
 
 def _spectral_name(function: _Function) -> str:
-    return f"{function.response} / {function.reference}, {FUNCTIONS.get(function.kind, f'type {function.kind}')}"
+    return f"{function.response} over {function.reference}, {FUNCTIONS.get(function.kind, f'type {function.kind}')}"
 
 
 def _spectral(file: BinaryIO, function: _Function, name: str) -> SpectralFunction:

@@ -67,7 +67,7 @@ def test_a_response_of_a_universal_file_is_the_one_that_was_written(client, doub
     dataset = measured(client, content)
     (one,) = dataset["functions"]
     assert one == {
-        "name": "7+Z / 2-X, frequency response", "kind": "frequency response", "response": "7+Z", "reference": "2-X",
+        "name": "7+Z over 2-X, frequency response", "kind": "frequency response", "response": "7+Z", "reference": "2-X",
         "response_unit": "mm", "reference_unit": "kN", "lines": 400,
     }  # fmt: skip
     assert (dataset["channels"], dataset["sample_count"], dataset["uneven"]) == ([], 0, False)
