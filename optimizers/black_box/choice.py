@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -28,6 +28,8 @@ MOST_DELAYS: Final = 200
 _BETTER: Final = 0.3
 """Points of FIT by which a higher order must be better to be preferred."""
 _SAMPLES_PER_COEFFICIENT: Final = 10
+_COARSE: Final = 12
+"""Steps of the coarse grid of delays."""
 _PROMISING: Final = 3
 """So many delays of an order are followed to their minimum."""
 
@@ -277,8 +279,7 @@ def _models(
     whole = OutputError(case.driven(0)[0, case.part], y[0], offset=case.offsets)
     before: tuple[Samples, int] | None = None
     for order in sorted(orders):
-        begun = sorted(((*whole.started(order, delay), delay) for delay in range(delays + 1)), key=lambda one: one[1])
-        starts = [(f, delay) for f, _, delay in begun[:_PROMISING]]
+        starts = _begun(whole, order, delays)
         if before is not None and len(before[0]) == order - 1:
             starts.append((whole.extended(before[0]), before[1]))
         found = [(whole.polished(f, delay), delay) for f, delay in starts]
@@ -289,6 +290,32 @@ def _models(
         before = found[int(np.argmax(fits))]
         delay, model, constant = made[int(np.argmax(fits))]
         yield order, delay, model, np.array([constant])
+
+
+def _begun(whole: OutputError, order: int, delays: int) -> list[tuple[Samples, int]]:
+    """Return the most promising denominators with their delays, the best first.
+
+    Where the input and the output begin to agree tells roughly which delays to try, and a coarse grid guards against that being
+    wrong; around the best of both the grid becomes finer, down to single samples.
+    """
+    tried: dict[int, tuple[Samples, float]] = {}
+
+    def look(candidates: Iterable[int]) -> None:
+        for delay in candidates:
+            if 0 <= delay <= delays and delay not in tried:
+                tried[delay] = whole.started(order, delay)
+
+    def best() -> list[int]:
+        return sorted(tried, key=lambda delay: tried[delay][1])[:_PROMISING]
+
+    stride = max(1, delays // _COARSE)
+    likely = whole.onset(delays)
+    look([*range(0, delays + 1, stride), delays, *range(likely - 2, likely + 3)])
+    while stride > 1:
+        stride = (stride + 1) // 2
+        for delay in best():
+            look((delay - stride, delay + stride))
+    return [(tried[delay][0], delay) for delay in best()]
 
 
 def _document(case: _Case, method: Method, system: Continuous, delay: float) -> dict[str, Any]:

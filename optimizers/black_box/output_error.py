@@ -23,6 +23,10 @@ from optimizers.methods.least_squares import minimize_squares
 Samples = npt.NDArray[np.float64]
 
 _REPEATED = 12
+_SETTLED = 1e-7
+"""A start that moves less than this is one that repeating does not make better."""
+_REGULAR = 1e-2
+"""Part of the strongest line's power below which a line tells little of the impulse response."""
 _EVALUATIONS = 40
 _FAST = 0.3
 
@@ -55,11 +59,24 @@ class OutputError:
                 table = table[:, :-1]
             # the first samples begin from a state that is not in the regression
             solved, *_ = np.linalg.lstsq(table[order:], yf[order:], rcond=1e-12)
-            f = _reflected(np.asarray(solved[:order], dtype=np.float64))
+            before, f = f, _reflected(np.asarray(solved[:order], dtype=np.float64))
             left = float(np.linalg.norm(self._left(f, delay)[0])) / self._spread
             if left < least:
                 best, least = f, left
+            if np.abs(f - before).max(initial=0.0) < _SETTLED:
+                break
         return best, least
+
+    def onset(self, most: int) -> int:
+        """Return the delay, at most so many samples, from which on the output follows the input by their impulse response.
+
+        That is estimated in the frequency domain, where the input is strong; its onset is where it first reaches half of its peak.
+        """
+        size = 2 * self._u.size
+        u, y = (np.fft.rfft(np.diff(signal), size) for signal in (self._u, self._y))
+        power = np.abs(u) ** 2
+        response = np.fft.irfft(np.conj(u) * y / (power + _REGULAR * power.max()), size)[: most + 1]
+        return int(np.argmax(np.abs(response) >= 0.5 * np.abs(response).max()))
 
     @staticmethod
     def extended(f: Samples) -> Samples:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -10,7 +12,9 @@ from engine.between_samples import BetweenSamples
 from engine.diagram import Block, Connection, System, compile_system
 from engine.linear.sampled import simulate_sampled
 from optimizers.black_box import black_box
+from optimizers.black_box.choice import _begun
 from optimizers.black_box.continuous import Discrete, continuous
+from optimizers.black_box.output_error import OutputError
 from optimizers.inverse_dynamics import DriveRecording, Treatment, drive_parameters
 from optimizers.noise import fitted
 from optimizers.problem import ProblemError
@@ -218,3 +222,20 @@ def test_the_colour_of_noise_is_the_filter_that_made_it():
     assert found.autocovariance(1)[0] == pytest.approx(1.9 / (0.1 * (1.9**2 - 1.5**2)), rel=0.1)
     assert found.innovations(noise).std() == pytest.approx(1.0, rel=0.05)
     assert fitted(np.random.default_rng(1).normal(size=5000)).order == 0
+
+
+@pytest.mark.parametrize("delay", [0, 9, 77, 150])
+def test_the_search_for_a_delay_looks_at_few_and_finds_what_all_of_them_would(delay):
+    """A first order behind ``delay`` samples, 150 at most, driven by steps: the best of all 151 starts, from a third of them."""
+    rng = np.random.default_rng(delay)
+    u = np.repeat(rng.normal(size=40), 50)
+    late = np.concatenate([np.zeros(delay), u[: u.size - delay]])
+    y = lfilter([0.0, 0.02], [1.0, -0.98], late) + 0.001 * rng.normal(size=u.size)
+
+    plain = OutputError(u, y, offset=True)
+    with patch.object(plain, "started", wraps=plain.started) as looked:
+        (_, best), *_ = _begun(plain, 1, 150)
+    assert looked.call_count <= 50
+    least = min(plain.started(1, d)[1] for d in range(151))
+    assert plain.started(1, best)[1] <= least * (1 + 1e-6)
+    assert abs(best - delay) <= 2
