@@ -72,11 +72,12 @@ def run(
     result = identified_to_wire(found, problem, system=reference)
     place = ("system",) if reference is None else None
     datasets = _datasets(request, database, workspace)
+    remarks = (*diagram.warnings, *(diagram.analysis if request.frequency_responses else ()))
     return {
         **result,
         "dataset": datasets[0],
         "datasets": datasets,
-        "warnings": warnings_to_wire(diagram.warnings, place=place) + result["warnings"],
+        "warnings": warnings_to_wire(remarks, place=place) + result["warnings"],
     }
 
 

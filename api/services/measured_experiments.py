@@ -24,8 +24,6 @@ from storage.repositories import ResultRepository
 from storage.session import Database
 
 _ESTIMATING = ("estimator", "window", "segment", "overlap", "removal", "part")
-_TOLD_ANYWAY = frozenset({"averages"})
-"""Doubts that are told in other words: weights by coherence are refused without averages."""
 
 
 def frequency_experiment_of(
@@ -84,7 +82,7 @@ def frequency_experiment_of(
             _check_unit(diagram, output, own, unit)
             frf = frf if band is None else frf.within(*band)
             responses[output] = _lines(document, frf, nyquist)
-            remarks += [f"{output}: {doubt.detail}" for doubt in frf.doubts if doubt.kind not in _TOLD_ANYWAY]
+            remarks += [f"{output}: {doubt.detail}" for doubt in frf.doubts]
         return FrequencyExperiment(
             source=port,
             responses=responses,

@@ -74,7 +74,7 @@ def doubted_responses(
             if one.scatter is not None and one.scatter_limit is not None and one.scatter > one.scatter_limit:
                 said.append(
                     f"the measured response of {output}{where} is {math.sqrt(one.scatter):.3g} times as far from the model as its "
-                    f"coherence explains (chance keeps that below {math.sqrt(one.scatter_limit):.3g} in 99 of 100): the model is "
+                    f"coherence explains (chance seldom exceeds {math.sqrt(one.scatter_limit):.3g}): the model is "
                     "wrong there, or the measurement has a systematic error, and no interval knows of it"
                 )
             if one.white is False:

@@ -67,7 +67,7 @@ class JudgedResponse:
     band : (float, float)
         Of the lines that were used, rad/s.
     scatter, scatter_limit : float or None
-        Mean square of the errors over their standard deviations, and what it stays below in 99 of 100 where the model is
+        Mean square of the errors over their standard deviations, and what it seldom exceeds where the model is
         right; None where nothing tells the deviations.
     white : bool or None
         Whether errors of lines that share no window are independent; None for too few lines.

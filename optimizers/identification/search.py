@@ -56,7 +56,9 @@ class Search:
         """Whether the monitor ended the search."""
         build = _models(problem, self._clock)
         self.comparisons = [Comparison(e, build(e), offsets=problem.offsets) for e in problem.experiments]
-        self.responses = [FrequencyComparison(f, problem.diagram, problem.unknowns) for f in problem.frequency]
+        self.responses = [
+            FrequencyComparison(f, problem.diagram, problem.unknowns, clock=self._clock) for f in problem.frequency
+        ]
         self._estimating: list[Part] = [
             *(c for c in self.comparisons if c.experiment.windows[0] is not None), *self.responses
         ]  # fmt: skip

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from api.formats.cells import Marks
 from api.formats.txt import TextLayout, read
 from engine.diagram import Block, Connection, Parameter, System, compile_system
 from engine.fit import baselines, compare
@@ -42,7 +43,7 @@ def recording() -> dict[str, np.ndarray]:
     layout = TextLayout(
         columns=tuple(column["index"] for column in description["columns"]),
         delimiter=description["delimiter"],
-        decimal=description["decimal"],
+        marks=Marks(decimal=description["decimal"]),
         header_lines=description["header_lines"],
     )
     with (FOLDER / "0A.txt").open("rb") as file:

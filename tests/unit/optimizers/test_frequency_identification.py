@@ -174,3 +174,59 @@ def test_what_cannot_be_compared_is_refused_by_name():
             found_by((wrong,))
     with pytest.raises(ProblemError, match="name must be different"):
         found_by((experiment(response, name="a"), experiment(response, name="a")))
+
+
+def loop(*, sampled: bool) -> Diagram:
+    """Return a P controller round a lag, sampled or with a limit beside which the loop is linear."""
+    inner = Block(kind="zero_order_hold", values={"sample_time": 0.05}) if sampled else Block(
+        kind="saturation", values={"lower": -10.0, "upper": 10.0}
+    )  # fmt: skip
+    return compile_system(
+        System(
+            name="loop",
+            parameters={"kp": Parameter(value=2.0), "T": Parameter(value=0.3)},
+            blocks={
+                "r": Block(kind="input"), "e": Block(kind="sum", values={"signs": "+-"}), "inner": inner,
+                "p": Block(kind="gain", values={"gain": "=kp"}),
+                "plant": Block(kind="transfer_function", values={"numerator": [1.0], "denominator": ["=T", 1.0]}),
+            },
+            connections=tuple(
+                Connection(source=a, target=b)
+                for a, b in (("r", "e.in1"), ("plant", "e.in2"), ("e", "inner"), ("inner", "p"), ("p", "plant"))
+            ),
+            outputs={"y": "plant"},
+        )
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sampled", [True, False])
+def test_loops_with_samplers_and_linear_parts_are_fitted(sampled):
+    """Closed forms: K G(jω) (1 - e^(-jωh))/(jωh) / (1 + K G_zoh(e^(jωh))), and K/(1 + K + jωT)."""
+    kp, constant, h = 4.0, 0.5, 0.05
+    omega = np.linspace(0.5, 50.0, 40)
+    s = 1j * omega
+    if sampled:
+        pole, z = np.exp(-h / constant), np.exp(s * h)
+        held = (1 - np.exp(-s * h)) / (s * h)
+        value = kp / (1 + kp * (1 - pole) / (z - pole)) * held / (constant * s + 1)
+    else:
+        value = kp / (1 + kp + constant * s)
+    measured_loop = MeasuredResponse(frequency=omega, value=value, deviation=1e-4 * np.abs(value))
+    one = FrequencyExperiment(source="r", responses={"y": measured_loop}, sample_time=0.001)
+    problem = Identification(
+        diagram=loop(sampled=sampled), experiments=(), frequency=(one,),
+        parameters=(Variable(parameter="kp"), Variable(parameter="T")),
+    )  # fmt: skip
+    found = identify(problem, rng=np.random.default_rng(0))
+    assert found.parameters["kp"].value == pytest.approx(kp, rel=1e-6)
+    assert found.parameters["T"].value == pytest.approx(constant, rel=1e-6)
+
+
+def test_lines_beyond_the_samplers_of_a_loop_are_refused():
+    omega = np.linspace(0.5, 70.0, 40)
+    measured_loop = MeasuredResponse(frequency=omega, value=np.ones(40, complex), deviation=np.ones(40))
+    one = FrequencyExperiment(source="r", responses={"y": measured_loop}, sample_time=0.001)
+    with pytest.raises(ProblemError, match=r"band must end below 62\.8319 rad/s"):
+        Identification(
+            diagram=loop(sampled=True), experiments=(), frequency=(one,), parameters=(Variable(parameter="kp"),)
+        )

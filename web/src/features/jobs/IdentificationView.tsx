@@ -11,14 +11,14 @@ import { withValues } from "@/shared/systems/apply";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
 import { FitTable } from "./FitTable";
-import { fitRows, numbersOf, panelAt, type IdentificationResult } from "./results";
+import { fitRows, numbersOf, panelAt, responseRows, type IdentificationResult } from "./results";
 
 /** Identified values with their confidence, what the recording cannot tell apart, and how well the model then follows it. */
 export function IdentificationView({ id, result }: { id: string; result: IdentificationResult }) {
   const { t } = useTranslation();
   const values = Object.fromEntries(Object.entries(result.parameters).map(([name, { value }]) => [name, value]));
   const sought = Object.keys(result.parameters);
-  const rows = fitRows(result.fit, result.one_step_prediction);
+  const rows = [...fitRows(result.fit, result.one_step_prediction), ...responseRows(result.frequency_responses)];
   return (
     <Stack gap="lg">
       <Alert color={result.status === "converged" ? "green" : "orange"} variant="outline" title={t(`jobs.outcome.${result.status}`, result.status)}>

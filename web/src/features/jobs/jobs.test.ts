@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { resampled } from "./optimization/BeforeAfter";
-import { fitRows, panelAt } from "./results";
+import { fitRows, responseRows, panelAt } from "./results";
 import { cellIn, placeIn, placesIn } from "./optimization/look";
 import { flatOf, nearest, sliceOf, valuesAt } from "./optimization/map";
 import { bestOf } from "./events";
@@ -35,4 +35,10 @@ it("puts every fit beside what needs no model to reach it", () => {
 it("an address names places that there are", () => {
   expect(["0", "2", "3", "-1", "1.5", "", null].map((text) => placeIn(text, 3))).toEqual([0, 2, null, null, null, null, null]);
   expect(["2,0", "2,2,9", "", null].map((text) => placesIn(text, 3))).toEqual([[2, 0], [2], [0, 1, 2], [0, 1, 2]]);
+});
+
+it("shows measured frequency responses beside recordings", () => {
+  const rows = responseRows([{ name: "sweep", outputs: { y: { fit_percent: 98, relative_error_percent: 2 } } }]);
+  expect(rows.map((row) => [row.part, row.output, row.numbers.fit_percent])).toEqual([["frequency", "y · sweep", 98]]);
+  expect(responseRows(undefined)).toEqual([]);
 });

@@ -71,6 +71,7 @@ export interface IdentificationResult {
   parameters: Record<string, { value: number; unit: string; lower95: number | null; upper95: number | null; start: number | null }>;
   fit?: { estimation: Record<string, Fits>; validation: Record<string, Fits>; baselines: Record<string, Record<string, Fits>> };
   one_step_prediction?: Record<string, Fits>;
+  frequency_responses?: { name: string; outputs: Record<string, { fit_percent: number | null; relative_error_percent: number | null }> }[];
   indistinguishable?: string[];
   correlations?: (number | null)[][];
   residuals?: Record<string, { white: boolean; independent: boolean; autocorrelation: (number | null)[]; autocorrelation_bound: number | null }>;
@@ -104,6 +105,13 @@ export function fitRows(fit: IdentificationResult["fit"], oneStep?: Record<strin
       ...row("one_step", oneStep?.[output], true),
     ];
   });
+}
+
+/** Fits of measured frequency responses in the complex plane, each output beside the name of its experiment. */
+export function responseRows(responses: IdentificationResult["frequency_responses"]): FitRow[] {
+  return (responses ?? []).flatMap(({ name, outputs }) =>
+    Object.entries(outputs).map(([output, { fit_percent, relative_error_percent }]) => ({ part: "frequency", output: `${output} · ${name}`, numbers: { fit_percent, relative_error_percent }, trivial: false })),
+  );
 }
 
 export function isOptimization(kind: string, body: unknown): body is OptimizationResult {
