@@ -148,8 +148,8 @@ class SampledPid(Sampler):
 
     @classmethod
     def linear_part(cls, values: Values) -> Values:
-        """Return the values without limits."""
-        return {**values, "lower": None, "upper": None, "rate": None, "anti_windup": "none"}
+        """Return the values without limits; anti-windup then has nothing to do."""
+        return {**values, "lower": None, "upper": None, "rate": None}
 
     @classmethod
     def _limited(cls, wanted: Any, values: Values, before: Any = None) -> tuple[Any, int]:

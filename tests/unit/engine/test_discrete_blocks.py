@@ -314,6 +314,24 @@ def test_forms_weights_and_limits_do_not_change_the_margins(values):
         assert one.value == pytest.approx(other.value, rel=1e-8)
 
 
+@pytest.mark.parametrize(
+    "values", [{}, {"form": "increment"}, {"setpoint_weight_p": 0.3}, {"derivative_rule": "tustin"}]
+)
+def test_an_unstable_loop_without_limits_is_called_unstable(values):
+    made = controlled(kp=90.0, **values)
+    assert made.sampled_alone
+    found = simulate(made, signals={"r": make("step", {})}, duration=3.0, metrics=[])
+    assert found.verdict is Verdict.UNSTABLE
+    assert not any("limits" in remark.detail for remark in (*made.analysis, *found.warnings))
+
+
+@pytest.mark.parametrize("values", [{"upper": 3.0}, {"rate": 5.0}, {"upper": 3.0, "anti_windup": "back_calculation"}])
+def test_limits_of_a_sampled_pid_are_said(values):
+    made = controlled(kp=90.0, **values)
+    assert not made.sampled_alone
+    assert any("c: its limits are left out" in remark.detail for remark in made.analysis)
+
+
 def test_slopes_by_a_weight_are_exact():
     wanted = [MetricRequest(metric="peak", signals={"r": make("step", {})}, output="y", duration=3.0)]
     made = controlled(setpoint_weight_p=0.9, derivative_rule="tustin", upper=5.0, anti_windup="back_calculation")
