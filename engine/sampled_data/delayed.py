@@ -19,7 +19,7 @@ from engine.errors import UnresolvedError
 from engine.linear.tangent import INFINITESIMAL, slopes
 from engine.sampled_data.crossings import Crossing, nearest
 from engine.sampled_data.period import Period
-from engine.sampled_data.system import Event, wrapped
+from engine.sampled_data.system import Event, ordered, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from engine.linear.system import Array
     from engine.sampled_data.system import SampledSystem
 
+_TOGETHER: Final = 1e-14
+"""Instants closer than this part of the common period are one: no more than rounding tells."""
 _STEPS: Final = 16
 _TURN: Final = 0.25
 """How far the phase may turn in one step, rad, of at least so many in a period."""
@@ -96,7 +98,7 @@ def delayed(part: SampledSystem, rho: Array) -> Period:
         found[:, :n, :n] = matrix
         return found
 
-    listed: list[tuple[float, int, Event]] = []
+    listed: list[tuple[float, tuple[float, ...], Event]] = []
     nothing = np.zeros((lanes, size, 1))
     for k, event in enumerate(events):
         jump = whole(event.jump)
@@ -105,7 +107,7 @@ def delayed(part: SampledSystem, rho: Array) -> Period:
         elif k in at:
             jump[:, :n, n + at.index(k)] = event.entering[:, :, 0]
         instant = float(event.time[0].real)
-        listed.append((instant, 1, Event(time=event.time, jump=jump, entering=nothing)))
+        listed.append((instant, (1.0,), Event(time=event.time, jump=jump, entering=nothing)))
         if k not in at:
             continue
         place = n + at.index(k)
@@ -114,20 +116,19 @@ def delayed(part: SampledSystem, rho: Array) -> Period:
         moved = wrapped(event.time - rho if reads else event.time + rho, part.period)
         then = float(moved[0].real)
         if reads:
-            listed.append((then, 0, Event(time=moved, jump=kept, entering=entering)))
+            listed.append((then, (0.0,), Event(time=moved, jump=kept, entering=entering)))
         else:
-            listed.append((instant, 1, Event(time=event.time, jump=kept, entering=entering)))
+            listed.append((instant, (1.0,), Event(time=event.time, jump=kept, entering=entering)))
             arrives = whole(np.eye(n))
             arrives[:, -1, -1], arrives[:, -1, place] = 0.0, 1.0
-            listed.append((then, 2, Event(time=moved, jump=arrives, entering=nothing)))
-    listed.sort(key=lambda one: one[:2])
+            listed.append((then, (2.0,), Event(time=moved, jump=arrives, entering=nothing)))
     flow = np.zeros((lanes, size, size), dtype=kind)
     flow[:, :n, :n] = part.flow
     if not reads:
         flow[:, :n, -1:] = part.driven
     read = np.concatenate([part.read, np.zeros((lanes, 1, size - n))], axis=2)
     grown = replace(part, flow=flow, driven=nothing, read=read)
-    return Period(grown, events=[event for _, _, event in listed])
+    return Period(grown, events=ordered(listed, _TOGETHER * float(part.period[0].real)))
 
 
 def delay_margins(part: SampledSystem, begun: Sequence[Begun]) -> list[tuple[Array, Array]]:

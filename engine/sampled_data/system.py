@@ -243,15 +243,21 @@ class SampledSystem:
                     later = (0.0,) if _real(sampling.delay) else (*rank[:3], 1.0)
                     none = np.zeros_like(sampling.entering)
                     listed.append((_real(at), later, Event(time=at, jump=sampling.updated, entering=none)))
-        listed.sort(key=lambda one: one[0])
-        order: list[tuple[int, tuple[float, ...], Event]] = []
-        group, before = 0, -math.inf
-        for instant, rank, event in listed:
-            group += int(instant > before + _TOGETHER * total)
-            before = instant
-            order.append((group, rank, event))
-        order.sort(key=lambda one: one[:2])
-        return [event for _, _, event in order]
+        return ordered(listed, _TOGETHER * total)
+
+
+def ordered(listed: Sequence[tuple[float, tuple[float, ...], Event]], together: float) -> list[Event]:
+    """Return events by their instants, s, and those that are closer than ``together`` by their ranks, at one and the same instant."""
+    order: list[tuple[int, tuple[float, ...], Event]] = []
+    group, before, common = 0, -math.inf, 0.0
+    for instant, rank, event in sorted(listed, key=lambda one: one[0]):
+        if instant > before + together:
+            group, common = group + 1, max(instant, 0.0)
+        before = instant
+        # what follows sorts by time: rounding must not undo the ranks
+        order.append((group, rank, replace(event, time=event.time + (common - event.time.real))))
+    order.sort(key=lambda one: one[:2])
+    return [event for _, _, event in order]
 
 
 def _spread(acts: npt.NDArray[np.bool_], begun: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

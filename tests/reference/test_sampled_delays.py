@@ -238,3 +238,50 @@ def test_a_computing_time_that_jitters_is_an_uncertain_delay():
     assert 0 < len(allowed) < 6
     assert found.best["c.kp"] == pytest.approx(tried[allowed[-1]], rel=1e-12)
     assert found.goals[0].after.value == pytest.approx(min(margins[allowed[-1]]), rel=1e-8)
+
+
+def integrating(period: float, late: float, offset: float, delay: float, *, sensor: bool) -> Diagram:
+    """Return y' = u from e = -y by a hold: what arrives at the instant of a sample is there before it."""
+    blocks = {
+        "r": block("input"), "e": block("sum", signs="+-"), "c": block("gain", gain=0.1 / period),
+        "h": block("zero_order_hold", sample_time=period, delay=late, offset=offset), "p": block("integrator"),
+    }  # fmt: skip
+    path = ["h", "p", "e.in2"]
+    if delay:
+        blocks["way"] = block("delay", time=delay)
+        path = ["h", "p", "way", "e.in2"] if sensor else ["h", "way", "p", "e.in2"]
+    wires = ["r -> e.in1", "e -> c", "c -> h", *(f"{a} -> {b}" for a, b in pairwise(path))]
+    return compile_system(document(blocks, wires, {"y": "p"}))
+
+
+@pytest.mark.parametrize("period", [1.0, 0.01, 0.25e-3])
+@pytest.mark.parametrize(
+    ("late", "offset", "samples", "sensor"),
+    [
+        (0.1, 0.0, 1, False), (0.1, 0.0, 2, False), (0.1, 0.3, 3, False), (1.0, 0.6, 0, False), (1.0, 0.2, 0, False),
+        (0.0, 0.2, 2, True), (1.0, 0.2, 1, True), (0.3, 0.7, 1, True), (0.5, 0.0, 1, False), (1.0, 0.7, 2, False),
+    ],
+)  # fmt: skip
+def test_what_arrives_with_a_sample_counts_whatever_rounding_says(period, late, offset, samples, sensor):
+    """y_k+1 = y_k + (1 - f) k u_k-n + f k u_k-n-1, where late + samples is n + f."""
+    total = late + samples
+    n, f = int(total + 1e-9), (total + 1e-9) % 1 - 1e-9
+
+    def edge(gain: float) -> float:
+        size = n + 2
+        whole = np.eye(size, k=-1)
+        whole[1, 0] = -0.1 * gain
+        row = np.zeros(size)
+        row[0] = 1.0
+        if n:
+            row[n] += 1 - f
+        else:
+            row[0] -= 0.1 * gain * (1 - f)
+        row[n + 1] += f
+        whole[0] = row
+        return float(np.abs(np.linalg.eigvals(whole)).max()) - 1
+
+    made = integrating(period, late * period, offset * period, samples * period, sensor=sensor)
+    expected = brentq(edge, 1.0, 1e3, xtol=1e-13)
+    for place in ("h", "e"):
+        assert measure(made, asked(place)[:1])[0][0].value == pytest.approx(expected, rel=1e-9)
