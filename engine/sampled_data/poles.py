@@ -46,7 +46,7 @@ def sampled_poles(system: SampledSystem) -> Poles:
         if len(circle) > 1 or pattern[circle[0], circle[0]] or not system.samplings:
             part = system.part(np.array(circle))
             parts.append(_of_loop(part) if part.samplings else continuous.poles(autonomous(part.flow)))
-        elif circle[0] < _continuous_states(system):
+        else:  # also a sum over samples, which no event changes by itself: an integrator
             parts.append(continuous.poles(autonomous(system.flow[:, circle][:, :, circle])))
     values = np.concatenate([np.zeros(0, complex), *(part.values for part in parts)])
     order = np.lexsort((values.imag, -values.real))

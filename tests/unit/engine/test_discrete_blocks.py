@@ -10,6 +10,7 @@ from scipy.signal import butter, dlsim, lfilter
 
 from engine.diagram import Diagram, compile_system
 from engine.errors import DiagramError
+from engine.evaluation import Evaluation
 from engine.measuring import MetricRequest, measure
 from engine.signals import make
 from engine.study import simulate
@@ -330,6 +331,31 @@ def test_limits_of_a_sampled_pid_are_said(values):
     made = controlled(kp=90.0, **values)
     assert not made.sampled_alone
     assert any("c: its limits are left out" in remark.detail for remark in made.analysis)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "pole"),
+    [
+        ("discrete_integrator", {}, 0.0),
+        ("discrete_transfer_function", {"numerator": [1.0], "denominator": [1.0, -1.0]}, 0.0),
+        ("discrete_transfer_function", {"numerator": [2.0, -1.7], "denominator": [2.0, -2.0]}, 0.0),
+        ("sampled_pid", {"kp": 1.0, "ki": 2.0}, 0.0),
+        ("sampled_pid", {"kp": 1.0, "ki": 2.0, "delay": 0.005}, 0.0),
+        ("sampled_pid", {"kp": 1.0, "ki": 2.0, "form": "increment"}, 0.0),
+        ("sampled_pid", {"kp": 1.0}, None),
+        ("zero_order_hold", {"delay": 0.01}, None),
+    ],
+)
+def test_a_sum_over_samples_is_an_integrator(kind, values, pole):
+    blocks = {
+        "u": block("input"),
+        "d": block(kind, sample_time=STEP, **values),
+        "g": block("transfer_function", numerator=[1.0], denominator=[0.1, 1.0]),
+    }
+    made = compile_system(document(blocks, ["u -> d", "d -> g"], {"y": "g"}))
+    expected = [-10.0] if pole is None else [pole, -10.0]
+    np.testing.assert_allclose(Evaluation(made).poles.values, expected, atol=1e-9)
+    assert (Evaluation(made).poles.verdict is Verdict.OK) is (pole is None)
 
 
 def test_slopes_by_a_weight_are_exact():
