@@ -270,6 +270,15 @@ def test_what_has_no_value_gives_no_number(expression):
     assert all(metric.value is None for metric in found.metrics["y"].values())
 
 
+@pytest.mark.parametrize("expression", ["sqrt(0.5 - u1)", "1/(1 - u1)", "log(-u1)"])
+def test_metrics_of_an_output_without_a_value_are_refused_in_words(expression):
+    found = run(diagram({"f": block("function", expression=expression)}, ["r -> f"], {"y": "f"}), 1.0)
+    assert all(metric.value is None or np.isfinite(metric.value) for metric in found.metrics["y"].values())
+    peak = found.metrics["y"]["peak"]
+    assert peak.verdict is Verdict.DOUBTFUL
+    assert "must have a value at every instant" in peak.advice
+
+
 def test_equations_of_the_user_are_the_same_as_blocks():
     """The pendulum with drag again, in three statements."""
     law = block(
