@@ -129,7 +129,7 @@ def working(database_url: str) -> Iterator[None]:
         assert process.wait(timeout=30) == 0
 
 
-def finished(client: httpx.Client, job: dict[str, Any], *, within: float = 300.0) -> dict[str, Any]:
+def finished(client: httpx.Client, job: dict[str, Any], *, within: float = 120.0) -> dict[str, Any]:
     """Wait for a job to end."""
     until = time.monotonic() + within
     while time.monotonic() < until:

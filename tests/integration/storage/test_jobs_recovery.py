@@ -150,12 +150,12 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
         assert desk.get(job_id).attempts == 2
         # Back to life, it finds that the job is not its own any more.
         hanging.send_signal(signal.SIGCONT)
-        wait_until_gone(first, timeout=60.0)
+        wait_until_gone(first, timeout=3.0)
         job = desk.get(job_id)
         assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
         # It has lost its name, and works on under another one; what it takes before it notices, it gives back.
         other = desk.ask("spin")
-        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name", timeout=120)
+        wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name", timeout=15)
     finally:
         heir.stop()
 
