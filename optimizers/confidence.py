@@ -33,9 +33,9 @@ def covariance(jacobians: Sequence[Matrix] | Matrix, residuals: Sequence[Matrix]
     Parameters
     ----------
     jacobians : sequence of ndarray, each (samples, n)
-        Derivatives of the residuals at the estimate, signal by signal.
-    residuals : sequence of ndarray, each (samples,)
-        Different signals are taken to be uncorrelated.
+        Derivatives of the residuals at the estimate, signal by signal; the parts of a signal one after the other.
+    residuals : sequence of ndarray, each (samples,) or (parts, samples)
+        Different signals are taken to be uncorrelated, and so are the parts of one, which have one variance and colour.
 
     Returns
     -------
@@ -58,17 +58,18 @@ def covariance(jacobians: Sequence[Matrix] | Matrix, residuals: Sequence[Matrix]
 
 def _coloured(columns: Matrix, residual: Matrix) -> Matrix:
     """Return R times each column, R the Toeplitz matrix of the residuals' autocovariance."""
-    n = residual.size
+    n = residual.shape[-1]
     noise = fitted(residual)
     if noise.order == 0:
         return noise.variance * columns
+    parts = columns.reshape(-1, n, columns.shape[1])
     autocovariance = noise.autocovariance(n)
     size = scipy.fft.next_fast_len(2 * n, real=True)
     kernel = np.zeros(size)
     kernel[:n] = autocovariance
     kernel[size - n + 1 :] = autocovariance[:0:-1]
-    product = scipy.fft.rfft(kernel)[:, None] * scipy.fft.rfft(columns, size, axis=0)
-    return np.asarray(scipy.fft.irfft(product, size, axis=0)[:n])
+    product = scipy.fft.rfft(kernel)[:, None] * scipy.fft.rfft(parts, size, axis=1)
+    return np.asarray(scipy.fft.irfft(product, size, axis=1)[:, :n]).reshape(columns.shape)
 
 
 def correlations(cov: Matrix) -> Matrix:

@@ -57,24 +57,25 @@ def fitted(residuals: Samples) -> Autoregression:
 
     Parameters
     ----------
-    residuals : ndarray, shape (samples,)
+    residuals : ndarray, shape (samples,) or (parts, samples)
+        Parts of a signal that have one variance and one colour: the real and the imaginary part of complex errors.
     """
-    n = residuals.size
-    forward, backward = residuals[1:], residuals[:-1]
-    power = float(residuals @ residuals) / max(n, 1)
+    n, length = residuals.size, residuals.shape[-1]
+    forward, backward = residuals[..., 1:], residuals[..., :-1]
+    power = float(np.vdot(residuals, residuals)) / max(n, 1)
     coefficients = best = np.ones(1)
     variance = power
     if power == 0:
         return Autoregression(coefficients=best, variance=0.0)
     least = n * math.log(power)
-    for order in range(1, min(_MOST, n // _SAMPLES_PER_COEFFICIENT) + 1):
-        energy = float(forward @ forward + backward @ backward)
+    for order in range(1, min(_MOST, length // _SAMPLES_PER_COEFFICIENT) + 1):
+        energy = float(np.vdot(forward, forward) + np.vdot(backward, backward))
         if energy <= 1e-28 * n * variance:
             break  # predicted exactly already
-        reflection = -2 * float(forward @ backward) / energy
+        reflection = -2 * float(np.vdot(forward, backward)) / energy
         padded = np.append(coefficients, 0.0)
         coefficients = padded + reflection * padded[::-1]
-        forward, backward = (forward + reflection * backward)[1:], (backward + reflection * forward)[:-1]
+        forward, backward = (forward + reflection * backward)[..., 1:], (backward + reflection * forward)[..., :-1]
         power *= 1 - reflection**2
         if power <= 0:
             break

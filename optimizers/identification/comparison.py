@@ -54,8 +54,8 @@ class Part(Protocol):
         ...
 
     @property
-    def signals(self) -> list[list[int]]:
-        """Lengths of the signals of each output: its errors in time; the real, then the imaginary parts of those over frequency."""
+    def signals(self) -> list[tuple[int, int]]:
+        """Parts and samples of each output's errors: one part in time; the real, then the imaginary one over frequency."""
         ...
 
     def errors(self, values: Mapping[str, float], deviation: Samples, slope: Samples) -> Errors | None:
@@ -63,7 +63,7 @@ class Part(Protocol):
         ...
 
     def widths(self) -> list[float]:
-        """Return the factor by which each signal's errors count more for the intervals."""
+        """Return the factor by which each output's errors count more for the intervals."""
         ...
 
 
@@ -87,12 +87,12 @@ class Comparison:
         return self.model.states
 
     @property
-    def signals(self) -> list[list[int]]:
-        """Lengths of the errors of each output."""
-        return [[self._part.stop - self._part.start]] * len(self.measured)
+    def signals(self) -> list[tuple[int, int]]:
+        """Parts and samples of each output's errors."""
+        return [(1, self._part.stop - self._part.start)] * len(self.measured)
 
     def widths(self) -> list[float]:
-        """Return how much wider each signal's errors let the intervals be: its weight is known."""
+        """Return how much wider each output's errors let the intervals be: its weight is known."""
         return [1.0] * len(self.measured)
 
     def part(self, window: Window) -> slice:

@@ -68,7 +68,7 @@ class FrequencyComparison:
             self._way = BetweenSamples.BAND_LIMITED
         self._exact = self._way is BetweenSamples.BAND_LIMITED and not diagram.nonlinear
         responses = experiment.responses.values()
-        self.signals = [[one.lines, one.lines] for one in responses]
+        self.signals = [(2, one.lines) for one in responses]
         # relative to the whole of each output, as a recording's errors are to its spread
         self._weights = [1.0 / (one.deviation * np.linalg.norm(one.value / one.deviation)) for one in responses]
 
@@ -87,14 +87,14 @@ class FrequencyComparison:
         return Errors(residuals=np.concatenate(residuals), jacobian=np.concatenate(moves, axis=1).T)
 
     def widths(self) -> list[float]:
-        """Return how much wider each signal's errors let the intervals be, since its weights are estimates.
+        """Return how much wider each output's errors let the intervals be, since its weights are estimates.
 
         Weights of ν degrees of freedom cost (ν - 2)/(ν - 4) in variance: E[σ̂⁻⁴] / E[σ̂⁻²]².
         """
         found = []
         for one in self.experiment.responses.values():
             nu = one.freedom
-            found += [math.sqrt((nu - 2) / (nu - 4)) if 4 < nu < math.inf else 1.0] * 2
+            found.append(math.sqrt((nu - 2) / (nu - 4)) if 4 < nu < math.inf else 1.0)
         return found
 
     def judged(self, values: Mapping[str, float]) -> dict[str, JudgedResponse]:

@@ -62,7 +62,8 @@ class Search:
         self._estimating: list[Part] = [
             *(c for c in self.comparisons if c.experiment.windows[0] is not None), *self.responses
         ]  # fmt: skip
-        self._outputs = [lengths for part in self._estimating for lengths in part.signals]
+        self._outputs = [shape for part in self._estimating for shape in part.signals]
+        self._sizes = [parts * samples for parts, samples in self._outputs]
         self._weights: Samples | None = None
         """Of each output; None where all outputs count alike."""
         self.parameters = len(problem.unknowns)
@@ -94,7 +95,7 @@ class Search:
         self._check()
         self.evaluations += 1
         found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
-        size = sum(map(sum, self._outputs))
+        size = sum(self._sizes)
         if any(errors is None for errors in found):
             return np.full(size, np.inf), np.zeros((size, len(x)))
         residuals, jacobian = np.concatenate([e.residuals for e in found if e]), np.zeros((size, len(x)))
@@ -132,13 +133,12 @@ class Search:
         return self._each(answer, self.comparisons)
 
     def blocks(self, found: Minimum) -> tuple[list[Samples], list[Samples]]:
-        """Return Jacobian and residuals of a minimum, signal by signal, as they were weighted at the end of the search."""
-        lengths = [length for output in self._outputs for length in output]
-        weights = np.ones(sum(lengths)) if self._weights is None else self._weights
-        cuts = np.cumsum(lengths)[:-1]
+        """Return Jacobian and residuals of a minimum, output by output, as they were weighted at the end of the search."""
+        weights = np.ones(sum(self._sizes)) if self._weights is None else self._weights
+        cuts = np.cumsum(self._sizes)[:-1]
         residuals = np.split(found.residuals * weights, cuts)
         widths = [width for part in self._estimating for width in part.widths()]
-        wider = [residual * width for residual, width in zip(residuals, widths, strict=True)]
+        wider = [r.reshape(shape) * width for r, shape, width in zip(residuals, self._outputs, widths, strict=True)]
         return np.split(found.jacobian * weights[:, None], cuts), wider
 
     @property
@@ -148,11 +148,10 @@ class Search:
 
     def weigh(self, found: Minimum) -> None:
         """Let each output count by the variance that is left of it: a combination of estimates is best so."""
-        sizes = [sum(lengths) for lengths in self._outputs]
-        parts = np.split(found.residuals, np.cumsum(sizes)[:-1])
+        parts = np.split(found.residuals, np.cumsum(self._sizes)[:-1])
         left = np.array([np.linalg.norm(part) / math.sqrt(part.size) for part in parts])
         left = np.maximum(left, 1e-9 * max(float(left.max()), 1e-300))
-        self._weights = np.repeat(float(left.min()) / left, sizes)
+        self._weights = np.repeat(float(left.min()) / left, self._sizes)
 
     @contextmanager
     def alike(self) -> Iterator[None]:
