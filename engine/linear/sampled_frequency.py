@@ -3,16 +3,19 @@
     held, linear    G(z) = (1 - z⁻¹) Σ_m D_m z⁻ᵐ,    z = e^{jωh},    D_m: what each interval contributes to a step response
     band-limited    G(jω)
 
-Without delays the sum is a closed form. With delays it is summed until D, or its first, second or third difference (of a
-path that integrates so often), stands still.
+Where no delay is in a loop the sum is a closed form: each chain is read between the samples, as late as its delays are.
+With delays in loops it is summed until D, or its first, second or third difference (of a path that integrates so often),
+stands still.
 
 References
 ----------
-K. J. Åström, B. Wittenmark, "Computer-Controlled Systems", 3rd ed., Prentice Hall 1997, sections 2.3 and 7.7.
+K. J. Åström, B. Wittenmark, "Computer-Controlled Systems", 3rd ed., Prentice Hall 1997, sections 2.3 (delays of parts of a sample) and 7.7.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -20,10 +23,12 @@ import numpy.typing as npt
 
 from engine.between_samples import BetweenSamples
 from engine.errors import UnresolvedError
+from engine.linear.delayed_chains import chains
 from engine.linear.path import connected, path
 from engine.linear.poles import poles
 from engine.linear.sampled import AFTER, AFTER_LIFTED, Way, balanced, interval
 from engine.linear.short_delay import lifted
+from engine.linear.system import ARRAYS
 from engine.linear.tangent import slopes
 
 if TYPE_CHECKING:
@@ -63,19 +68,21 @@ def sampled_frequency_response(
     Raises
     ------
     UnresolvedError
-        For a path with delays whose step response neither settles nor grows as a power of time.
+        For a path with delays in loops whose step response neither settles nor grows as a power of time.
     """
     h, (source, target) = sample_time, ends
     frequencies = np.maximum(frequencies, _LOWEST / h)
-    raised, moves = lifted(system, h)
-    part = balanced(path(connected(raised, [source], [target]), [0], [0]))
     back = np.exp(-1j * frequencies * h)
     held = way is BetweenSamples.HOLD
-    if not part.m:
-        advance, read = (array[0].real for array in interval(part, h, 0 if held else 1))
-        begin = np.eye(part.n + 1)[:, -1:]
-        inside = np.eye(part.n + 1) - back[:, None, None] * advance
-        return np.asarray((1 - back) * (read[0 if held else 1] @ np.linalg.solve(inside, begin))[:, 0])
+    now = replace(system, **{name: getattr(system, name)[:1].real for name in ARRAYS})
+    ways = chains(connected(now, [source], [target]))
+    if ways is not None:
+        found = np.zeros(frequencies.size, dtype=np.complex128)
+        for one in ways:
+            found += _late(balanced(path(one.part, [0], [0])), one.delay / h, back, h, held=held)
+        return found
+    raised, moves = lifted(system, h)
+    part = balanced(path(connected(raised, [source], [target]), [0], [0]))
     steps = Way(way=way, rows=1, h=h, after=(AFTER_LIFTED if moves.size else AFTER) * h)
     if np.any(poles(part.value).values.real * h > _GROWS):
         raise UnresolvedError(_BOUNDLESS)
@@ -92,6 +99,23 @@ def sampled_frequency_response(
             sequence = np.diff(sequence, prepend=0.0)
         count *= 2
     raise UnresolvedError(_BOUNDLESS)
+
+
+def _late(part: LaneSystem, delay: float, back: Complex, h: float, *, held: bool) -> Complex:
+    """Return G of a path without delays, heard so many samples later."""
+    whole = math.floor(delay + AFTER)
+    rest = max(delay - whole, 0.0)
+    advance, read = (array[0].real for array in interval(part, h, 0 if held else 1))
+    begin = np.eye(part.n + 1)[:, -1:]
+    states = np.linalg.solve(np.eye(part.n + 1) - back[:, None, None] * advance, begin)[..., 0] * (1 - back)[:, None]
+    if rest <= AFTER:
+        return np.asarray(back**whole * (states @ read[0 if held else 1]))
+    # what is heard at a sample left the path between the two samples before, at 1 - rest of the interval
+    until, seen = (array[0].real for array in interval(part, (1 - rest) * h, 0 if held else 1))
+    if held:
+        return np.asarray(back ** (whole + 1) * (states @ (seen[0] @ until)))
+    early = (1 - rest) * seen[1]
+    return np.asarray(back**whole * (states @ early + back * (states @ (read[1] - early))))
 
 
 def _sum(sequence: Real, back: Complex) -> Complex:
