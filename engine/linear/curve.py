@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import UnresolvedError
 from engine.linear.chebyshev import (
     DEGREE,
     NODES,
@@ -179,12 +178,6 @@ class Curve:
     def _best(self, nodes: npt.NDArray[np.float64]) -> tuple[Array, float]:
         top, spread = nodes.max(axis=1), np.ptp(nodes, axis=1)
         scale = max(float(np.abs(nodes).max()), 1e-300)
-        if np.isnan(scale):
-            since = float(self.times[int(np.argmax(np.isnan(nodes).any(axis=1)))])
-            raise UnresolvedError(
-                f"the curve must have a value at every instant, got none from {since:g} s on: a root or logarithm of a negative "
-                "number, or a division by 0"
-            )
         candidates = np.flatnonzero(top + 0.5 * spread >= top.max())
         top = (nodes[candidates] @ _TO_SCAN.T).max(axis=1)
         candidates = candidates[top + _NEAR * spread[candidates] >= top.max() - _EQUAL * scale]

@@ -318,7 +318,7 @@ class Integration:
             try:
                 with numerical("a step"):
                     step = self._attempt(width, gap, straight)
-                cause = ""
+                cause = f"{step.singular} leaps or goes to infinity" if step is not None and step.singular else ""
             except EngineError as error:  # where a shorter one may stay away from
                 cause = error.message
             if step is not None and step.miss <= 1.0:

@@ -31,6 +31,8 @@ Real = npt.NDArray[np.float64]
 _FEEBLE = 1e-13
 _NOISE = 1e-12
 _BLOWN = 1e4
+_ROUGH = 1e-2
+"""A polynomial that misses this part of the range of a signal on its step does not follow it."""
 _MADE_OF = (("c1", "d11", "d13"), ("c2", "d21", "d23"), ("c3", "d31", "d33"))
 """What outputs, delayed signals and laws' inputs are made of; laws' outputs follow them, made of themselves."""
 
@@ -55,9 +57,9 @@ class Step:
     """A solved step on real values.
 
     ``path`` (s + 1, n) holds start and stages; ``guards`` are (law, guard, values at the nodes); ``miss`` is what the
-    polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values. A step
-    that a linear map gave has the map, ``straight``; cut short, it has the ends of its path only, unless there are
-    infinitesimals.
+    polynomials miss in parts of the tolerance, ``error`` what the outputs miss in parts of their largest values;
+    ``singular`` names a law that leaps or goes to infinity on it. A step that a linear map gave has the map, ``straight``;
+    cut short, it has the ends of its path only, unless there are infinitesimals.
     """
 
     width: float
@@ -67,6 +69,7 @@ class Step:
     guards: list[tuple[int, int, Real]]
     miss: float
     error: float
+    singular: str = ""
     straight: Straight | None = None
 
     def slope_of(self, guard: int, theta: float) -> float:
@@ -224,18 +227,39 @@ class Stepper:
             guards.extend((number, k, _row(g)) for k, g in enumerate(found))
         parts, sums = _watched(nodes)
         missed = self._missed_sums(parts, sums, modes)
-        worst = max(states, self.share * float(np.max(missed, initial=0.0)))
-        if worst > self.tolerance:  # perhaps no more than what rounding leaves of large parts
+        worst, singular = self._worst(states, missed), ""
+        if self.tolerance < worst < math.inf:
+            singular = self._singular(nodes)
+        if self.tolerance < worst < math.inf and not singular:  # perhaps no more than rounding leaves of large parts
             rates, outputs = magnitudes(self.real, nodes.at, nodes.flow)
             states = min(states, self._missed_states(path, nodes, drive.width, rates))
             parts = np.concatenate([parts[:, : -outputs.shape[1] or None], outputs], axis=1)
             missed = np.minimum(missed, self._missed_sums(parts, sums, modes))
-            worst = max(states, self.share * float(np.max(missed, initial=0.0)))
+            worst = self._worst(states, missed)
         seen_of_it = float(np.max(missed[: nodes.y.shape[2]], initial=0.0))
         return Step(
             width=drive.width, path=path, command=drive, nodes=nodes, guards=guards, error=max(states, seen_of_it),
-            miss=worst / self.tolerance if math.isfinite(worst) else math.inf, straight=straight,
+            miss=worst / self.tolerance, singular=singular, straight=straight,
         )  # fmt: skip
+
+    def _worst(self, states: float, missed: Real) -> float:
+        """Return what counts of all that is missed; infinity where something has no value."""
+        worst = np.maximum(states, self.share * np.max(missed, initial=0.0))
+        return float(worst) if np.isfinite(worst) else math.inf
+
+    def _singular(self, nodes: Nodes) -> str:
+        """Name the law that leaps or goes to infinity on a step: an output is far less resolved than what it is made of.
+
+        Such a step must be shortened. Next to a pole the rounding of the inputs would excuse any value of the law.
+        What a law holds is not made of its inputs alone.
+        """
+        e, v, x = (_rough(part[0].real) for part in (nodes.flow.e, nodes.flow.v, nodes.at.x))
+        v[[output for output, _ in self.system.holds(nodes.at.modes)]] = 0.0
+        for law in self.real.laws:
+            given = max(float(np.max(e[law.inputs], initial=0.0)), float(np.max(x[law.states], initial=0.0)))
+            if float(np.max(v[law.outputs], initial=0.0)) > max(_ROUGH, 4.0 * given):
+                return law.label
+        return ""
 
     def _missed_states(self, path: Real, nodes: Nodes, width: float, rates: Real | None = None) -> float:
         """Return what the polynomials miss of the states; ``rates`` (17, n) says how large what these follow from is."""
@@ -348,6 +372,13 @@ class Stepper:
                 raise StoppedError(Verdict.DOUBTFUL, "the derivatives of the response cannot be followed")
             path[:, 1:] = real + 1j * moved
         return path, self._nodes(self.system, path, begin[:, None] + NODES * width[:, None], step.command, modes)
+
+
+def _rough(values: Real) -> Real:
+    """Return what the polynomials of some signals (17, ·) miss of their ranges, (·,)."""
+    ranges = np.ptp(values, axis=0)
+    missed = np.abs(coefficient_matrix()[-4:] @ values).sum(axis=0)  # two alone may happen to be small
+    return np.asarray(missed / np.where(ranges > 0, ranges, np.inf))
 
 
 def _row(guard: Any) -> Real:

@@ -271,12 +271,47 @@ def test_what_has_no_value_gives_no_number(expression):
 
 
 @pytest.mark.parametrize("expression", ["sqrt(0.5 - u1)", "1/(1 - u1)", "log(-u1)"])
-def test_metrics_of_an_output_without_a_value_are_refused_in_words(expression):
+def test_an_output_without_a_value_is_found_without_any_state(expression):
     found = run(diagram({"f": block("function", expression=expression)}, ["r -> f"], {"y": "f"}), 1.0)
-    assert all(metric.value is None or np.isfinite(metric.value) for metric in found.metrics["y"].values())
-    peak = found.metrics["y"]["peak"]
-    assert peak.verdict is Verdict.DOUBTFUL
-    assert "must have a value at every instant" in peak.advice
+    assert found.verdict is Verdict.DOUBTFUL
+    assert all(metric.value is None for metric in found.metrics["y"].values())
+    assert "f has no value" in found.metrics["y"]["peak"].advice
+
+
+POLES = {
+    "1/(0.25 - u1)": lambda t: 1 / (0.25 - t),
+    "1/(0.25 - u1)**2": lambda t: 1 / (0.25 - t) ** 2,
+    "(u1 - 0.25)**(-3)": lambda t: (t - 0.25) ** -3,
+    "tan(2*pi*u1)": lambda t: np.tan(2 * np.pi * t),
+    "log(0.25 - u1)": lambda t: np.log(0.25 - t),
+    "sqrt(0.25 - u1)": lambda t: np.sqrt(0.25 - t),
+}
+
+
+@pytest.mark.parametrize("expression", POLES)
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_run_ends_where_a_law_goes_to_infinity(expression, lag):
+    """1/(0.25 - t) has no value at 0.25 s, and no response goes beyond; what was before it stays right."""
+    blocks = {"f": block("function", expression=expression)}
+    wires = ["r -> f"]
+    if lag:
+        blocks["lag"] = block("transfer_function", numerator=[1.0], denominator=[0.1, 1.0])
+        wires.append("f -> lag")
+    made = diagram(blocks, wires, {"y": "f", **({"z": "lag"} if lag else {})})
+    found = run(made, 1.0, "ramp", slope=1.0)
+    assert found.verdict is not Verdict.OK
+    assert all(metric.value is None for metrics in found.metrics.values() for metric in metrics.values())
+    assert any("0.25 s" in warning.detail for warning in found.warnings), found.warnings
+    before = found.time < 0.249
+    np.testing.assert_allclose(found.curves["y"][before], POLES[expression](found.time[before]), rtol=1e-8, atol=1e-10)
+    assert np.isnan(found.curves["y"][found.time > 0.2501]).all()
+
+
+def test_a_quotient_of_two_zeros_is_passed():
+    made = diagram({"f": block("function", expression="sin(u1 - 0.25)/(u1 - 0.25)")}, ["r -> f"], {"y": "f"})
+    found = run(made, 1.0, "ramp", slope=1.0)
+    assert found.verdict is Verdict.OK
+    np.testing.assert_allclose(found.curves["y"], np.sinc((found.time - 0.25) / np.pi), rtol=1e-12)
 
 
 def test_equations_of_the_user_are_the_same_as_blocks():
