@@ -6,7 +6,7 @@ on them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -92,6 +92,12 @@ class Bindings:
         self._compute(self.base, self.order)
         for index in range(len(self.slots)):
             self._check(index, self.base[index])
+
+    def check_written(self, indices: Iterable[int]) -> None:
+        """Raise as `settle` for those of some slots that are written as numbers; what expressions give is not known yet."""
+        for index in sorted(indices):
+            if self.slots[index].expression is None:
+                self._check(index, self.slots[index].value)
 
     def override(self, values: Mapping[int, Scalar], change: Change) -> list[Scalar]:
         """Return all values after ``values`` replace those of some slots; raises as `settle` does."""

@@ -91,6 +91,7 @@ def _block(flat: Flat, scope: Scope, name: str, block: Block, reader: Reader) ->
     flat.warnings.extend(
         Remark(at=(*at, name), detail=f"{name} of {path} {text}") for name, text in element.assumed(given).items()
     )
+    flat.numbers.bindings.check_written(values.slots)
     try:
         # Ports and completeness follow from what is present; the numbers come later.
         sketch = values.fill({index: flat.numbers.bindings.slots[index].value for index in values.slots})

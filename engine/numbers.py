@@ -232,7 +232,7 @@ def _structure(value: Any, place: _Place) -> Any:
 def _text(value: Any, place: _Place) -> str:
     choices = place.param.choices
     if not isinstance(value, str) or (choices and value not in choices):
-        rule = f"one of {', '.join(choices)}" if choices else "a text"
+        rule = f"one of {', '.join(choices)}" if choices else f"a text ({place.param.doc})"
         raise DiagramError(f"{place.label} must be {rule}, got {str(value)[:_QUOTED]!r}", at=place.at)
     return value
 

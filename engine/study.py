@@ -166,7 +166,7 @@ def _simulate_nonlinear(
         longest = max(ends)
         length = min(_rounded(longest) if longest > 0 else 1.0, response.outcome.end)
     time = np.linspace(0.0, length, samples)
-    curves = {name: np.clip(response.output(name).sample(time), *response.limits(name)) for name in names}
+    curves = {name: np.clip(response.sample(name, time), *response.limits(name)) for name in names}
     for values in curves.values():
         values[(time > response.outcome.end * (1 + 1e-12)) | ~(np.abs(values) <= LARGEST)] = np.nan
     outcome = response.outcome

@@ -148,8 +148,8 @@ class UserEquations(NonlinearElement):
     parameters = (
         Param(
             name="equations", symbol="f", shape="text",
-            doc="x' = formula for each state, x(0) = formula of constants (0 where absent), y = formula, "
-            "when a > b: x = formula, v = formula; functions as in a function block",
+            doc="statements separated by ; or by lines: x' = formula for each state, x(0) = formula of constants (0 where "
+            "absent), y = formula, when a > b: x = formula, v = formula; functions as in a function block",
         ),
         Param(name="inputs", symbol="u", shape="names", required=False, doc="names of the inputs; none when absent"),
         Param(name="outputs", symbol="y", shape="names", doc="names of the outputs, each a state or a name that is defined"),

@@ -148,8 +148,9 @@ class Integration:
             verdict, advice = Verdict.DOUBTFUL, f"at t = {self.now:.6g} s {error.message}"
         if not self.record.y:
             self._stand()
+        after = self.outputs() if verdict is Verdict.OK else None
         return Outcome(
-            record=self.record, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
+            record=self.record, after=after, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
             error=self.error, events=self._bounds.events, steps=self._bounds.steps,
             smooth=self.smooth, limits=self.system.limits,
         )  # fmt: skip

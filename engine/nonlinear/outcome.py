@@ -23,10 +23,12 @@ class Outcome:
 
     ``verdict`` is OK where the end was reached; ``advice`` says what stopped it else. ``error`` is the estimated error of
     the outputs relative to their largest value, ``events`` the number of located changes of mode; ``smooth`` is False
-    where a guard was only touched, so that derivatives hold on one side only.
+    where a guard was only touched, so that derivatives hold on one side only. ``after`` (lanes, outputs) are the outputs just
+    after an end that was reached: a sample that is taken there counts, as those before it.
     """
 
     record: Record
+    after: Array | None
     state: Array
     modes: tuple[Mode, ...]
     verdict: Verdict

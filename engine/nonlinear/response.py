@@ -76,6 +76,13 @@ class Response:
         """Return an output as a curve."""
         return self.outcome.output(self.outputs.index(name))
 
+    def sample(self, name: str, time: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return an output at these instants (s), just after each of them."""
+        values, after = self.output(name).sample(time), self.outcome.after
+        if after is not None:
+            values[time == self.outcome.end] = after[0, self.outputs.index(name)].real
+        return values
+
     def limits(self, name: str) -> tuple[float, float]:
         """Return what an output never leaves."""
         index = self.outputs.index(name)

@@ -388,3 +388,17 @@ def test_slopes_by_a_weight_are_exact():
 def test_a_sampled_pid_that_is_none_is_refused(values, message):
     with pytest.raises(DiagramError, match=message):
         controlled(**values)
+
+
+@pytest.mark.parametrize("kind", ["zero_order_hold", "discrete_integrator"])
+@pytest.mark.parametrize("wrong", [0.0, -0.01])
+def test_a_sample_time_that_is_none_is_named_itself(kind, wrong):
+    with pytest.raises(DiagramError, match=f"d.sample_time must be > 0 s, got {wrong:g}"):
+        alone(kind, sample_time=wrong)
+
+
+def test_the_last_point_of_a_curve_counts_the_sample_that_is_taken_there():
+    found = simulate(
+        alone("zero_order_hold", sample_time=0.1), signals={"u": make("ramp", {"slope": 1.0})}, duration=1.0, samples=21
+    )
+    np.testing.assert_allclose(found.curves["y"], np.floor(np.arange(21) / 2) / 10, atol=1e-12)
