@@ -41,6 +41,8 @@ class Recording:
         What the inputs do between their samples; linear where nothing is said.
     undecided : tuple of str
         Inputs of which nobody knows it: every way is tried on them, all of them alike, and the best one taken.
+    remarks : tuple of str
+        What is doubtful about the channels beside their samples.
     """
 
     inputs: Mapping[str, Samples]
@@ -48,6 +50,7 @@ class Recording:
     sample_time: float
     between_samples: Mapping[str, BetweenSamples] = field(default_factory=dict)
     undecided: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def with_undecided(self, way: BetweenSamples) -> Recording:
         """Return this recording with one way for all inputs that are undecided."""

@@ -24,6 +24,7 @@ from api.services.installation import Caller, Installation
 from api.services.recordings import check_lengths
 from optimizers.black_box import black_box
 from optimizers.inverse_dynamics import drive_parameters
+from optimizers.recorded_data import clipped, held
 from optimizers.result import Monitor
 from optimizers.static_curve import static_curve
 from storage.session import Database
@@ -59,16 +60,17 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor:
     read = _Read(request, database, workspace)
     if isinstance(request, BlackBoxRequest):
         experiment, settings = black_box_from_wire(request, read.channels, read.sample_time)
-        found = black_box_to_wire(black_box(experiment, monitor=monitor, **settings))
+        model = black_box(experiment, monitor=monitor, **settings)
+        found, said = black_box_to_wire(model), list(model.warnings)
     elif isinstance(request, InverseDynamicsRequest):
         recording, treatment, terms = drive_from_wire(request, read.channels, read.sample_time)
-        found = drive_to_wire(drive_parameters(recording, treatment, **terms))
+        found, said = drive_to_wire(drive_parameters(recording, treatment, **terms)), read.clipped()
     else:
         signals = read.channels
         curve = static_curve(signals[request.input], signals[request.output], degree=request.degree)
-        found = static_curve_to_wire(curve)
+        found, said = static_curve_to_wire(curve), read.clipped()
     return {**found, "method": request.method, "dataset": request.dataset, "datasets": [request.dataset], "system": None,
-            "warnings": []}  # fmt: skip
+            "warnings": [{"pointer": "/dataset", "detail": sentence} for sentence in said]}  # fmt: skip
 
 
 class _Read:
@@ -80,6 +82,11 @@ class _Read:
         check_lengths({channel: read.channels[channel].size for channel in names.values()}, names)
         self.channels: Mapping[str, Values] = read.channels
         self.sample_time = read.sample_time
+
+    def clipped(self) -> list[str]:
+        """Return a sentence on each end at which a channel is cut."""
+        moving = ((name, values) for name, values in self.channels.items() if not held(values))
+        return [sentence for name, values in moving for sentence in clipped(name, values)]
 
 
 def _names(request: DirectRequest) -> dict[Place, str]:

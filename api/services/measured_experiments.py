@@ -14,7 +14,7 @@ from api.schemas.identifications import FrequencyResponseExperiment
 from api.services.functions import measured_part
 from api.services.measured_frfs import formed, frfs_of, sensors_of
 from api.services.measured_parts import stored_part
-from api.units import UnitError, factor
+from api.services.recordings import check_unit
 from engine.between_samples import BetweenSamples
 from engine.diagram import Diagram
 from engine.spectra.frf import Frf
@@ -79,7 +79,7 @@ def frequency_experiment_of(
         remarks = []
         for output, own in document.outputs.items():
             frf, unit = formed(request, found[own], part.units[own])
-            _check_unit(diagram, output, own, unit)
+            check_unit(unit, diagram.output_units.get(output, ""), channel=own, port=("outputs", output))
             frf = frf if band is None else frf.within(*band)
             responses[output] = _lines(document, frf, nyquist)
             remarks += [f"{output}: {doubt.detail}" for doubt in frf.doubts]
@@ -147,14 +147,3 @@ def _way(way: str, request: FrfRequest, port: str) -> BetweenSamples | None:
             "inputs", port,
         )  # fmt: skip
     return BetweenSamples.BAND_LIMITED
-
-
-def _check_unit(diagram: Diagram, output: str, channel: str, unit: str) -> None:
-    expected = diagram.output_units.get(output, "")
-    try:
-        if expected and unit:
-            factor(unit, expected)
-    except UnitError as error:
-        raise invalid(
-            f"channel {channel!r} must measure output {output} in a unit of {expected}, got {unit}", "outputs", output
-        ) from error

@@ -16,9 +16,9 @@ from api.services import raw_samples
 from api.services.functions import described
 from api.services.groups import parts_of
 from api.services.importing import Plan, options
-from api.services.quality import ChannelQuality, remarks
 from api.services.spooling import Progress, refusing, spooled
 from api.services.timing import Timing, axis_of, said_of_uneven, timing_of
+from engine.signal_quality import ChannelQuality, remarks
 from storage.imports import RAW, Import, open_groups, publish
 from storage.repositories import DatasetRepository
 from storage.session import Database

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from api.convert.recordings import Values
-from api.services.quality import ChannelQuality, remarks
+from engine.signal_quality import ChannelQuality, remarks
 from storage.blobs import iterate_bytes
 from storage.imports import Import
 from storage.models import Dataset

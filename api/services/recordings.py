@@ -55,16 +55,12 @@ def recording_of(
             names[*place, key, name] = channel
     read = read_recording(database, workspace, dataset, names, place=(*place, "dataset"))
     check_lengths({channel: read.channels[channel].size for channel in names.values()}, names)
-    for name, channel in outputs.items():
-        expected, unit = diagram.output_units.get(name, ""), read.units[channel]
-        try:
-            if expected and unit:
-                factor(unit, expected)
-        except UnitError as error:
-            raise invalid(
-                f"channel {channel!r} must measure output {name} in a unit of {expected}, got {unit}",
-                *place, "outputs", name,
-            ) from error  # fmt: skip
+    for key, channels, units in (
+        ("inputs", driving, diagram.references.input_units),
+        ("outputs", outputs, diagram.output_units),
+    ):
+        for name, channel in channels.items():
+            check_unit(read.units[channel], units.get(name, ""), channel=channel, port=(key, name), place=place)
     return Recording(
         inputs={name: read.channels[channel] for name, channel in driving.items()},
         outputs={name: read.channels[channel] for name, channel in outputs.items()},
@@ -72,6 +68,29 @@ def recording_of(
         between_samples={name: BetweenSamples(way) for name, way in ways.items() if way != "auto"},
         undecided=tuple(name for name, way in ways.items() if way == "auto"),
     )
+
+
+def check_unit(unit: str, expected: str, *, channel: str, port: tuple[str, str], place: Place = ()) -> None:
+    """Refuse a channel that measures something else than its port (``inputs`` or ``outputs``, and its name) is.
+
+    Nothing is said where one of the units is not known.
+
+    Raises
+    ------
+    Problem
+        422 at the port.
+    """
+    key, name = port
+    try:
+        if expected and unit:
+            factor(unit, expected)
+    except UnitError as error:
+        raise invalid(
+            f"channel {channel!r} must measure {key.removesuffix('s')} {name} in a unit of {expected}, got {unit}",
+            *place,
+            key,
+            name,
+        ) from error
 
 
 def check_lengths(sizes: Mapping[str, int], names: Mapping[Place, str]) -> None:

@@ -17,6 +17,7 @@ from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
 from optimizers.noise import fitted
 from optimizers.problem import ProblemError
+from optimizers.recorded_data import doubted_data, doubted_samples
 from optimizers.recording import RecordedExperiment
 from optimizers.result import Monitor, Status, Unwatched
 
@@ -30,6 +31,8 @@ _BETTER: Final = 0.3
 _SAMPLES_PER_COEFFICIENT: Final = 10
 _COARSE: Final = 12
 """Steps of the coarse grid of delays."""
+_LITTLE: Final = 10.0
+"""Percent of fit."""
 _PROMISING: Final = 3
 """So many delays of an order are followed to their minimum."""
 
@@ -66,7 +69,9 @@ class BlackBox:
     document : mapping
         A system document with the model.
     status : Status
-        Cancelled where not all orders were tried.
+        Cancelled, or out of time, where not all orders were tried.
+    warnings : tuple of str
+        What is doubtful about the samples, and about the model.
     """
 
     method: Method
@@ -82,6 +87,7 @@ class BlackBox:
     document: Mapping[str, Any]
     status: Status
     seconds: float
+    warnings: tuple[str, ...]
 
 
 def black_box(
@@ -156,6 +162,7 @@ def black_box(
         validation={name: compare(*pair) for name, pair in parts[1].items()},
         one_step=case.predicted(model, delay, constants), baselines=case.trivial(window, offsets=offsets),
         document=_document(case, method, system, best.delay), status=status, seconds=time.perf_counter() - began,
+        warnings=_doubts(experiment, parts[0]),
     )  # fmt: skip
 
 
@@ -228,6 +235,19 @@ class _Case:
         return {
             kind: {name: fits[kind] for name, fits in by_output.items()} for kind in ("mean", "input", "static_gain")
         }
+
+
+def _doubts(experiment: RecordedExperiment, pairs: Mapping[str, tuple[Samples, Samples]]) -> tuple[str, ...]:
+    said = [*doubted_data(experiment)]
+    for name, (measured, simulated) in pairs.items():
+        said += doubted_samples(measured, simulated, name)
+        fit = compare(measured, simulated).fit_percent
+        if fit is not None and fit < _LITTLE:
+            said.append(
+                f"the model explains little of {name} (fit {fit:.3g} %, where the mean of what was measured has 0): do not use it "
+                "before you know why"
+            )
+    return tuple(said)
 
 
 def _judged(tried: Tried) -> float:

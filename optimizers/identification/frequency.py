@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.between_samples import BetweenSamples
+from engine.errors import EngineError
 from engine.evaluation import Evaluation
 from engine.fit import examine_residuals
 from engine.linear.path import connected
@@ -96,6 +97,15 @@ class FrequencyComparison:
             nu = one.freedom
             found.append(math.sqrt((nu - 2) / (nu - 4)) if 4 < nu < math.inf else 1.0)
         return found
+
+    def pairs(self, values: Mapping[str, float]) -> dict[str, tuple[Complex, Complex]]:
+        """Return measured and modelled responses by output; nothing where there is no model at these values."""
+        try:
+            answers = self._values(values)
+        except EngineError:
+            return {}
+        named = zip(self.experiment.responses.items(), answers, strict=True)
+        return {name: (one.value, model) for (name, one), model in named if np.isfinite(model).all()}
 
     def judged(self, values: Mapping[str, float]) -> dict[str, JudgedResponse]:
         """Return how the model stands to each output.

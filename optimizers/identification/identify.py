@@ -15,11 +15,13 @@ from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
 from optimizers.identification.doubts import doubted_responses, doubts, undecided
+from optimizers.identification.plausible import Pairs, implausible, joined
 from optimizers.identification.result import BetweenTried, Fits, Identified, Judged
 from optimizers.identification.search import Search
 from optimizers.identification.starts import first_start
 from optimizers.identification.ways import Tried, tried_ways
 from optimizers.noise import fitted
+from optimizers.recorded_data import doubted_data, doubted_samples
 from optimizers.result import Monitor, Unwatched
 
 if TYPE_CHECKING:
@@ -47,13 +49,16 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
     tried = tried_ways(problem, monitor or Unwatched(), rng)
     best = tried[0]
     search, found, status = best.search, best.found, best.status
-    x = first_start(problem) if found is None else found.x
-    with search.workers():
-        answers = [None] * len(search.comparisons) if found is None else search.answers(x)
-        responses = () if found is None else tuple(r.judged(search.values(x)) for r in search.responses)
-    shown = [_Shown(c, *answer) for c, answer in zip(search.comparisons, answers, strict=True) if answer is not None]
-    cov = None if found is None else covariance(*search.blocks(found))
     unknowns, count = problem.unknowns, len(problem.unknowns)
+    start = np.pad(first_start(problem), (0, search.coordinates - count))
+    x = start if found is None else found.x
+    with search.workers():
+        shown = [] if found is None else _shown(search, x)
+        responses = () if found is None else tuple(r.judged(search.values(x)) for r in search.responses)
+        doubted = () if found is None or search.stopped else implausible(
+            unknowns, x, _pairs(search, _shown(search, start), start), _pairs(search, shown, x)
+        )  # fmt: skip
+    cov = None if found is None else covariance(*search.blocks(found))
     said = () if cov is None or found is None else words.sentences(unknowns, x, cov, found.jacobian)
     unheard = () if found is None else words.silent(unknowns, found.jacobian, x)
     judged = tuple(s.judged() for s in shown) or tuple(_unjudged(e) for e in problem.experiments)
@@ -78,6 +83,9 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
         between_samples=best.way,
         between_tried={one.way: _tried(one) for one in tried if one.way is not None},
         warnings=(
+            *(sentence for e in problem.experiments for sentence in doubted_data(e)),
+            *doubted,
+            *(sentence for one in shown for sentence in one.apart()),
             *doubts(judged, [tuple(e.recording.inputs) for e in _seen(search, shown)]),
             *doubted_responses(problem.frequency, responses),
             *undecided(tried, estimates),
@@ -97,8 +105,17 @@ def _seen(search: Search, shown: Sequence[_Shown]) -> Sequence[RecordedExperimen
     return [s.experiment for s in shown] or search.problem.experiments
 
 
-Pairs = Mapping[str, tuple[Samples, Samples]]
-"""Measured and simulated signals by output."""
+def _shown(search: Search, x: Samples) -> list[_Shown]:
+    """Return the experiments beside the model at coordinates, those that have an answer."""
+    answers = zip(search.comparisons, search.answers(x), strict=True)
+    return [_Shown(comparison, *answer) for comparison, answer in answers if answer is not None]
+
+
+def _pairs(search: Search, shown: Sequence[_Shown], x: Samples) -> Pairs:
+    """Return measured and simulated signals of everything that estimates."""
+    values = search.values(x)
+    recorded = ((one.experiment.name, one.pairs(one.estimation)) for one in shown)
+    return joined((*recorded, *((one.experiment.name, one.pairs(values)) for one in search.responses)))
 
 
 class _Shown:
@@ -132,6 +149,12 @@ class _Shown:
             noise = fitted(own[name][0] - own[name][1])
             found[name] = (measured, measured - noise.innovations(measured - simulated))
         return found
+
+    def apart(self) -> tuple[str, ...]:
+        """Return a sentence on each output with outliers."""
+        where = f" in {self.experiment.name}" if self.experiment.name else ""
+        pairs = self.pairs(self.estimation).items()
+        return tuple(said for name, pair in pairs for said in doubted_samples(*pair, f"{name}{where}"))
 
     def judged(self) -> Judged:
         """Return what is said about this experiment alone."""

@@ -76,21 +76,28 @@ def advice(status: Status, unknowns: Sequence[Unknown], x: Samples, indistinguis
         said.append(
             "The search had not settled when its evaluations or its time were used up: start nearer, or narrow the bounds."
         )
-    for unknown, c in zip(unknowns, x, strict=False):
-        value = unknown.value(float(c))
-        for side, bound in (("lower", unknown.lower), ("upper", unknown.upper)):
-            if value == bound == 0:
-                said.append(f"{unknown.parameter} came to rest at 0: the recording shows none of it.")
-            elif math.isfinite(bound) and math.isclose(value, bound, rel_tol=1e-9):
-                limit = f"{bound:.4g} {unknown.unit}".rstrip()
-                said.append(
-                    f"{unknown.parameter} came to rest at its {side} bound {limit}: the recording asks for more room."
-                )
+    said += [f"{sentence}." for sentence in at_bounds(unknowns, x)]
     if indistinguishable:
         said.append(
             "Fix one of the parameters that are hard to tell apart, or design for every combination that the intervals allow."
         )
     return " ".join(said)
+
+
+def at_bounds(unknowns: Sequence[Unknown], x: Samples) -> list[str]:
+    """Return a sentence on each parameter that came to rest at a bound."""
+    said = []
+    for unknown, c in zip(unknowns, x, strict=False):
+        value = unknown.value(float(c))
+        for side, bound in (("lower", unknown.lower), ("upper", unknown.upper)):
+            if value == bound == 0:
+                said.append(f"{unknown.parameter} came to rest at 0: the recording shows none of it")
+            elif math.isfinite(bound) and math.isclose(value, bound, rel_tol=1e-9):
+                limit = f"{bound:.4g} {unknown.unit}".rstrip()
+                said.append(
+                    f"{unknown.parameter} came to rest at its {side} bound {limit}: the recording asks for more room"
+                )
+    return said
 
 
 def _interval(unknown: Unknown, x: float, deviation: float) -> tuple[float, float]:
