@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
-import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Annotated, Any
 
-import numpy as np
 from fastapi import Depends, Header, Query, Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+from starlette.types import Receive
 
-from api.convert.values import listed
 from api.problems import Problem
+from api.services.computing import Recall
 from api.services.installation import Caller, Installation
-from api.services.results import Study, keep
+from api.services.results import encoded, keep
+from api.services.studied import studied
 from storage.repositories import Answer, IdempotencyRepository
+from storage.repositories.idempotency import Claim
 
 JSON = "application/json"
 #: The longest answer (bytes) that is kept for a repetition of a request that creates nothing.
@@ -40,8 +44,7 @@ InstallationDep = Annotated[Installation, Depends(installation)]
 
 def answer(body: Any, *, status: int = 200, headers: Mapping[str, str] | None = None) -> Answer:
     """Return a reply whose body is JSON, arrays as lists; a NaN outside of them is an error of ours, never an answer."""
-    text = json.dumps(body, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=_json)
-    return Answer(status_code=status, headers=dict(headers or {}), body=text.encode())
+    return Answer(status_code=status, headers=dict(headers or {}), body=encoded(body))
 
 
 def shown_once(
@@ -52,12 +55,6 @@ def shown_once(
     return replace(kept, first_body=answer({**body, **secret}).body)
 
 
-def _json(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return listed(value)
-    raise TypeError(f"a reply must be made of JSON values and arrays, got {type(value).__name__}")
-
-
 def respond(given: Answer, *, replayed: bool = False) -> Response:
     """Return the response that carries an answer."""
     headers = dict(given.headers) | ({"Idempotency-Replayed": "true"} if replayed else {})
@@ -65,11 +62,41 @@ def respond(given: Answer, *, replayed: bool = False) -> Response:
     return Response(body, status_code=given.status_code, headers=headers, media_type=JSON)
 
 
+@asynccontextmanager
+async def recalled(receive: Receive) -> AsyncIterator[Recall]:
+    """Give what ends a computation when the caller, whose body has been read, goes away before it is answered."""
+    recall = Recall()
+
+    async def listen() -> None:
+        while (await receive())["type"] != "http.disconnect":
+            continue
+        recall.ask()
+
+    listening = asyncio.create_task(listen())
+    try:
+        yield recall
+    finally:
+        listening.cancel()
+
+
 class Creation:
     """A POST that creates, done once for each ``Idempotency-Key``."""
 
-    def __init__(self, service: Installation, *, principal: str, key: str | None, endpoint: str, body: bytes) -> None:
+    def __init__(
+        self,
+        service: Installation,
+        *,
+        principal: str,
+        key: str | None,
+        endpoint: str,
+        body: bytes,
+        receive: Receive,
+        request_id: str,
+    ) -> None:
+        self._service = service
         self._database = service.database
+        self._receive = receive
+        self._request_id = request_id
         self._principal = principal
         self._key = key
         self._endpoint = endpoint
@@ -77,44 +104,68 @@ class Creation:
 
     def create(self, work: Callable[[Session], Answer]) -> Response:
         """Do ``work`` in one transaction with the stored answer, or repeat the answer that was given before."""
-        return self._once(lambda: work, creates=True)
-
-    def study(self, caller: Caller, kind: str, compute: Callable[[], Study], *, kept: bool) -> Response:
-        """Compute outside of any transaction; then store the answer, and the study itself if it is to be kept."""
-        if not kept and self._key is None:
-            return respond(answer(compute().body))
-
-        def prepare() -> Callable[[Session], Answer]:
-            computed = compute()
-            return lambda session: answer(keep(session, caller, kind, computed) if kept else computed.body)
-
-        return self._once(prepare, creates=kept)
-
-    def _once(self, prepare: Callable[[], Callable[[Session], Answer]], *, creates: bool) -> Response:
-        if self._key is None:
-            work = prepare()
-            with self._database.session() as session:
-                given = work(session)
-            return respond(given)
-        with self._database.session() as session:
-            claim = self._keys(session).claim(self._key, endpoint=self._endpoint, body_sha256=self._body_sha256)
+        claim = self._claim()
         if isinstance(claim, Answer):
             return respond(claim, replayed=True)
         done = False
         try:
-            work = prepare()
-            with self._database.session() as session:
-                given = work(session)
-                # What creates nothing comes out the same again: a large answer need not be kept to be repeated.
-                repeatable = creates or len(given.body) <= _LARGEST_KEPT
-                if repeatable:
-                    self._keys(session).finish(claim, given)
-            done = repeatable
+            given, done = self._write(claim, work, creates=True)
         finally:
             if not done:
-                with self._database.session() as session:
-                    self._keys(session).abandon(claim)
+                self._abandon(claim)
         return respond(given)
+
+    async def study(self, caller: Caller, kind: str, request: Any, *, kept: bool) -> Response:
+        """Compute outside of any transaction; then store the answer, and the study itself if it is to be kept.
+
+        Raises
+        ------
+        RecalledError
+            When the caller has left.
+        """
+        async with recalled(self._receive) as recall:
+            claim = await run_in_threadpool(self._claim) if self._key is not None else None
+            if isinstance(claim, Answer):
+                return respond(claim, replayed=True)
+            done = False
+            try:
+                study = await studied(
+                    self._service, caller, kind, request, recall=recall, request_id=self._request_id, kept=kept
+                )
+                if not kept and claim is None:
+                    return respond(Answer(status_code=200, headers={}, body=study.reply()))
+
+                def work(session: Session) -> Answer:
+                    number = keep(session, caller, kind, study) if kept else None
+                    return Answer(status_code=200, headers={}, body=study.reply(number))
+
+                given, done = await run_in_threadpool(self._write, claim, work, creates=kept)
+            finally:
+                if claim is not None and not done:
+                    await run_in_threadpool(self._abandon, claim)
+        return respond(given)
+
+    def _claim(self) -> Claim | Answer | None:
+        """Return the claim to answer this key, or the answer that it was given; None without a key."""
+        if self._key is None:
+            return None
+        with self._database.session() as session:
+            return self._keys(session).claim(self._key, endpoint=self._endpoint, body_sha256=self._body_sha256)
+
+    def _write(self, claim: Claim | None, work: Callable[[Session], Answer], *, creates: bool) -> tuple[Answer, bool]:
+        """Return the answer, and whether it is kept for this key."""
+        with self._database.session() as session:
+            given = work(session)
+            # What creates nothing comes out the same again: a large answer need not be kept to be repeated.
+            repeatable = creates or len(given.body) <= _LARGEST_KEPT
+            if claim is not None and repeatable:
+                self._keys(session).finish(claim, given)
+        return given, repeatable
+
+    def _abandon(self, claim: Claim | None) -> None:
+        if claim is not None:
+            with self._database.session() as session:
+                self._keys(session).abandon(claim)
 
     def _keys(self, session: Session) -> IdempotencyRepository:
         return IdempotencyRepository(session, self._principal)
@@ -134,7 +185,10 @@ async def creation(
     caller: Caller = request.state.caller
     query = f"?{request.url.query}" if request.url.query else ""
     endpoint = f"{request.method} {request.url.path}{query}"
-    return Creation(service, principal=caller.principal, key=key, endpoint=endpoint, body=await request.body())
+    return Creation(
+        service, principal=caller.principal, key=key, endpoint=endpoint, body=await request.body(),
+        receive=request.receive, request_id=request.state.request_id,
+    )  # fmt: skip
 
 
 CreationDep = Annotated[Creation, Depends(creation)]

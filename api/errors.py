@@ -26,6 +26,11 @@ from storage.errors import (
     why_unavailable,
 )
 
+
+class RecalledError(Exception):
+    """A computation was ended, or did not begin, because nobody waits for it any more: there is nobody to tell."""
+
+
 #: Storage's exceptions: status and the last part of the type URI.
 _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     NotFoundError: (404, "not-found"),

@@ -16,12 +16,14 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
-from api.errors import KNOWN, problem_of
+from api.errors import KNOWN, RecalledError, problem_of
 from api.pointers import place_in
 from api.problems import MEDIA_TYPE, Fault, Problem, invalid_document
 
 _log = logging.getLogger("servotune.api")
 _MOST_FAULTS = 50
+#: Of a request whose client did not wait for the answer.
+_LEFT = 499
 _METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
 
 
@@ -149,6 +151,10 @@ def _on_known(_: Request, error: Exception) -> Response:
     return problem_response(problem)
 
 
+def _on_recalled(_: Request, __: Exception) -> Response:
+    return Response(status_code=_LEFT)  # nobody reads it; it is counted
+
+
 def _on_unknown(request: Request, error: Exception) -> Response:
     number = request.state.request_id
     _log.error("request %s, %s %s, failed", number, request.method, request.url.path, exc_info=error)
@@ -168,4 +174,5 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _on_http)
     for kind in KNOWN:
         app.add_exception_handler(kind, _on_known)
+    app.add_exception_handler(RecalledError, _on_recalled)
     app.add_exception_handler(Exception, _on_unknown)

@@ -17,14 +17,13 @@ from typing import Any, TypeVar
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
-from starlette.concurrency import run_in_threadpool
 
 from api.bodies import parse
-from api.errors import KNOWN, problem_of
+from api.errors import KNOWN, RecalledError, problem_of
 from api.handlers import validation_problem
 from api.problems import Problem, invalid
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
-from api.services.computing import Recall, RecalledError
+from api.services.computing import Recall
 from api.services.installation import Caller, Installation
 from api.services.live import Panel, curves, measured, open_panel
 
@@ -45,6 +44,8 @@ class _Letterbox:
     opening: LiveOpen | Problem | None = None
     values: LiveSet | None = None
     closed: bool = False
+    #: Ends what is being computed.
+    recall: Recall | None = None
     arrived: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -57,11 +58,28 @@ class _Letterbox:
             self.arrived.clear()
             await self.arrived.wait()
 
+    def close(self) -> None:
+        """Tell that the page is gone: what is computed for it ends."""
+        self.closed = True
+        self.arrived.set()
+        if self.recall is not None:
+            self.recall.ask()
+
     async def rests(self, seconds: float) -> bool:
         """Say whether nothing new comes for some time."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self.wait(), seconds)
         return self.empty
+
+
+@dataclass(frozen=True)
+class _Page:
+    """One front panel."""
+
+    socket: WebSocket
+    box: _Letterbox
+    service: Installation
+    caller: Caller
 
 
 @router.websocket("/v1/live")
@@ -77,7 +95,7 @@ async def live(socket: WebSocket) -> None:
     reading = asyncio.create_task(_read(socket, box, service.settings.body_limit))
     try:
         with suppress(WebSocketDisconnect):
-            await _answer(socket, box, service, caller)
+            await _answer(_Page(socket, box, service, caller))
     finally:
         reading.cancel()
         await asyncio.gather(reading, return_exceptions=True)
@@ -101,8 +119,7 @@ async def _read(socket: WebSocket, box: _Letterbox, limit: int) -> None:
     except (WebSocketDisconnect, KeyError):  # KeyError: a binary frame, where only texts make sense
         return
     finally:
-        box.closed = True
-        box.arrived.set()
+        box.close()
 
 
 def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
@@ -117,7 +134,8 @@ def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
         return validation_problem([{**found, "loc": ("body", *found["loc"])} for found in error.errors()], body)
 
 
-async def _answer(socket: WebSocket, box: _Letterbox, service: Installation, caller: Caller) -> None:
+async def _answer(page: _Page) -> None:
+    box = page.box
     panel: Panel | None = None
     while True:
         await box.wait()
@@ -125,48 +143,46 @@ async def _answer(socket: WebSocket, box: _Letterbox, service: Installation, cal
             return
         if box.opening is not None:
             opening, box.opening = box.opening, None
-            panel = await _opened(socket, service, caller, opening, panel)
+            panel = await _opened(page, opening, panel)
         elif box.values is not None:
             asked, box.values = box.values, None
             if panel is None:
                 await _refuse(
-                    socket, Problem(409, "conflict", "a system must be opened before values are set"), asked.seq
+                    page.socket, Problem(409, "conflict", "a system must be opened before values are set"), asked.seq
                 )
             else:
-                await _computed(socket, box, service, panel, asked)
+                await _computed(page, panel, asked)
 
 
-async def _opened(
-    socket: WebSocket, service: Installation, caller: Caller, opening: LiveOpen | Problem, before: Panel | None
-) -> Panel | None:
+async def _opened(page: _Page, opening: LiveOpen | Problem, before: Panel | None) -> Panel | None:
     """Open a system; where that is not possible, what was open stays."""
     if isinstance(opening, Problem):
-        await _refuse(socket, opening, None)
+        await _refuse(page.socket, opening, None)
         return before
-    found = await _try(socket, None, partial(open_panel, service, caller, opening))
+    found = await _try(page, None, partial(open_panel, page.service, page.caller, opening))
     if found is None:
         return before
     panel, told = found
-    await socket.send_json(told)
+    await page.socket.send_json(told)
     return panel
 
 
-async def _computed(socket: WebSocket, box: _Letterbox, service: Installation, panel: Panel, asked: LiveSet) -> None:
-    frame = await _try(socket, asked.seq, partial(curves, service, panel, asked.seq, asked.vectors))
+async def _computed(page: _Page, panel: Panel, asked: LiveSet) -> None:
+    socket, box, service = page.socket, page.box, page.service
+    frame = await _try(page, asked.seq, partial(curves, service, panel, asked.seq, asked.vectors))
     if frame is None:
         return
     await socket.send_bytes(frame)
     for variant, vector in enumerate(asked.vectors[: asked.measure] if panel.metrics else ()):
         if not await box.rests(REST if variant == 0 else 0.0):
             return
-        recall = Recall()
-        work = partial(measured, service, panel, asked.seq, variant, vector, recall=recall)
-        told = await _unless_newer(box, _try(socket, asked.seq, work), recall)
+        work = partial(measured, service, panel, asked.seq, variant, vector)
+        told = await _unless_newer(box, _try(page, asked.seq, work))
         if told is not None:
             await socket.send_json(told)
 
 
-async def _unless_newer(box: _Letterbox, work: Coroutine[Any, Any, T | None], recall: Recall) -> T | None:
+async def _unless_newer(box: _Letterbox, work: Coroutine[Any, Any, T | None]) -> T | None:
     """Return what ``work`` returns; it is recalled, and None returned, when the page says anything new meanwhile.
 
     A nonlinear system is measured for seconds: its curves are not to wait for that.
@@ -176,22 +192,26 @@ async def _unless_newer(box: _Letterbox, work: Coroutine[Any, Any, T | None], re
         await asyncio.wait({working, news}, return_when=asyncio.FIRST_COMPLETED)
     finally:
         news.cancel()
-        if not working.done():
-            recall.ask()
+        if not working.done() and box.recall is not None:
+            box.recall.ask()
     return await working
 
 
-async def _try(socket: WebSocket, seq: int | None, work: Callable[[], T]) -> T | None:
+async def _try(page: _Page, seq: int | None, work: Callable[[], T]) -> T | None:
     """Return what ``work`` returns, or tell the page why there is nothing and return None."""
+    computing, caller = page.service.computing, page.caller
+    recall = page.box.recall = Recall()
     try:
-        return await run_in_threadpool(work)
+        return await computing.in_thread(computing.threads, caller.workspace, caller.principal, work, recall=recall)
     except RecalledError:
         return None
     except KNOWN as error:
         problem = problem_of(error)
         assert problem is not None
-        await _refuse(socket, problem, seq)
+        await _refuse(page.socket, problem, seq)
         return None
+    finally:
+        page.box.recall = None
 
 
 async def _refuse(socket: WebSocket, problem: Problem, seq: int | None) -> None:

@@ -64,9 +64,9 @@ _PROBLEMS = {
     413: "the body is too large",
     422: "the document is wrong: `errors` says where",
     428: "`If-Match` is missing",
-    429: "too many requests, or too many unfinished jobs: `Retry-After` says when to come again",
+    429: "too many requests, too many that wait to be computed, or too many unfinished jobs: `Retry-After` says when to come again",
     500: "an error of the software; the log says more under the request's id",
-    503: "the database or a computing slot is not to be had; `Retry-After` says when to come again",
+    503: "the database, or what computes, is not to be had; `Retry-After` says when to come again",
 }
 
 
@@ -186,6 +186,7 @@ def create_app(
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             await courier.close()
+            await run_in_threadpool(service.computing.close)
             service.callers.uses.write()
             queue.close()
             database.dispose()

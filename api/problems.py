@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -65,6 +66,10 @@ class Problem(Exception):  # noqa: N818 -- the name that RFC 9457 gives to the t
         self.faults = tuple(faults)
         self.headers = dict(headers or {})
         self.extra = dict(extra or {})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        given: dict[str, Any] = {"faults": self.faults, "headers": self.headers, "extra": self.extra}
+        return partial(type(self), self.status, self.kind, self.detail, **given), ()
 
     def within(self, *prefix: str | int) -> Problem:
         """Return this problem with ``prefix`` put before the place of every fault."""

@@ -81,8 +81,8 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
     Refusal
         With the problem that the user should read.
     """
-    limit = _bound_memory(Settings().job_memory)
-    with _database(job.database_url) as database:
+    limit = bound_memory(Settings().job_memory)
+    with opened(job.database_url) as database:
         try:
             found = _RUN[job.kind](job, database, reporter)
             return found if isinstance(found, Parts) else {**found, "versions": versions()}
@@ -96,8 +96,8 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
             raise Refusal(**document) from error
 
 
-def _bound_memory(limit: int) -> int:
-    """Let this process, which computes one job and ends, have no more memory than that; 0 is as much as there is."""
+def bound_memory(limit: int) -> int:
+    """Let this process, which computes one thing and ends, have no more memory than that; 0 is as much as there is."""
     if limit:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     return limit
@@ -147,7 +147,8 @@ _RUN = {
 
 
 @contextmanager
-def _database(url: str) -> Iterator[Database]:
+def opened(url: str) -> Iterator[Database]:
+    """Open the database for as long as this process computes."""
     database = open_database(url)
     try:
         yield database

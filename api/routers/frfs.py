@@ -15,9 +15,9 @@ router = APIRouter(prefix="/v1/frfs", tags=["studies"], route_class=DocumentRout
 
 
 @router.post("", response_model=FrfReply, summary="Frequency response function of a recording")
-def frf(request: FrfRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
+async def frf(request: FrfRequest, caller: Runner, creation: CreationDep) -> Response:
     """Averaged, of a multisine or of stepped sines; coherence, confidence bands, sensor corrections, modes, a model beside it."""
-    return creation.study(caller, frfs.KIND, lambda: frfs.run_frf(service, caller, request), kept=request.keep)
+    return await creation.study(caller, frfs.KIND, request, kept=request.keep)
 
 
 @router.get(

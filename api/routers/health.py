@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import PlainTextResponse
-from starlette.concurrency import run_in_threadpool
 
 from api.calls import InstallationDep, answer, respond
 from api.metrics import MEDIA_TYPE, Metrics
@@ -12,6 +12,8 @@ from api.schemas.replies import Health, Readiness
 from api.services.health import readiness
 
 router = APIRouter(tags=["health"])
+#: A thread of its own: whoever asks whether the service works waits for nobody who works.
+_ONE = CapacityLimiter(1)
 
 
 @router.get("/healthz", response_model=Health, summary="Is the process alive?")
@@ -23,7 +25,7 @@ async def healthz() -> Response:
 @router.get("/readyz", response_model=Readiness, summary="Can the service work?")
 async def readyz(service: InstallationDep) -> Response:
     """200 when the database answers, migrations are current and the worker beside the service is alive; else 503."""
-    ready, body = await run_in_threadpool(readiness, service)
+    ready, body = await to_thread.run_sync(readiness, service, limiter=_ONE)
     return respond(answer(body, status=200 if ready else 503))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
@@ -23,7 +25,9 @@ router = APIRouter(prefix="/v1/processings", tags=["datasets"], route_class=Docu
     responses={202: {"model": DatasetReply, "description": "a long recording: a job computes it"}},
     summary="Process recordings",
 )
-def create(request: ProcessingRequest, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
+async def create(
+    request: ProcessingRequest, caller: Runner, service: InstallationDep, creation: CreationDep
+) -> Response:
     """Calibrate, filter, cut, resample, differentiate, integrate, merge: a new recording that remembers its sources and steps."""
 
     def work(session: Session) -> Answer:
@@ -37,4 +41,7 @@ def create(request: ProcessingRequest, caller: Runner, service: InstallationDep,
         headers = {"Location": f"/v1/jobs/{started.job['id']}", "Retry-After": "1"}
         return answer({**started.dataset, "job": started.job}, status=202, headers=headers)
 
-    return creation.create(work)
+    computing = service.computing
+    return await computing.in_thread(
+        computing.threads, caller.workspace, caller.principal, partial(creation.create, work)
+    )

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Response
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from api.auth import Runner
 from api.bodies import DocumentRoute
@@ -29,7 +30,7 @@ Prefer = Annotated[
     responses={202: {"model": JobReply, "description": "A worker validates"}},
     summary="Measured against simulated",
 )
-def validate(
+async def validate(
     request: ValidationRequest,
     caller: Runner,
     service: InstallationDep,
@@ -38,10 +39,8 @@ def validate(
 ) -> Response:
     """Fit measures by name, trivial baselines, residual tests, the verdict against a limit, and what to try if it fails."""
     if prefer is None or "respond-async" not in prefer.lower():
-        return creation.study(
-            caller, validations.KIND, lambda: validations.run_validation(service, caller, request), kept=request.keep
-        )
-    subject = validations.prove(service, caller, request)
+        return await creation.study(caller, validations.KIND, request, kept=request.keep)
+    subject = await run_in_threadpool(validations.prove, service, caller, request)
 
     def work(session: Session) -> Answer:
         job = validations.submit(service, session, caller, request, subject)
@@ -52,4 +51,4 @@ def validate(
         }
         return answer(job, status=202, headers=headers)
 
-    return creation.create(work)
+    return await run_in_threadpool(creation.create, work)

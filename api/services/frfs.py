@@ -23,6 +23,7 @@ from api.convert.values import band_from_wire, number, numbers, overrides_from_w
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.frfs import FrfRequest
+from api.services import costs
 from api.services.functions import measured_part
 from api.services.installation import Caller, Installation
 from api.services.measured_frfs import formed, frfs_of, segment_of, sensors_of
@@ -54,7 +55,8 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     subject = None if request.system is None else subject_of(service, caller, request.system)
     if subject is not None:
         _check_path(request, subject)
-    with service.computing.slot(), at():
+    cost = costs.of_numbers(sum(part.size for channel in measured.channels.values() for part in channel))
+    with service.computing.slot(cost), at():
         found = frfs_of(request, measured, names, sensors)
         first = next(iter(found.values()))
         check_lines(service, first.frequency.size, curves=9 * len(names))

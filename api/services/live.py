@@ -21,7 +21,6 @@ from api.convert.studies import check_metrics
 from api.convert.values import measured_to_wire, number, opening
 from api.problems import at, invalid
 from api.schemas.live import LiveOpen
-from api.services.computing import Recall
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
 from api.services.live_overlay import overlays
@@ -325,20 +324,18 @@ def _frame(header: dict[str, Any], arrays: Mapping[str, Real]) -> bytes:
     return b"".join([struct.pack("<I", len(text)), text, *parts])
 
 
-def measured(
-    service: Installation, panel: Panel, seq: int, variant: int, vector: Sequence[float], *, recall: Recall
-) -> dict[str, Any]:
+def measured(service: Installation, panel: Panel, seq: int, variant: int, vector: Sequence[float]) -> dict[str, Any]:
     """Return the metrics at one vector and, of the first, the elasticities by every parameter: the exact path.
 
     Raises
     ------
     RecalledError
-        When ``recall`` was asked meanwhile.
+        When it was recalled meanwhile.
     """
     overrides = panel.overrides(vector)
     names = list(panel.metrics)
     gradient = panel.parameters if variant == 0 else ()
-    with service.computing.slot(recall):
+    with service.computing.slot():
         found = measure(panel.diagram, list(panel.metrics.values()), overrides=overrides, gradient=gradient)
     elasticities: dict[str, dict[str, float | None]] = {}
     for name, (value, slopes) in zip(names, found, strict=True):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
 from sqlalchemy.orm import Session
 
+from api.convert.values import listed
 from api.services.installation import Caller
 from storage.lineage import remember, sources_in
 from storage.models import Result
@@ -18,11 +21,32 @@ from storage.repositories import ResultRepository
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """A computed reply, what asked for it, and the stored system it used (None for a document in the request)."""
+    """A computed reply, what asked for it, the stored system it used (None for a document in the request), and its text."""
 
     body: dict[str, Any]
     request: dict[str, Any] = field(default_factory=dict)
     system: Mapping[str, Any] | None = None
+    text: bytes = b""
+
+    def reply(self, identifier: str | None = None) -> bytes:
+        """Return the text that is sent, with the identifier of what was kept in front."""
+        return self.text if identifier is None else b'{"id":' + encoded(identifier) + b"," + self.text[1:]
+
+
+def encoded(body: Any) -> bytes:
+    """Return JSON, arrays as lists; a NaN outside of them is an error of ours, never an answer."""
+    return json.dumps(body, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=_json).encode()
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return listed(value)
+    raise TypeError(f"a reply must be made of JSON values and arrays, got {type(value).__name__}")
+
+
+def with_text(study: Study) -> Study:
+    """Return a study with the text that is sent, made where it is computed: a long one takes seconds."""
+    return replace(study, text=encoded(study.body))
 
 
 @cache
@@ -31,8 +55,8 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("servotune", "numpy", "scipy")}
 
 
-def keep(session: Session, caller: Caller, kind: str, study: Study) -> dict[str, Any]:
-    """Remember a study; return its body with the identifier it is found under."""
+def keep(session: Session, caller: Caller, kind: str, study: Study) -> str:
+    """Remember a study; return the identifier it is found under."""
     row = ResultRepository(session, caller.workspace).create(
         kind=kind,
         body=study.body,
@@ -42,7 +66,7 @@ def keep(session: Session, caller: Caller, kind: str, study: Study) -> dict[str,
         versions=versions(),
     )
     remember(session, caller.workspace, row.id, sources_in([study.request, study.system]))
-    return {"id": row.id, **study.body}
+    return row.id
 
 
 def result_to_wire(repository: ResultRepository, row: Result) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from api.convert.spectra import (
 from api.convert.values import band_from_wire, number, optional_si
 from api.problems import at, invalid
 from api.schemas.spectra import SpectrumRequest
+from api.services import costs
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
 from api.services.measured_parts import check_lines, part_of_recording
@@ -56,7 +57,7 @@ def _recorded(service: Installation, caller: Caller, request: SpectrumRequest) -
     rate, unit, experiments = part.rate, part.units[channel], part.experiments(channel)
     if request.fundamental is not None and len(experiments) > 1:
         raise invalid(f"part must lie in one experiment for harmonics, got {len(experiments)} of them", "part")
-    with service.computing.slot(), at():
+    with service.computing.slot(costs.of_numbers(sum(map(len, experiments)))), at():
         body = _estimate(request, experiments, rate, unit)
     # a variant like those of a simulated output, so that one reader serves both
     variant = {"parameters": {}, "verdict": "ok", **body}
@@ -94,7 +95,10 @@ def _simulated(service: Installation, caller: Caller, request: SpectrumRequest) 
                 raise invalid(error.message, *error.at) from error
             return {"frequency": [], "value": [], "verdict": error.verdict, "advice": error.message}, ()
 
-    body = each(service, subject, variants, compute, {"frequency": [], "value": []})
+    duration = duration_from_wire(request.duration, place=("duration",))
+    cost = costs.of_system(diagram, duration=duration, variants=len(variants), overrides=variants[0].overrides)
+    cost += costs.of_numbers(3 * request.samples * len(variants))
+    body = each(service, subject, variants, compute, {"frequency": [], "value": []}, cost=cost)
     length, rate = rates[0] if rates else (request.samples, 1.0)
     return study_of(subject, {**_head(request, unit, length, rate), **body}, request)
 

@@ -30,6 +30,7 @@ from api.convert.values import band_from_wire, changes_from_wire, opening, optio
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
+from api.services import costs
 from api.services.datasets import channel_reader
 from api.services.installation import Caller, Installation
 from api.services.results import Study
@@ -118,8 +119,10 @@ def run_simulation(service: Installation, caller: Caller, request: SimulationReq
         )
         return simulation_to_wire(found), found.warnings
 
+    cost = costs.of_system(diagram, duration=duration, variants=len(variants), overrides=variants[0].overrides)
+    cost += costs.of_numbers(request.samples * (len(outputs) + 1) * len(variants))
     empty = {"time": [], "outputs": {name: [] for name in outputs}, "metrics": {name: {} for name in outputs}}
-    return study_of(subject, each(service, subject, variants, compute, empty), request)
+    return study_of(subject, each(service, subject, variants, compute, empty, cost=cost), request)
 
 
 def each(
@@ -128,11 +131,13 @@ def each(
     variants: Sequence[Variant],
     compute: Callable[[Variant], tuple[dict[str, Any], Sequence[Any]]],
     empty: Mapping[str, Any],
+    *,
+    cost: float,
 ) -> dict[str, Any]:
     """Compute one variant after the other; one whose algebraic loop has no solution is ``empty`` with that verdict."""
     listed: list[dict[str, Any]] = []
     remarks: list[Any] = list(subject.diagram.warnings)
-    with service.computing.slot():
+    with service.computing.slot(cost):
         for variant in variants:
             try:
                 body, found = compute(variant)
@@ -176,9 +181,10 @@ def run_frequency_response(service: Installation, caller: Caller, request: Frequ
         return frequency_to_wire(found), found.warnings
 
     curves = ("frequency", "magnitude", "phase", "real", "imag", "poles")
-    return study_of(
-        subject, each(service, subject, variants, compute, {"metrics": {}, **{name: [] for name in curves}}), request
-    )
+    cost = costs.of_system(diagram, duration=0.0, variants=len(variants), overrides=variants[0].overrides)
+    cost += costs.of_numbers(count * 5 * (1 + len(paths)) * len(variants))
+    empty: dict[str, Any] = {"metrics": {}, **{name: [] for name in curves}}
+    return study_of(subject, each(service, subject, variants, compute, empty, cost=cost), request)
 
 
 def _check_path(request: FrequencyRequest, source: str | None, target: str | None, diagram: Diagram) -> None:
@@ -270,11 +276,12 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
     }
     commands = _check_parameters(request.parameters, diagram, {request.input: signal})
     parameters = tuple(dict.fromkeys(request.parameters))
-    with service.computing.slot(), at("system"):
+    cost = costs.of_system(diagram, duration=duration, variants=len(metrics) * (1 + 0.3 * len(parameters)))
+    with service.computing.slot(cost), at("system"):
         found = influence(diagram, requests, parameters, change=request.change, commands=commands)
     body = influence_to_wire(found)
     if request.predict is not None:
-        body["predictions"] = _predictions(service, request.predict, diagram, requests)
+        body["predictions"] = _predictions(service, request.predict, diagram, requests, cost=cost)
     return study_of(subject, {**body, "warnings": subject.warnings()}, request)
 
 
@@ -283,11 +290,13 @@ def _predictions(
     given: Sequence[Mapping[str, Any]],
     diagram: Diagram,
     requests: Mapping[str, MetricRequest],
+    *,
+    cost: float,
 ) -> list[dict[str, Any]]:
     """Return every metric as predicted for each set of changes, beside its exact value."""
     changes = [changes_from_wire(change, diagram, place=("predict", i)) for i, change in enumerate(given)]
     found = []
-    with service.computing.slot():
+    with service.computing.slot(cost * len(changes)):
         for i, change in enumerate(changes):
             with at("predict", i):
                 found.append(prediction_to_wire(predict(diagram, requests, change)))

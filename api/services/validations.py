@@ -20,7 +20,7 @@ from api.convert.values import overrides_from_wire, si
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.validations import ValidationRequest
-from api.services import jobs
+from api.services import costs, jobs
 from api.services.identified import Adjusted, adjusted_by
 from api.services.installation import Caller, Installation
 from api.services.recordings import recording_of
@@ -307,7 +307,10 @@ def run_validation(service: Installation, caller: Caller, request: ValidationReq
         )
     prepared = prepare(request, subject.diagram, database=service.database, workspace=caller.workspace)
     _check_size(service, prepared)
-    with service.computing.slot():
+    seconds = (prepared.part.stop - prepared.begin) * prepared.recording.sample_time
+    runs = 1 + len(prepared.movable)
+    cost = costs.of_system(prepared.diagram, duration=seconds, variants=runs, overrides=prepared.overrides)
+    with service.computing.slot(cost + costs.of_numbers(10 * samples)):
         found = compute(prepared, seconds=service.settings.request_seconds / 3)
     body = _wire(found, prepared, reference=subject.reference, warnings=subject.warnings())
     return Study(

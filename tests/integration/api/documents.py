@@ -74,6 +74,22 @@ LAG: dict[str, Any] = {
     "outputs": {"y": "plant"},
 }
 
+
+def chain(masses: int) -> dict[str, Any]:
+    """Return masses between springs, lightly damped: it swings for an hour."""
+    stiffness = 2.0 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1)
+    a = np.block([[np.zeros((masses, masses)), np.eye(masses)], [-1e6 * stiffness, -0.5 * stiffness]])
+    b, c = np.zeros((2 * masses, 1)), np.zeros((1, 2 * masses))
+    b[masses], c[0, masses - 1] = 1.0, 1.0
+    matrices = {"A": a.tolist(), "B": b.tolist(), "C": c.tolist(), "D": [[0]]}
+    return {
+        "name": "chain",
+        "blocks": {"u": {"kind": "input"}, "chain": {"kind": "state_space", **matrices}},
+        "connections": [{"from": "u", "to": "chain"}],
+        "outputs": {"y": "chain"},
+    }
+
+
 STEP: dict[str, Any] = {"port": "reference", "signal": {"kind": "step"}}
 
 

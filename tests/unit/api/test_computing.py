@@ -1,15 +1,17 @@
-"""A request computes for a bounded time, and not more of them at once than there are slots."""
+"""A request computes for a bounded time, and ends when nobody waits for it."""
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 
 import numpy as np
 import pytest
 
+from api.errors import RecalledError
 from api.problems import Problem
-from api.services.computing import Computing, Recall, RecalledError
+from api.services.computing import Computing, LargeError, Recall
 from api.settings import Settings
 
 
@@ -34,19 +36,19 @@ def test_what_is_in_time_passes() -> None:
 
 
 def test_what_takes_too_long_is_stopped_and_says_so() -> None:
-    slots = computing(request_seconds=0.2, compute_slots=1)
+    slots = computing(request_seconds=0.2)
     began = time.monotonic()
     with pytest.raises(Problem, match=r"within 0\.2 s") as caught, slots.slot():
         busy(30)
     assert time.monotonic() - began < 5
     assert caught.value.status == 422
-    with slots.slot():  # the slot is free again, and nothing is raised later
+    with slots.slot():  # nothing is raised later
         busy(0.05)
     time.sleep(0.3)
 
 
 def test_an_alarm_never_goes_off_after_the_computation() -> None:
-    slots = computing(request_seconds=0.01, compute_slots=1)
+    slots = computing(request_seconds=0.01)
     stopped = 0
     for _ in range(200):
         try:
@@ -58,56 +60,59 @@ def test_an_alarm_never_goes_off_after_the_computation() -> None:
     assert stopped <= 200
 
 
-def test_what_nobody_waits_for_any_more_is_ended_and_its_slot_is_free() -> None:
-    slots, recall = computing(request_seconds=30, compute_slots=1), Recall()
-    began = time.monotonic()
-    threading.Timer(0.1, recall.ask).start()
-    with pytest.raises(RecalledError), slots.slot(recall):
-        busy(30)
-    assert time.monotonic() - began < 5
-    with slots.slot():
-        busy(0.05)
+def in_thread(slots: Computing, work, recall: Recall, *, lane: str = "threads"):
+    return asyncio.run(slots.in_thread(getattr(slots, lane), "ws", "key", work, recall=recall))
+
+
+def test_what_nobody_waits_for_any_more_is_ended() -> None:
+    slots, recall, began = computing(request_seconds=30), Recall(), threading.Event()
+
+    def work() -> None:
+        with slots.slot():
+            began.set()
+            busy(30)
+
+    threading.Thread(target=lambda: began.wait() and recall.ask()).start()
+    with pytest.raises(RecalledError):
+        in_thread(slots, work, recall)
 
 
 def test_what_was_recalled_before_does_not_begin() -> None:
-    recall = Recall()
+    slots, recall = computing(request_seconds=30), Recall()
+
+    def work() -> None:
+        with slots.slot():
+            busy(30)
+
     recall.ask()
-    with pytest.raises(RecalledError), computing(request_seconds=30).slot(recall):
-        busy(30)
+    with pytest.raises(RecalledError):
+        in_thread(slots, work, recall)
 
 
 def test_a_recall_that_comes_too_late_is_none() -> None:
-    slots, recall = computing(compute_slots=1), Recall()
-    with slots.slot(recall):
-        busy(0.01)
-    recall.ask()
-    busy(0.05)
+    slots, recall = computing(), Recall()
 
-
-def test_a_taken_slot_is_waited_for_and_then_refused() -> None:
-    slots = computing(request_seconds=0.3, compute_slots=1)
-    inside, leave = threading.Event(), threading.Event()
-
-    def hold() -> None:
+    def work() -> int:
         with slots.slot():
-            inside.set()
-            leave.wait(0.1)
+            busy(0.01)
+        recall.ask()
+        return busy(0.05)
 
-    thread = threading.Thread(target=hold)
-    thread.start()
-    inside.wait()
-    with slots.slot():  # as soon as the other one has left
-        leave.set()
-    thread.join()
+    assert in_thread(slots, work, recall) > 0
 
 
-def test_a_slot_that_stays_taken_is_a_503() -> None:
-    slots = computing(request_seconds=0.2, compute_slots=1)
-    assert slots._slots.acquire()
-    with pytest.raises(Problem) as caught, slots.slot():
-        pass
-    assert caught.value.status == 503
-    assert caught.value.headers["Retry-After"]
+@pytest.mark.parametrize("cost", [0.0, 30.0])
+def test_what_is_not_quick_leaves_the_lane_of_what_is(cost) -> None:
+    slots, begun = computing(quick_seconds=0.1, request_seconds=30), []
+
+    def work() -> None:
+        with slots.slot(cost):
+            begun.append(cost)
+            busy(30)
+
+    with pytest.raises(LargeError):
+        in_thread(slots, work, Recall(), lane="quick")
+    assert begun == ([] if cost else [0.0])  # what is expected to be large does not even begin
 
 
 @pytest.mark.parametrize(
