@@ -75,6 +75,7 @@ def imported(room: str) -> dict[str, str]:
 WITH = {
     "grpcio": "nidaqmx",
     "ni-grpcdevice-v1-proto": "nidaqmx",
+    "anyio": "fastapi",  # its threads
     "starlette": "fastapi",
     "pydantic-core": "pydantic",
     "typing-extensions": "pydantic",
