@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import subprocess
 import sys
@@ -78,6 +79,19 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
         thread.join(timeout=20)
         listener.close()
         assert not thread.is_alive()
+
+
+def asked(service: Service, body: dict[str, Any], key: str = "admin") -> socket.socket:
+    """Send a simulation, and wait for no answer."""
+    text = json.dumps(body).encode()
+    url = httpx.URL(service.url)
+    head = (
+        f"POST /v1/simulations HTTP/1.1\r\nHost: {url.host}\r\nAuthorization: Bearer {service.keys[key]}\r\n"
+        f"Content-Type: application/json\r\nContent-Length: {len(text)}\r\n\r\n"
+    )
+    connection = socket.create_connection((url.host, url.port))
+    connection.sendall(head.encode() + text)
+    return connection
 
 
 @pytest.fixture(scope="module")

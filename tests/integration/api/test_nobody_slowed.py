@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
-from tests.integration.api.conftest import Service, serving
+from tests.integration.api.conftest import Service, asked, serving
 from tests.integration.api.documents import LAG, PNEUMATIC, STEP, chain
 
 #: More than there are threads for requests.
@@ -22,19 +19,6 @@ SMALL = {"system": LAG, "input": {"port": "u", "signal": {"kind": "step"}}}
 
 
 LARGE = {"system": chain(90), "input": {"port": "u", "signal": {"kind": "step"}}}
-
-
-def asked(service: Service, body: dict[str, Any], key: str = "admin") -> socket.socket:
-    """Send a simulation, and wait for no answer."""
-    text = json.dumps(body).encode()
-    url = httpx.URL(service.url)
-    head = (
-        f"POST /v1/simulations HTTP/1.1\r\nHost: {url.host}\r\nAuthorization: Bearer {service.keys[key]}\r\n"
-        f"Content-Type: application/json\r\nContent-Length: {len(text)}\r\n\r\n"
-    )
-    connection = socket.create_connection((url.host, url.port))
-    connection.sendall(head.encode() + text)
-    return connection
 
 
 def until(holds: Callable[[], bool]) -> None:
