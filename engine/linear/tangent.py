@@ -36,7 +36,7 @@ def parted(value: Array, other: Array) -> bool:
 
 def evened(matrix: Array) -> Array:
     """Return the powers of 2, shape (..., k, 1), that make the rows of ``matrix``, shape (..., k, k), of one size."""
-    _, exponent = np.frexp(np.abs(matrix).max(axis=-1, keepdims=True))
+    _, exponent = np.frexp(np.abs(matrix).max(axis=-1, keepdims=True, initial=0.0))
     return np.asarray(np.ldexp(1.0, -exponent))
 
 

@@ -74,6 +74,11 @@ class Search:
         self._searching = False
         self._pool: ThreadPoolExecutor | None = None
 
+    @property
+    def samples(self) -> int:
+        """Number of errors, of all outputs."""
+        return sum(self._sizes)
+
     @contextmanager
     def workers(self) -> Iterator[None]:
         """Answer for several experiments at once, inside."""
@@ -95,7 +100,7 @@ class Search:
         self._check()
         self.evaluations += 1
         found = self._each(lambda place: self._errors(place, x), range(len(self._estimating)))
-        size = sum(self._sizes)
+        size = self.samples
         if any(errors is None for errors in found):
             return np.full(size, np.inf), np.zeros((size, len(x)))
         residuals, jacobian = np.concatenate([e.residuals for e in found if e]), np.zeros((size, len(x)))

@@ -15,7 +15,8 @@ from engine.between_samples import BetweenSamples
 from engine.between_samples import tried as every_way
 from optimizers.identification.answers import Samples
 from optimizers.identification.search import CancelledError, Search
-from optimizers.identification.starts import first_start, further_starts
+from optimizers.identification.starts import first_start, further_starts, promising_starts
+from optimizers.identification.words import at_bounds
 from optimizers.limits import Limited
 from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
 from optimizers.recording import Identification
@@ -27,6 +28,14 @@ _KIND = "identification"
 """Of the states that a search keeps."""
 _WEIGHINGS: Final = 3
 """Times that outputs are weighted by what is left of them: it changes little after the first."""
+_DOUBTFUL: Final = 0.125
+"""Costs above leave half of what was to be explained: a fit below 50 %,"""
+_DOUBTFUL_AT_A_BOUND: Final = 0.005
+"""and a tenth of it: a fit below 90 %."""
+_SAMPLES_LOOKED_AT: Final = 2_000_000
+"""Of all points together that are looked at where a search ended in a doubtful place."""
+_BETTER: Final = 1 - 1e-6
+_SEED: Final = 0
 _EXACT: Final = 1e-18
 """Costs below this are rounding: errors of 1e-9 of the output's spread."""
 
@@ -89,7 +98,7 @@ def _with(problem: Identification, way: BetweenSamples) -> Identification:
 
 def _padded(search: Search, starts: Samples) -> Samples:
     """Return starts of the parameters with initial states at rest."""
-    return np.pad(starts, ((0, 0), (0, search.coordinates - search.parameters)))
+    return np.pad(starts, (*((0, 0),) * (starts.ndim - 1), (0, search.coordinates - search.parameters)))
 
 
 def _again(way: BetweenSamples | None, search: Search, done: Mapping[str, Any]) -> Tried:
@@ -132,6 +141,16 @@ def _searched(
                 reached=reached,
                 tell=tell,
             )
+            if found is not None and _is_doubtful(search, found):
+                again = minimize_squares(
+                    search.errors,
+                    _more_starts(search),
+                    lower=lower,
+                    upper=upper,
+                    max_evaluations=most,
+                    least_gain=LEAST_GAIN,
+                )
+                found = again if again is not None and again.cost < _BETTER * found.cost else found
             for _ in range(_WEIGHINGS if found is not None and search.weighs else 0):
                 assert found is not None
                 search.weigh(found)
@@ -146,6 +165,26 @@ def _searched(
         over = isinstance(monitor, Limited) and monitor.over
         return search.best, Status.BUDGET if over else Status.CANCELLED
     return found, Status.STALLED if found is None else _ended(found)
+
+
+def _is_doubtful(search: Search, found: Minimum) -> bool:
+    """Tell whether a minimum may be a wrong one, and others can be looked for at little cost: linear models answer quickly."""
+    if search.problem.diagram.nonlinear or search.problem.diagram.sampled:
+        return False
+    held = bool(at_bounds(search.problem.unknowns, found.x))
+    return found.cost > (_DOUBTFUL_AT_A_BOUND if held else _DOUBTFUL)
+
+
+def _more_starts(search: Search) -> Samples:
+    """Return starts beside the given one."""
+
+    def cost(x: Samples) -> float:
+        residuals = search.errors(_padded(search, x))[0]
+        return float(residuals @ residuals) if np.isfinite(residuals).all() else np.inf
+
+    most = _SAMPLES_LOOKED_AT // max(search.samples, 1)
+    found = promising_starts(search.problem, cost, np.random.default_rng(_SEED), most=most)
+    return _padded(search, found) if len(found) else np.zeros((0, search.coordinates))
 
 
 def _at(search: Search, x: Samples, *, converged: bool) -> Minimum:

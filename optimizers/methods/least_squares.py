@@ -17,6 +17,11 @@ from scipy.optimize import least_squares
 
 Vector = npt.NDArray[np.float64]
 
+_NOTHING = 1e-6
+"""Part of the cost,"""
+_ROUNDING = 1e-12
+"""and of that at the start, that a bound may cost more than a point beside it."""
+
 Evaluation = Callable[[Vector], tuple[Vector, Vector]]
 """x -> (residuals (m,), Jacobian (m, n)); not finite where the residuals do not exist."""
 
@@ -159,13 +164,13 @@ def _local(
     inside = _strictly_inside(start, lower, upper)
     if not np.isfinite(at(inside)[0]).all():
         return None
+    first = float(np.sum(at(inside)[0] ** 2))
     result = least_squares(
         residuals_at, inside, jac=jacobian_at, bounds=(lower, upper), x_scale="jac",
         xtol=1e-8, ftol=least_gain, gtol=1e-12, max_nfev=max_evaluations,
     )  # fmt: skip
-    x = _snapped(result.x, lower, upper)
-    if not np.isfinite(at(x)[0]).all():
-        x = result.x  # the model exists beside the bound but not on it
+    # the model may exist beside the bound but not on it: its cost is infinite there
+    x = _snapped(result.x, lower, upper, lambda point: float(np.sum(at(point)[0] ** 2)), _ROUNDING * first)
     # the slopes are those beside the bound: on it a delay of 0 is no delay any more
     return Minimum(
         x=x,
@@ -177,17 +182,31 @@ def _local(
 
 
 def _strictly_inside(x: Vector, lower: Vector, upper: Vector) -> Vector:
-    """Return the point moved off the bounds a little: an interior method cannot start on them."""
-    span = np.where(np.isfinite(upper - lower), upper - lower, np.maximum(np.abs(x), 1.0))
-    return np.clip(
-        x,
-        np.where(np.isfinite(lower), lower + 1e-3 * span, lower),
-        np.where(np.isfinite(upper), upper - 1e-3 * span, upper),
-    )
+    """Return the point with coordinates on a bound moved off it a little: an interior method cannot start there.
+
+    One that is not on its bound stays where it is, however near: a delay of 0.01 s may have bounds of 0 and 100 s.
+    """
+    step = 1e-3 * np.minimum(upper - lower, np.maximum(np.abs(x), 1.0))
+    x = np.where(x <= _beside(lower, 1e-10), lower + step, x)
+    return np.where(x >= _beside(upper, -1e-10), upper - step, x)
 
 
-def _snapped(x: Vector, lower: Vector, upper: Vector) -> Vector:
-    """Return the point with coordinates that came to rest beside a bound put on it."""
+def _beside(bound: Vector, part: float) -> Vector:
+    """Return the point that is so small a part of a bound's size above it (below it: negative)."""
+    return bound + part * np.where(np.isfinite(bound), np.abs(bound), 0.0)
+
+
+def _snapped(x: Vector, lower: Vector, upper: Vector, cost: Callable[[Vector], float], spare: float) -> Vector:
+    """Return the point with coordinates that came to rest beside a bound put on it, where that costs nothing.
+
+    What is near beside the distance of the bounds may be far from the bound by itself.
+    """
     scale = np.where(np.isfinite(upper - lower), upper - lower, np.maximum(np.abs(x), 1.0))
-    x = np.where(x - lower <= 1e-6 * scale, lower, x)
-    return np.where(upper - x <= 1e-6 * scale, upper, x)
+    found, least = x, cost(x)
+    for bound in (lower, upper):
+        for k in np.flatnonzero(np.abs(x - bound) <= 1e-6 * scale):
+            on = found.copy()
+            on[k] = bound[k]
+            if cost(on) <= least * (1 + _NOTHING) + spare:
+                found = on
+    return found

@@ -152,6 +152,33 @@ def test_held_and_linear_inputs_are_compared_from_sample_to_sample():
             assert found.parameters[name].value == pytest.approx(TRUTH[name], rel=2e-5)
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.5, 2.0])
+def test_a_resonance_is_found_from_starts_far_away_within_wide_bounds(factor):
+    """Bounds of 0 and 100 beside a delay of 0.012 s: a start is not moved off a bound on which it is not."""
+    truth = TRUTH | {"d": 0.02}
+    response = measured(0, **truth)
+    problem = Identification(
+        diagram=diagram(**{name: factor * value for name, value in truth.items()}), experiments=(),
+        frequency=(experiment(response),), parameters=tuple(Variable(parameter=name) for name in truth),
+    )  # fmt: skip
+    found = identify(problem, rng=np.random.default_rng(0))
+    assert found.warnings == ()
+    for name, value in truth.items():
+        assert found.parameters[name].value == pytest.approx(value, rel=0.05)
+
+
+def test_a_gain_of_zero_is_a_model_too():
+    """Without a way from the input to the output there was an internal error."""
+    zero = identify(
+        Identification(
+            diagram=diagram(k=0.0), experiments=(), frequency=(experiment(measured(0)),),
+            parameters=tuple(Variable(parameter=name) for name in ("k", "w")),
+        ),
+        rng=np.random.default_rng(0),
+    )  # fmt: skip
+    assert np.isfinite(zero.parameters["k"].value)
+
+
 def test_a_model_that_lacks_a_mode_is_seen():
     rest = closed_form(0.5, 70.0, 0.05, TRUTH["tau"])
     response = measured(2)
