@@ -22,7 +22,6 @@ from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import KNOWN, problem_of
-from api.guesses import Guesses
 from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
 from api.problems import Problem
@@ -51,13 +50,13 @@ class Authentication:
     rates : Rates
         Requests of each caller.
     failures : Rates
-        Wrong keys of each address; beyond them only keys that have opened before are looked up.
+        Wrong keys of each address; beyond them a wrong one gets 429. A right one always opens: many people share an address.
     """
 
     def __init__(self, app: ASGIApp, *, rates: Rates, failures: Rates) -> None:
         self.app = app
         self._rates = rates
-        self._guesses = Guesses(failures)
+        self._failures = failures
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through with its caller in ``scope["state"]``, or refuse it."""
@@ -85,16 +84,14 @@ class Authentication:
             ACTOR.reset(acting)
 
     async def _admit(self, scope: Scope) -> Caller:
-        address, secret = _address(scope), _secret(scope)
-        self._guesses.check(address, secret)
         try:
-            caller = await _caller(scope["app"].state.installation, scope)
+            return await _caller(scope["app"].state.installation, scope)
         except Problem as error:
-            if error.status == HTTPStatus.UNAUTHORIZED and secret:
-                self._guesses.failed(address)
+            if error.status == HTTPStatus.UNAUTHORIZED and _shows_something(scope):
+                allowance = self._failures.take(_address(scope))
+                if allowance is not None and allowance.wait > 0.0:
+                    raise _too_many_wrong(allowance) from error
             raise
-        self._guesses.opened(secret)
-        return caller
 
 
 def _address(scope: Scope) -> str:
@@ -102,11 +99,11 @@ def _address(scope: Scope) -> str:
     return str(client[0]) if client else ""
 
 
-def _secret(scope: Scope) -> str:
-    """Return what a caller shows, whether it opens or not; empty for one who shows nothing."""
+def _shows_something(scope: Scope) -> bool:
+    """Return whether a caller shows a key, a cookie or a ticket, whether it opens or not."""
     headers = Headers(scope=scope)
     ticket = QueryParams(scope["query_string"]).get("ticket", "") if scope["type"] == "websocket" else ""
-    return headers.get("authorization") or cookie_of(headers) or ticket
+    return bool(headers.get("authorization") or cookie_of(headers) or ticket)
 
 
 async def _caller(service: Installation, scope: Scope) -> Caller:
@@ -187,6 +184,11 @@ def _unauthorized(detail: str) -> Problem:
 def _too_often(allowance: Allowance) -> Problem:
     detail = f"a caller must make at most {allowance.quota} requests in a minute, got more"
     return Problem(429, "too-many-requests", detail, headers=allowance.headers())
+
+
+def _too_many_wrong(allowance: Allowance) -> Problem:
+    detail = f"an address must show at most {allowance.quota} wrong keys in a minute, got more"
+    return Problem(429, "too-many-wrong-keys", detail, headers={"Retry-After": allowance.headers()["Retry-After"]})
 
 
 def scoped(*scopes: str) -> Callable[..., Awaitable[Caller]]:

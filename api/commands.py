@@ -68,7 +68,8 @@ def serve(argv: Sequence[str]) -> int:
     beside = None if given.no_worker else worker_beside()
     try:
         app = create_app(settings, beside=beside)
-        return 0 if serving.run(app, host=given.host, port=given.port) else 1
+        ran = serving.run(app, host=given.host, port=given.port, proxies=settings.trusted_proxies)
+        return 0 if ran else 1
     finally:
         if beside is not None:
             beside.stop()

@@ -81,7 +81,9 @@ def answer(settings: Settings, told: str) -> bool:
         keeps_time=given["number"] == 0,
     )
     with _bound(given["host"], given["port"]) as own:
-        return serving.run(app, host=given["host"], port=given["port"], listeners=[own])
+        return serving.run(
+            app, host=given["host"], port=given["port"], listeners=[own], proxies=settings.trusted_proxies
+        )
 
 
 def _end_with_parent() -> None:

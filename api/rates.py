@@ -81,13 +81,6 @@ class Rates:
 
     def take(self, caller: str) -> Allowance | None:
         """Take a token for one request; None where nothing is counted."""
-        return self._count(caller, 1.0)
-
-    def look(self, caller: str) -> Allowance | None:
-        """Tell what `take` would, and take nothing."""
-        return self._count(caller, 0.0)
-
-    def _count(self, caller: str, cost: float) -> Allowance | None:
         if self._quota == 0:
             return None
         rate = self._quota / WINDOW
@@ -99,7 +92,7 @@ class Rates:
             tokens, counted_at = (float(self._quota), now) if known is None else known
             left = min(self._quota, tokens + (now - counted_at) * rate)
             allowed = left >= 1.0
-            left -= cost * allowed
+            left -= allowed
             return left, now
 
         self._buckets.change(caller, counted)

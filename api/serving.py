@@ -10,11 +10,15 @@ from __future__ import annotations
 import gc
 import signal
 import socket
+from collections.abc import Sequence
+from ipaddress import IPv4Network, IPv6Network
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from api.heads import BoundedHead
+
+Network = IPv4Network | IPv6Network
 
 #: New objects before the youngest are looked at; a page of a list alone makes hundreds that live for a moment.
 _YOUNG = 10_000
@@ -29,8 +33,14 @@ class _Server(uvicorn.Server):
         gc.set_threshold(_YOUNG)
 
 
-def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace: int = 3) -> uvicorn.Config:
-    """Return how uvicorn is to serve the application; open event streams would hold a shutdown up longer than ``grace`` (s)."""
+def configuration(
+    app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace: int = 3, proxies: Sequence[Network] = ()
+) -> uvicorn.Config:
+    """Return how uvicorn is to serve the application; open event streams would hold a shutdown up longer than ``grace`` (s).
+
+    Who called is read from X-Forwarded-For only where one of the ``proxies`` has sent it: anybody can write that header,
+    another program of this machine too.
+    """
     return uvicorn.Config(
         app,
         host=host,
@@ -39,6 +49,8 @@ def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace
         log_config=None,
         access_log=False,
         server_header=False,
+        proxy_headers=bool(proxies),
+        forwarded_allow_ips=[str(network) for network in proxies],
         http=BoundedHead,
         # Longer than clients keep theirs, so that none sends a request into a connection that just closes.
         timeout_keep_alive=75,
@@ -48,9 +60,16 @@ def configuration(app: ASGIApp, *, host: str = "127.0.0.1", port: int = 0, grace
     )
 
 
-def run(app: ASGIApp, *, host: str, port: int, listeners: list[socket.socket] | None = None) -> bool:
+def run(
+    app: ASGIApp,
+    *,
+    host: str,
+    port: int,
+    listeners: list[socket.socket] | None = None,
+    proxies: Sequence[Network] = (),
+) -> bool:
     """Answer requests, at listeners where there are some, until the process is told to stop (SIGTERM, SIGINT); return whether it ever began to."""
-    server = _Server(configuration(app, host=host, port=port))
+    server = _Server(configuration(app, host=host, port=port, proxies=proxies))
     # uvicorn stops in good order and then raises the signal again; the worker is still to be stopped after that.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: None)

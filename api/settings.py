@@ -38,6 +38,7 @@ class Settings(BaseSettings):
     sign_in_hours: float = Field(default=12.0, gt=0, le=8760)
     requests_per_minute: int = Field(default=30_000, ge=0)
     wrong_keys_per_minute: int = Field(default=60, ge=0)
+    trusted_proxies: list[IPv4Network | IPv6Network] = Field(default_factory=list)
     oidc_issuer: str | None = Field(default=None, pattern="^https?://[^?#]+$")
     oidc_client_id: str | None = Field(default=None, min_length=1)
     oidc_client_secret: SecretStr | None = None

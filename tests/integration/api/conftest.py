@@ -63,9 +63,10 @@ def make_keys(database_url: str) -> dict[str, str]:
 def serving(database_url: str, **settings: Any) -> Iterator[Service]:
     """Run the application under uvicorn in a thread of this process."""
     # Tests show many wrong keys.
-    app = create_app(Settings(database_url=database_url, **({"wrong_keys_per_minute": 0} | settings)))
+    chosen = Settings(database_url=database_url, **({"wrong_keys_per_minute": 0} | settings))
+    app = create_app(chosen)
     listener = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(configuration(app, grace=1))
+    server = uvicorn.Server(configuration(app, grace=1, proxies=chosen.trusted_proxies))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     port = listener.getsockname()[1]
