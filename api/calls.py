@@ -12,21 +12,29 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Header, Query, Request
 from fastapi.responses import Response
+from pydantic import BaseModel
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive
 
 from api.problems import Problem
+from api.schemas.replies import JobReply
 from api.services.computing import Recall
 from api.services.installation import Caller, Installation
 from api.services.results import encoded, keep
-from api.services.studied import studied
+from api.services.studied import proven, studied, submit
 from storage.repositories import Answer, IdempotencyRepository
 from storage.repositories.idempotency import Claim
 
 JSON = "application/json"
 #: The longest answer (bytes) that is kept for a repetition of a request that creates nothing.
 _LARGEST_KEPT = 1 << 20
+Prefer = Annotated[
+    str | None,
+    Header(max_length=200, description="`respond-async` hands the work to a worker and answers 202 with its job"),
+]
+#: What an operation that knows this header may answer.
+BY_A_WORKER: dict[int | str, dict[str, Any]] = {202: {"model": JobReply, "description": "A worker computes it"}}
 Limit = Annotated[int, Query(ge=1, le=1000, description="most items on a page")]
 Cursor = Annotated[str | None, Query(max_length=500, description="`next_cursor` of the page before")]
 Force = Annotated[bool, Query(description="delete it although others depend on it (409 lists them)")]
@@ -60,6 +68,17 @@ def respond(given: Answer, *, replayed: bool = False) -> Response:
     headers = dict(given.headers) | ({"Idempotency-Replayed": "true"} if replayed else {})
     body = given.body if given.first_body is None else given.first_body
     return Response(body, status_code=given.status_code, headers=headers, media_type=JSON)
+
+
+def accepted(job: Mapping[str, Any]) -> Answer:
+    """Return the answer to one who preferred to wait for a worker."""
+    headers = {"Location": f"/v1/jobs/{job['id']}", "Retry-After": "1", "Preference-Applied": "respond-async"}
+    return answer(job, status=202, headers=headers)
+
+
+def prefers_job(prefer: str | None) -> bool:
+    """Return whether the header ``Prefer`` asks for a job (RFC 7240)."""
+    return prefer is not None and "respond-async" in prefer.lower()
 
 
 @asynccontextmanager
@@ -115,8 +134,12 @@ class Creation:
                 self._abandon(claim)
         return respond(given)
 
-    async def study(self, caller: Caller, kind: str, request: Any, *, kept: bool) -> Response:
+    async def study(
+        self, caller: Caller, kind: str, request: BaseModel, *, kept: bool, prefer: str | None = None
+    ) -> Response:
         """Compute outside of any transaction; then store the answer, and the study itself if it is to be kept.
+
+        Whoever prefers to be answered at once gets a job.
 
         Raises
         ------
@@ -124,6 +147,11 @@ class Creation:
             When the caller has left.
         """
         async with recalled(self._receive) as recall:
+            if prefers_job(prefer):
+                await proven(self._service, caller, kind, request, recall=recall)
+                return await run_in_threadpool(
+                    self.create, lambda session: accepted(submit(self._service, session, caller, kind, request))
+                )
             claim = await run_in_threadpool(self._claim) if self._key is not None else None
             if isinstance(claim, Answer):
                 return respond(claim, replayed=True)

@@ -9,14 +9,12 @@ from typing import Any
 
 from api.errors import KNOWN, problem_of
 from api.problems import Problem
-from api.services.computing import REFUSED, Computing
-from api.services.installation import Installation
+from api.services.computing import REFUSED
 from api.services.results import with_text
 from api.services.studied import STUDIES
 from api.settings import Settings
-from api.worker import bound_memory, opened, prepare
+from api.worker import bound_memory, installed, opened, prepare
 from storage.jobs.compute import ComputeJob, Reporter
-from storage.jobs.queue import JobQueue
 
 __all__ = ["prepare", "run"]
 
@@ -30,9 +28,7 @@ def run(job: ComputeJob, _: Reporter) -> Mapping[str, Any]:
     os.nice(_NICE)
     limit = bound_memory(settings.request_memory)
     with opened(job.database_url) as database:
-        service = Installation(
-            settings=settings, database=database, queue=JobQueue(database), computing=Computing(settings)
-        )
+        service = installed(database, settings)
         try:
             request = job.body["model"].model_validate(job.body["request"])
             study = with_text(STUDIES[job.kind](service, job.body["caller"], request))

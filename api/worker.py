@@ -11,12 +11,28 @@ from typing import Any
 from api import logs
 from api.errors import KNOWN, problem_of
 from api.problems import Problem
-from api.services import alerts, datasets, identifications, optimizations, parsing, processing, spreading, validations
+from api.services import (
+    alerts,
+    datasets,
+    identifications,
+    optimizations,
+    parsing,
+    processing,
+    spreading,
+    studied,
+    validations,
+)
+from api.services.computing import Computing
+from api.services.installation import Installation
 from api.services.results import versions
 from api.settings import Settings
 from engine.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
+from storage.jobs.queue import JobQueue
 from storage.session import Database, open_database
+
+#: A job has the time that its queue says, not that of a request (s).
+_A_JOB_S = 1e6
 
 
 class _Watch:
@@ -136,7 +152,18 @@ def _processing(job: ComputeJob, database: Database, reporter: Reporter) -> Mapp
     return processing.run(job.body, database=database, workspace=job.workspace_id, progress=reporter.progress)
 
 
+def installed(database: Database, settings: Settings) -> Installation:
+    """Return what computes as the service does, in this process."""
+    return Installation(settings=settings, database=database, queue=JobQueue(database), computing=Computing(settings))
+
+
+def _study(job: ComputeJob, database: Database, _: Reporter) -> Mapping[str, Any]:
+    settings = Settings().model_copy(update={"request_seconds": _A_JOB_S})
+    return studied.run(job.body, kind=job.kind, service=installed(database, settings), workspace=job.workspace_id)
+
+
 _RUN = {
+    **dict.fromkeys(studied.MODELS, _study),
     optimizations.KIND: _optimization,
     identifications.KIND: _identification,
     validations.KIND: _validation,

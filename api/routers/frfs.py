@@ -7,17 +7,17 @@ from fastapi.responses import PlainTextResponse
 
 from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
-from api.calls import CreationDep, InstallationDep
+from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer
 from api.schemas.frfs import FrfReply, FrfRequest
 from api.services import frf_files, frfs
 
 router = APIRouter(prefix="/v1/frfs", tags=["studies"], route_class=DocumentRoute)
 
 
-@router.post("", response_model=FrfReply, summary="Frequency response function of a recording")
-async def frf(request: FrfRequest, caller: Runner, creation: CreationDep) -> Response:
+@router.post("", response_model=FrfReply, responses=BY_A_WORKER, summary="Frequency response function of a recording")
+async def frf(request: FrfRequest, caller: Runner, creation: CreationDep, prefer: Prefer = None) -> Response:
     """Averaged, of a multisine or of stepped sines; coherence, confidence bands, sensor corrections, modes, a model beside it."""
-    return await creation.study(caller, frfs.KIND, request, kept=request.keep)
+    return await creation.study(caller, frfs.KIND, request, kept=request.keep, prefer=prefer)
 
 
 @router.get(

@@ -6,13 +6,13 @@ from fastapi import APIRouter, Response
 
 from api.auth import Runner
 from api.bodies import DocumentRoute
-from api.calls import CreationDep
+from api.calls import BY_A_WORKER, CreationDep, Prefer
 from api.schemas.spectra import SpectrumReply, SpectrumRequest
 
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)
 
 
-@router.post("/spectra", response_model=SpectrumReply, summary="Spectrum")
-async def spectrum(request: SpectrumRequest, caller: Runner, creation: CreationDep) -> Response:
+@router.post("/spectra", response_model=SpectrumReply, responses=BY_A_WORKER, summary="Spectrum")
+async def spectrum(request: SpectrumRequest, caller: Runner, creation: CreationDep, prefer: Prefer = None) -> Response:
     """Amplitudes, densities, harmonics and band energies of a recording or of a simulated output."""
-    return await creation.study(caller, "spectrum", request, kept=request.keep)
+    return await creation.study(caller, "spectrum", request, kept=request.keep, prefer=prefer)

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from api.auth import Runner
 from api.bodies import DocumentRoute
-from api.calls import CreationDep, InstallationDep, answer, recalled, respond
+from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, answer, recalled, respond
 from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply, StateSpaceReply
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest, StateSpaceRequest
 from api.services import exports
@@ -20,22 +20,30 @@ FileFormat = Annotated[Literal["json", "mat"], Query(alias="format", description
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)
 
 
-@router.post("/simulations", response_model=SimulationReply, summary="Simulate")
-async def simulate(request: SimulationRequest, caller: Runner, creation: CreationDep) -> Response:
+@router.post("/simulations", response_model=SimulationReply, responses=BY_A_WORKER, summary="Simulate")
+async def simulate(
+    request: SimulationRequest, caller: Runner, creation: CreationDep, prefer: Prefer = None
+) -> Response:
     """Curves and metrics of every output, exact and independent of `samples`."""
-    return await creation.study(caller, "simulation", request, kept=request.keep)
+    return await creation.study(caller, "simulation", request, kept=request.keep, prefer=prefer)
 
 
-@router.post("/frequency-responses", response_model=FrequencyReply, summary="Frequency response")
-async def frequency_response(request: FrequencyRequest, caller: Runner, creation: CreationDep) -> Response:
+@router.post("/frequency-responses", response_model=FrequencyReply, responses=BY_A_WORKER, summary="Frequency response")
+async def frequency_response(
+    request: FrequencyRequest, caller: Runner, creation: CreationDep, prefer: Prefer = None
+) -> Response:
     """A path from input to output, or the loop opened at a block's output, with margins."""
-    return await creation.study(caller, "frequency_response", request, kept=request.keep)
+    return await creation.study(caller, "frequency_response", request, kept=request.keep, prefer=prefer)
 
 
-@router.post("/influence", response_model=InfluenceReply, summary="Influence of parameters on metrics")
-async def influence(request: InfluenceRequest, caller: Runner, creation: CreationDep) -> Response:
+@router.post(
+    "/influence", response_model=InfluenceReply, responses=BY_A_WORKER, summary="Influence of parameters on metrics"
+)
+async def influence(
+    request: InfluenceRequest, caller: Runner, creation: CreationDep, prefer: Prefer = None
+) -> Response:
     """Exact elasticities, and the influence coefficients at a finite change."""
-    return await creation.study(caller, "influence", request, kept=request.keep)
+    return await creation.study(caller, "influence", request, kept=request.keep, prefer=prefer)
 
 
 @router.post(

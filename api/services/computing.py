@@ -68,10 +68,11 @@ class Recall:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """How a thread computes: until it is recalled, and perhaps only what is quick."""
+    """How a thread computes: until it is recalled, perhaps only what is quick, or nothing at all."""
 
     recall: Recall
     quick: bool
+    proves: bool = False
 
 
 _WORK: ContextVar[_Work | None] = ContextVar("work", default=None)
@@ -134,9 +135,18 @@ class Computing:
         self._children.close()
 
     async def in_thread(
-        self, lane: Lane, workspace: str, principal: str, work: Callable[[], T], *, recall: Recall | None = None
+        self,
+        lane: Lane,
+        workspace: str,
+        principal: str,
+        work: Callable[[], T],
+        *,
+        recall: Recall | None = None,
+        proves: bool = False,
     ) -> T:
         """Return what ``work`` returns, computed in a thread when it is this caller's turn.
+
+        With ``proves`` nothing is computed: all that is checked before is, and then there is a `LargeError`.
 
         Raises
         ------
@@ -149,7 +159,7 @@ class Computing:
         """
         recall = Recall() if recall is None else recall
         async with lane.place(workspace, principal, wakes=recall.wakes):
-            token = _WORK.set(_Work(recall, quick=lane is self.quick))
+            token = _WORK.set(_Work(recall, quick=lane is self.quick, proves=proves))
             try:
                 return await to_thread.run_sync(work, limiter=lane.threads)
             finally:
@@ -212,6 +222,8 @@ class Computing:
         """
         work = _WORK.get()
         quick = work is not None and work.quick
+        if work is not None and work.proves:
+            raise LargeError
         if quick and cost > self.settings.quick_seconds:
             raise LargeError
         alarm = _Alarm(self.settings.quick_seconds if quick else self.settings.request_seconds)

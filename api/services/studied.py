@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from pydantic import BaseModel
+from sqlalchemy.orm import Session
 
-from api.services import frfs, spectra, studies, validations
+from api.schemas.frfs import FrfRequest
+from api.schemas.spectra import SpectrumRequest
+from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
+from api.services import frfs, jobs, spectra, studies, validations
 from api.services.computing import LargeError, Recall
 from api.services.installation import Caller, Installation
 from api.services.results import Study, with_text
+from api.services.systems import at_revision, current_revision
 from storage.jobs.compute import ComputeJob
 
 STUDIES: Mapping[str, Callable[[Installation, Caller, Any], Study]] = {
@@ -21,6 +28,48 @@ STUDIES: Mapping[str, Callable[[Installation, Caller, Any], Study]] = {
     frfs.KIND: frfs.run_frf,
     validations.KIND: validations.run_validation,
 }
+
+#: What a worker reads the requests of its jobs with.
+MODELS: Mapping[str, type[BaseModel]] = {
+    "simulation": SimulationRequest,
+    "frequency_response": FrequencyRequest,
+    "influence": InfluenceRequest,
+    "spectrum": SpectrumRequest,
+    frfs.KIND: FrfRequest,
+}
+
+
+async def proven(service: Installation, caller: Caller, kind: str, request: BaseModel, *, recall: Recall) -> None:
+    """Check all that can be checked of a study before it is computed; raises as the study does."""
+    computing = service.computing
+    with suppress(LargeError):
+        await computing.in_thread(
+            computing.quick,
+            caller.workspace,
+            caller.principal,
+            partial(STUDIES[kind], service, caller, request),
+            recall=recall,
+            proves=True,
+        )
+
+
+def submit(service: Installation, session: Session, caller: Caller, kind: str, request: BaseModel) -> dict[str, Any]:
+    """Hand a study to a worker, with the present revision of the system that it names."""
+    document = request.model_dump(by_alias=True, exclude_unset=True)
+    system = document.get("system")
+    reference = None
+    if isinstance(system, str):
+        reference = {"id": system, "revision": current_revision(session, caller, system)}
+    body = {"request": document, "system_reference": reference}
+    return jobs.enqueue(service, session, caller, kind=kind, body=body, queue=None)
+
+
+def run(body: Mapping[str, Any], *, kind: str, service: Installation, workspace: str) -> dict[str, Any]:
+    """Compute a study (in a worker) and return what is remembered of it."""
+    reference = body["system_reference"]
+    caller = Caller(principal="", workspace=workspace, scopes=frozenset())
+    with at_revision(reference["revision"] if reference else None):
+        return STUDIES[kind](service, caller, MODELS[kind].model_validate(body["request"])).body
 
 
 async def studied(

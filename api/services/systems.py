@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -48,6 +50,20 @@ def document_of(document: SystemDocument) -> dict[str, Any]:
     return document.model_dump(by_alias=True, exclude_unset=True)
 
 
+#: The revision of the stored system that is meant; the current one where there is none.
+_REVISION: ContextVar[int | None] = ContextVar("revision", default=None)
+
+
+@contextmanager
+def at_revision(number: int | None) -> Iterator[None]:
+    """Let a request that names a stored system mean this revision of it: the one when the request was made."""
+    token = _REVISION.set(number)
+    try:
+        yield
+    finally:
+        _REVISION.reset(token)
+
+
 @lru_cache(maxsize=256)
 def _compiled(text: str, place: Place) -> Diagram:
     return diagram_from_wire(SystemDocument.model_validate_json(text), place=place)
@@ -77,7 +93,7 @@ def subject_of(service: Installation, caller: Caller, given: str | SystemDocumen
         return Subject(document=document, diagram=compiled(document, place=("system",)), reference=None)
     with service.database.session() as session:
         try:
-            stored = SystemRepository(session, caller.workspace).get(given)
+            stored = SystemRepository(session, caller.workspace).get(given, revision=_REVISION.get())
         except NotFoundError as error:
             raise invalid(f"system must be a stored system or a document, got {given!r}", "system") from error
     diagram = compiled(stored.document, place=("system",))

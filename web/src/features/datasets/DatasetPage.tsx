@@ -3,7 +3,7 @@ import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce, must } from "@/shared/api/client";
 import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import type { Scalar } from "@/shared/api/types";
@@ -75,7 +75,7 @@ export function DatasetPage() {
     enabled: ready && chosen !== "" && to > from,
     retry: false,
     placeholderData: keepPreviousData,
-    queryFn: () => must(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity, window, ...(segment ? { segment } : {}) } as unknown as components["schemas"]["SpectrumRequest"] })),
+    queryFn: () => atOnce(api.POST("/v1/spectra", { body: { dataset: id, channel: chosen, part: [from, to], quantity, window, ...(segment ? { segment } : {}) } as unknown as components["schemas"]["SpectrumRequest"] })),
   });
   if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
   if (!dataset.data) return null;

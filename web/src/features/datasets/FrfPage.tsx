@@ -4,7 +4,7 @@ import { useMemo } from "react";
 import { Controller, useForm, type UseFormRegister } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { Link, useParams, useSearchParams } from "react-router";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
 import { AnalysisChart } from "@/shared/charts/AnalysisChart";
@@ -26,7 +26,7 @@ import { datasetQuery } from "./recording";
 type Reply = components["schemas"]["FrfReply"];
 type FrfRequest = components["schemas"]["FrfRequest"];
 
-const ask = (body: Record<string, unknown>): Promise<Reply> => must(api.POST("/v1/frfs", { body: body as unknown as FrfRequest }));
+const ask = (body: Record<string, unknown>): Promise<Reply> => atOnce(api.POST("/v1/frfs", { body: body as unknown as FrfRequest }));
 const SHOWN = ["/input", "/output", "/estimator", "/segment", "/window", "/confidence", "/form", "/period", "/steps", "/settle", "/system", "/from", "/to"];
 const number = (value: number | null | undefined) => (value == null ? "–" : formatNumber(value, 3));
 type Values = (number | null)[] | null | undefined;

@@ -2,7 +2,7 @@ import { CloseButton, useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce } from "@/shared/api/client";
 import type { components } from "@/shared/api/schema";
 import type { SystemDocument } from "@/shared/api/types";
 import { stroke } from "@/shared/plots/palette";
@@ -24,7 +24,7 @@ export function SignalPlot({ document, from, onClose }: { document: SystemDocume
     enabled: port !== undefined,
     retry: false,
     queryFn: () =>
-      must(api.POST("/v1/simulations", { body: { system: asked, input: { port, signal: { kind: "step" } }, samples: 500, metrics: [] } as unknown as components["schemas"]["SimulationRequest"] })),
+      atOnce(api.POST("/v1/simulations", { body: { system: asked, input: { port, signal: { kind: "step" } }, samples: 500, metrics: [] } as unknown as components["schemas"]["SimulationRequest"] })),
   });
   const spec = useMemo<PlotSpec>(() => ({ title: t("diagram.signalOf", { from }), x: { label: t("panel.time"), unit: "s" }, y: { label: from, unit }, series: [{ label: from, ...stroke(0, dark), width: 2 }], dark }), [from, unit, dark, t]);
   const variant = reply.data?.variants[0];

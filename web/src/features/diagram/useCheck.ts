@@ -1,7 +1,7 @@
 import { useDebouncedValue } from "@mantine/hooks";
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
 import type { SystemDocument } from "@/shared/api/types";
 import type { components } from "@/shared/api/schema";
@@ -33,7 +33,7 @@ export function useCheck(document: SystemDocument): Check {
     // A service that does not answer is asked again until it does.
     refetchInterval: (query) => (query.state.error && !faulty(query.state.error) ? 2000 : false),
     queryFn: () =>
-      must(api.POST("/v1/simulations", { body: { system: settled, input: { port, signal: { kind: "step" } }, samples: 2, metrics: [] } as unknown as components["schemas"]["SimulationRequest"] })),
+      atOnce(api.POST("/v1/simulations", { body: { system: settled, input: { port, signal: { kind: "step" } }, samples: 2, metrics: [] } as unknown as components["schemas"]["SimulationRequest"] })),
   });
   const problem = complete && faulty(check.error) ? check.error : null;
   return { problem, error: complete && !problem ? check.error : null, warnings: check.data?.warnings ?? NONE, complete, pending: settled !== document || check.isFetching };

@@ -4,7 +4,7 @@ import { Fragment, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { metricsQuery } from "@/shared/api/catalogue";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce } from "@/shared/api/client";
 import { systemQuery } from "@/shared/api/systems";
 import { describedQuery } from "@/shared/systems/described";
 import { loopsOf } from "@/shared/systems/loops";
@@ -44,7 +44,7 @@ export function InfluencePage() {
     enabled: opened !== undefined && catalogue !== undefined && parameters.length > 0 && metrics.length > 0 && input !== "",
     retry: false,
     placeholderData: keepPreviousData,
-    queryFn: () => must(api.POST("/v1/influence", { body: { system: id, input, output, ...(loop ? { open_at: loop } : {}), parameters, metrics, change: change / 100, duration: "auto", keep: false } })),
+    queryFn: () => atOnce(api.POST("/v1/influence", { body: { system: id, input, output, ...(loop ? { open_at: loop } : {}), parameters, metrics, change: change / 100, duration: "auto", keep: false } })),
   });
   const chosen = metrics.find((metric) => metric === query.get("row")) ?? metrics[0] ?? "";
   const value = (metric: string, parameter: string): number | null => {

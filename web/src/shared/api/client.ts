@@ -1,6 +1,6 @@
 import createClient, { type Middleware } from "openapi-fetch";
 import { Problem } from "./problem";
-import type { paths } from "./schema";
+import type { components, paths } from "./schema";
 
 /** What a page must send beside the cookie with whatever changes something; known after sign-in, forgotten with the tab. */
 let csrfToken: string | null = null;
@@ -42,6 +42,11 @@ interface Reply<T> {
 /** Returns what came back, or throws the problem document that came instead; that nothing came is a problem of status 0. */
 export async function must<T>(reply: Promise<Reply<T>>): Promise<T> {
   return (await answered(reply)).data as T;
+}
+
+/** The same of what a worker may compute: a request that does not prefer a job is answered with no job. */
+export async function atOnce<T>(reply: Promise<Reply<T>>): Promise<Exclude<T, components["schemas"]["JobReply"]>> {
+  return (await must(reply)) as Exclude<T, components["schemas"]["JobReply"]>;
 }
 
 /** The same with the entity tag, for documents that are changed later. */

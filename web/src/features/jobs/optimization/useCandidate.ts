@@ -1,7 +1,7 @@
 import { useDebouncedValue } from "@mantine/hooks";
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { metricsQuery } from "@/shared/api/catalogue";
-import { api, must } from "@/shared/api/client";
+import { api, atOnce, must } from "@/shared/api/client";
 import type { GoalResult } from "../results";
 import { candidateOf, studiesOf, type Asked, type StudyVariant } from "./candidate";
 
@@ -35,7 +35,7 @@ export function useCandidate(job: string, goals: GoalResult[], values: Record<st
       const domains = metrics.data!;
       const replies = await Promise.all(
         studiesOf(asked.data!, goals, domains, rested!).map(async ({ key, kind, body }) => {
-          const { variants } = kind === "simulation" ? await must(api.POST("/v1/simulations", { body: body as never })) : await must(api.POST("/v1/frequency-responses", { body: body as never }));
+          const { variants } = kind === "simulation" ? await atOnce(api.POST("/v1/simulations", { body: body as never })) : await atOnce(api.POST("/v1/frequency-responses", { body: body as never }));
           return [key, variants as StudyVariant[]] as const;
         }),
       );
