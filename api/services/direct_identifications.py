@@ -24,6 +24,7 @@ from api.services.installation import Caller, Installation
 from api.services.recordings import check_lengths
 from optimizers.black_box import black_box
 from optimizers.inverse_dynamics import drive_parameters
+from optimizers.limits import Limited
 from optimizers.recorded_data import clipped, held
 from optimizers.result import Monitor
 from optimizers.static_curve import static_curve
@@ -54,13 +55,15 @@ def submit(service: Installation, session: Session, caller: Caller, request: Dir
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
 
-def run(body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor) -> dict[str, Any]:
-    """Compute the model (in a worker) and return what is remembered of it."""
+def run(
+    body: Mapping[str, Any], *, database: Database, workspace: str, monitor: Monitor, seconds: float | None = None
+) -> dict[str, Any]:
+    """Compute the model (in a worker), within so many ``seconds`` if it is a search, and return what is remembered of it."""
     request = _ADAPTER.validate_python(body["request"])
     read = _Read(request, database, workspace)
     if isinstance(request, BlackBoxRequest):
         experiment, settings = black_box_from_wire(request, read.channels, read.sample_time)
-        model = black_box(experiment, monitor=monitor, **settings)
+        model = black_box(experiment, monitor=Limited(monitor, seconds), **settings)
         found, said = black_box_to_wire(model), list(model.warnings)
     elif isinstance(request, InverseDynamicsRequest):
         recording, treatment, terms = drive_from_wire(request, read.channels, read.sample_time)

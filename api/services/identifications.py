@@ -63,7 +63,9 @@ def run(
 ) -> dict[str, Any]:
     """Compute an identification (in a worker), within so many ``seconds``, and return what is remembered of it."""
     if body["request"].get("method", "grey_box") != "grey_box":
-        return direct_identifications.run(body, database=database, workspace=workspace, monitor=monitor)
+        return direct_identifications.run(
+            body, database=database, workspace=workspace, monitor=monitor, seconds=seconds
+        )
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
     problem = _problem(request, diagram, database, workspace)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -15,11 +15,13 @@ from engine.fit import Fit, baselines, compare
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
 from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
+from optimizers.limits import Limited
 from optimizers.noise import fitted
 from optimizers.problem import ProblemError
 from optimizers.recorded_data import doubted_data, doubted_samples
 from optimizers.recording import RecordedExperiment
 from optimizers.result import Monitor, Status, Unwatched
+from optimizers.tall import triangle
 
 Samples = npt.NDArray[np.float64]
 Method = Literal["subspace", "transfer_function"]
@@ -33,6 +35,10 @@ _COARSE: Final = 12
 """Steps of the coarse grid of delays."""
 _LITTLE: Final = 10.0
 """Percent of fit."""
+_LOOKED_AT: Final = 10_000
+"""Samples on which delays are looked for and denominators begun: the liveliest ones of a longer recording."""
+_TO_MOVE: Final = 6
+"""Evaluations on the whole of a long recording: what begins so near has settled then."""
 _PROMISING: Final = 3
 """So many delays of an order are followed to their minimum."""
 
@@ -127,23 +133,29 @@ def black_box(
     candidates: list[tuple[Tried, Discrete, int, Samples]] = []
     tried = []
     status = Status.CONVERGED
-    for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay)):
+
+    def check() -> None:
         if watch.cancelled():
-            status = Status.CANCELLED
-            break
-        seconds = delay * case.h
-        if not model.stable or continuous(model, case.h) is None:
-            remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
-            tried.append(Tried(order=order, delay=seconds, estimation=None, validation=None, remark=remark))
-            continue
-        scores = [case.score(model, delay, constants, window) for window in experiment.windows]
-        tried.append(Tried(order=order, delay=seconds, estimation=scores[0], validation=scores[1]))
-        candidates.append((tried[-1], model, delay, constants))
-        watch.progress((done + 1) / (len(orders) + 1), f"order {order}: FIT {scores[0]:.2f} %")
+            raise _EndedError
+
+    try:
+        for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay, check)):
+            check()
+            seconds = delay * case.h
+            if not model.stable or continuous(model, case.h) is None:
+                remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
+                tried.append(Tried(order=order, delay=seconds, estimation=None, validation=None, remark=remark))
+                continue
+            scores = [case.score(model, delay, constants, window) for window in experiment.windows]
+            tried.append(Tried(order=order, delay=seconds, estimation=scores[0], validation=scores[1]))
+            candidates.append((tried[-1], model, delay, constants))
+            watch.progress((done + 1) / (len(orders) + 1), f"order {order}: FIT {scores[0]:.2f} %")
+    except _EndedError:
+        status = Status.BUDGET if isinstance(watch, Limited) and watch.over else Status.CANCELLED
     if not candidates:
         raise ProblemError(
             "at least one order must have a stable continuous model, got none: "
-            + ("; ".join(f"order {one.order}: {one.remark}" for one in tried) or "cancelled before the first"),
+            + ("; ".join(f"order {one.order}: {one.remark}" for one in tried) or "ended before the first"),
             at=("orders",),
         )
     judged = [_judged(one) for one, *_ in candidates]
@@ -166,6 +178,10 @@ def black_box(
     )  # fmt: skip
 
 
+class _EndedError(Exception):
+    """The monitor wants the search to end: the best so far is the answer."""
+
+
 class _Case:
     """The recording as matrices."""
 
@@ -185,6 +201,24 @@ class _Case:
         u = self.u - self.u[:, :1] if self.offsets else self.u
         return np.concatenate([np.repeat(u[:, :1], delay, axis=1), u[:, : u.shape[1] - delay]], axis=1)
 
+    def path(self, part: slice, *, lead: int, check: Callable[[], None]) -> OutputError:
+        """Return a part of the only path, with so many samples of the input from before it."""
+        u = np.pad(self.driven(0)[0], (lead, 0), constant_values=0.0 if self.offsets else self.u[0, 0])
+        return OutputError(
+            u[part.start : part.stop + lead], self.y[0, part], offset=self.offsets, lead=lead, check=check
+        )
+
+    def liveliest(self, samples: int) -> slice:
+        """Return the stretch of so many samples of the estimation window in which the output moves most."""
+        start, stop = self.part.start, self.part.stop
+        if stop - start <= samples:
+            return self.part
+        y = self.y[0, self.part] - self.y[0, self.part].mean()
+        first, second = (np.concatenate([[0.0], np.cumsum(power)]) for power in (y, y * y))
+        moves = second[samples:] - second[:-samples] - (first[samples:] - first[:-samples]) ** 2 / samples
+        begin = start + int(np.argmax(moves))
+        return slice(begin, begin + samples)
+
     def compared(
         self, model: Discrete, delay: int, constants: Samples, window: tuple[float, float] | None
     ) -> dict[str, tuple[Samples, Samples]]:
@@ -194,15 +228,13 @@ class _Case:
         part = self.experiment.recording.within(window)
         still = Discrete(a=model.a, b=model.b, c=model.c, d=model.d, x0=np.zeros(len(model.a)))
         forced = still.simulate(self.driven(delay)[:, part]) + constants[:, None]
-        free = np.empty((forced.shape[1], len(self.y), len(model.a)))
-        rows = model.c
-        for k in range(len(free)):
-            free[k], rows = rows, rows @ model.a
+        free = model.c @ model.powers(forced.shape[1])
         y = self.y[:, part]
         table = free.reshape(-1, len(model.a))
         scale = np.linalg.norm(table, axis=0)
         scale[scale == 0] = 1.0
-        state = np.linalg.lstsq(table / scale, (y - forced).T.ravel(), rcond=1e-9)[0] / scale
+        corner = triangle(np.concatenate([table / scale, (y - forced).T.reshape(-1, 1)], axis=1))
+        state = np.linalg.lstsq(corner[:, :-1], corner[:, -1], rcond=1e-9)[0] / scale
         simulated = forced + (free @ state).T
         return {name: (measured, own) for name, measured, own in zip(self.outputs, y, simulated, strict=True)}
 
@@ -284,7 +316,7 @@ def _check(case: _Case, method: Method, orders: Sequence[int], largest_delay: fl
 
 
 def _models(
-    case: _Case, method: Method, orders: Sequence[int], largest_delay: float
+    case: _Case, method: Method, orders: Sequence[int], largest_delay: float, check: Callable[[], None]
 ) -> Iterator[tuple[int, int, Discrete, Samples]]:
     """Yield order, delay in samples, model and constants."""
     y = case.y[:, case.part]
@@ -296,20 +328,21 @@ def _models(
             yield order, 0, *decomposed.model(order)
         return
     delays = round(largest_delay / case.h)
-    whole = OutputError(case.driven(0)[0, case.part], y[0], offset=case.offsets)
+    whole = case.path(case.part, lead=delays, check=check)
+    looked = case.path(case.liveliest(_LOOKED_AT), lead=delays, check=check)
     before: tuple[Samples, int] | None = None
     for order in sorted(orders):
-        starts = _begun(whole, order, delays)
+        starts = _begun(looked, order, delays)
         if before is not None and len(before[0]) == order - 1:
             starts.append((whole.extended(before[0]), before[1]))
-        found = [(whole.polished(f, delay), delay) for f, delay in starts]
-        made = [(delay, *whole.model(f, delay)) for f, delay in found]
-        fits = [
-            case.score(model, delay, np.array([c]), case.experiment.windows[0]) or -np.inf for delay, model, c in made
-        ]
-        before = found[int(np.argmax(fits))]
-        delay, model, constant = made[int(np.argmax(fits))]
-        yield order, delay, model, np.array([constant])
+        found = [(looked.polished(f, delay), delay) for f, delay in starts]
+        if looked.samples < whole.samples:  # the rest of a long recording only moves what the liveliest part has found
+            f, delay = min(found, key=lambda one: whole.left(*one))
+            delay = whole.nearest(f, delay, delays)
+            found = [(whole.polished(f, delay, most=_TO_MOVE), delay)]
+        before = min(found, key=lambda one: whole.left(*one))
+        model, constant = whole.model(*before)
+        yield order, before[1], model, np.array([constant])
 
 
 def _begun(whole: OutputError, order: int, delays: int) -> list[tuple[Samples, int]]:

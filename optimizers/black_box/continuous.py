@@ -21,6 +21,8 @@ from scipy.linalg import expm, logm
 
 Matrix = npt.NDArray[np.float64]
 
+_TOGETHER = 256
+"""Samples of a piece of a simulation."""
 _REAL = 1e-6
 """Imaginary part that a logarithm may have from rounding, relative to its size."""
 
@@ -37,12 +39,29 @@ class Discrete:
 
     def simulate(self, inputs: Matrix) -> Matrix:
         """Return the outputs (outputs, samples) for inputs (inputs, samples)."""
-        state, states = self.x0, np.empty((inputs.shape[1], self.x0.size))
-        driven = inputs.T @ self.b.T
-        for k in range(len(states)):
-            states[k] = state
-            state = self.a @ state + driven[k]
-        return np.asarray((states @ self.c.T + inputs.T @ self.d.T).T)
+        n, samples = self.x0.size, inputs.shape[1]
+        driven = np.zeros((-(-samples // _TOGETHER) * _TOGETHER, n))
+        driven[:samples] = inputs.T @ self.b.T
+        pieces = driven.reshape(-1, _TOGETHER, n)
+        # from the start of each piece all of them go on at once; the starts follow each other
+        states = np.zeros_like(pieces)
+        for k in range(1, _TOGETHER):
+            states[:, k] = states[:, k - 1] @ self.a.T + pieces[:, k - 1]
+        ends = states[:, -1] @ self.a.T + pieces[:, -1]
+        powers = self.powers(_TOGETHER + 1)
+        starts = np.empty((len(pieces), n))
+        state = self.x0
+        for k, end in enumerate(ends):
+            starts[k], state = state, powers[-1] @ state + end
+        states += np.einsum("kij,sj->ski", powers[:-1], starts)
+        return np.asarray((states.reshape(-1, n)[:samples] @ self.c.T + inputs.T @ self.d.T).T)
+
+    def powers(self, count: int) -> Matrix:
+        """Return 1, A, A², ..., shape (count, n, n)."""
+        found, step = np.eye(self.x0.size)[None], self.a
+        while len(found) < count:
+            found, step = np.concatenate([found, found @ step]), step @ step
+        return found[:count]
 
     @property
     def stable(self) -> bool:

@@ -13,12 +13,15 @@ K. Steiglitz, L. McBride, "A technique for the identification of linear systems"
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
 from optimizers.black_box.continuous import Discrete
 from optimizers.filters import filtered
 from optimizers.methods.least_squares import minimize_squares
+from optimizers.tall import solved, triangle
 
 Samples = npt.NDArray[np.float64]
 
@@ -36,21 +39,34 @@ class OutputError:
 
     Parameters
     ----------
-    u, y : ndarray, shape (samples,)
+    u : ndarray, shape (lead + samples,)
+    y : ndarray, shape (samples,)
     offset : bool
         Whether the output has an unknown constant.
+    lead : int
+        Samples of the input from before the output's: what is heard later.
+    check : callable
+        Asked before every step of a search; may end it by an error of its own.
     """
 
-    def __init__(self, u: Samples, y: Samples, *, offset: bool) -> None:
-        self._u, self._y, self._offset = u, y, offset
+    def __init__(
+        self, u: Samples, y: Samples, *, offset: bool, lead: int = 0, check: Callable[[], None] = lambda: None
+    ) -> None:
+        self._u, self._y, self._offset, self._lead, self._check = u, y, offset, lead, check
         self._spread = float(np.linalg.norm(y - y.mean()))
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the output."""
+        return self._y.size
 
     def started(self, order: int, delay: int) -> tuple[Samples, float]:
         """Return the denominator (order,) without its leading 1 that Steiglitz and McBride come to, and what it leaves."""
         f = np.zeros(order)
         best, least = f, np.inf
-        u, y = _shifted(self._u, delay), self._y
+        u, y = self._late(delay), self._y
         for _ in range(_REPEATED):
+            self._check()
             whole = np.append(1.0, f)
             uf, yf = filtered([1.0], whole, u), filtered([1.0], whole, y)
             recursion = [-_shifted(yf, k) for k in range(1, order + 1)]
@@ -58,22 +74,26 @@ class OutputError:
             if not self._offset:
                 table = table[:, :-1]
             # the first samples begin from a state that is not in the regression
-            solved, *_ = np.linalg.lstsq(table[order:], yf[order:], rcond=1e-12)
-            before, f = f, _reflected(np.asarray(solved[:order], dtype=np.float64))
-            left = float(np.linalg.norm(self._left(f, delay)[0])) / self._spread
+            joint = np.concatenate([table[order:], yf[order:, None]], axis=1)
+            before, f = f, _reflected(solved(triangle(joint), table.shape[1])[0][:order, 0])
+            left = self.left(f, delay)
             if left < least:
                 best, least = f, left
             if np.abs(f - before).max(initial=0.0) < _SETTLED:
                 break
         return best, least
 
+    def left(self, f: Samples, delay: int) -> float:
+        """Return what the best numerator leaves of the output, relative to its spread."""
+        return float(np.linalg.norm(self._solved(f, delay)[1])) / self._spread
+
     def onset(self, most: int) -> int:
         """Return the delay, at most so many samples, from which on the output follows the input by their impulse response.
 
         That is estimated in the frequency domain, where the input is strong; its onset is where it first reaches half of its peak.
         """
-        size = 2 * self._u.size
-        u, y = (np.fft.rfft(np.diff(signal), size) for signal in (self._u, self._y))
+        size = 2 * self._y.size
+        u, y = (np.fft.rfft(np.diff(signal), size) for signal in (self._late(0), self._y))
         power = np.abs(u) ** 2
         response = np.fft.irfft(np.conj(u) * y / (power + _REGULAR * power.max()), size)[: most + 1]
         return int(np.argmax(np.abs(response) >= 0.5 * np.abs(response).max()))
@@ -83,25 +103,39 @@ class OutputError:
         """Return a denominator with one fast pole more: where a higher order may begin without being worse."""
         return np.convolve(np.append(1.0, f), [1.0, -_FAST])[1:]
 
-    def polished(self, f: Samples, delay: int) -> Samples:
+    def nearest(self, f: Samples, delay: int, most: int) -> int:
+        """Return the delay at or beside the given one, up to ``most``, from which no next one leaves less."""
+        least = self.left(f, delay)
+        for step in (-1, 1):
+            while 0 <= delay + step <= most and (own := self.left(f, delay + step)) < least:
+                delay, least = delay + step, own
+        return delay
+
+    def polished(self, f: Samples, delay: int, *, most: int = _EVALUATIONS) -> Samples:
         """Return the denominator at the nearest minimum of the simulation's error."""
+        rows = 3 * f.size + 2 + self._offset  # of a triangle: nothing is as long as the recording
 
         def errors(x: Samples) -> tuple[Samples, Samples]:
+            self._check()
             if np.abs(np.roots(np.append(1.0, x))).max(initial=0.0) >= 1:
-                return np.full(self._y.size, np.inf), np.zeros((self._y.size, x.size))
-            left, q, simulated = self._left(x, delay)
+                return np.full(2 * rows, np.inf), np.zeros((2 * rows, x.size))
+            table = self._columns(x, delay)
+            found, _ = self._solved(x, delay, table)
+            simulated = table @ found - (found[-1] if self._offset else 0.0)
             moved = filtered([1.0], np.append(1.0, x), simulated)
-            jacobian = np.stack([_shifted(moved, k) for k in range(1, x.size + 1)], axis=1)
-            return left / self._spread, (jacobian - q @ (q.T @ jacobian)) / self._spread
+            jacobian = [_shifted(moved, k) for k in range(1, x.size + 1)]
+            joint = np.concatenate([table, np.stack([*jacobian, self._y], axis=1)], axis=1)
+            _, left = solved(triangle(joint), table.shape[1])
+            left = np.pad(left / self._spread, ((0, 2 * rows - len(left)), (0, 0)))
+            return left[:, -1], left[:, :-1]
 
         free = np.full(f.size, np.inf)
-        found = minimize_squares(errors, f[None], lower=-free, upper=free, max_evaluations=_EVALUATIONS)
+        found = minimize_squares(errors, f[None], lower=-free, upper=free, max_evaluations=most)
         return f if found is None else found.x
 
     def model(self, f: Samples, delay: int) -> tuple[Discrete, float]:
         """Return the model behind its delay, in observer form, and the constant."""
-        table = self._columns(f, delay)
-        found = np.asarray(np.linalg.lstsq(table, self._y, rcond=1e-12)[0], dtype=np.float64)
+        found = self._solved(f, delay)[0]
         n = f.size
         b, x0 = found[: n + 1], found[n + 1 : 2 * n + 1]
         a = np.diag(np.ones(n - 1), 1) if n else np.zeros((0, 0))
@@ -112,23 +146,22 @@ class OutputError:
         model = Discrete(a=a, b=(b[1:] - b[0] * f)[:, None], c=c, d=np.array([[b[0]]]), x0=x0)
         return model, float(found[-1]) if self._offset else 0.0
 
-    def _left(self, f: Samples, delay: int) -> tuple[Samples, Samples, Samples]:
-        """Return what the best numerator leaves, an orthonormal basis of its columns, and the simulation without constant."""
-        table = self._columns(f, delay)
-        scale = np.linalg.norm(table, axis=0)
-        scale[scale == 0] = 1.0
-        left, strength, right = np.linalg.svd(table / scale, full_matrices=False)
-        kept = strength > 1e-12 * strength[0]
-        q = left[:, kept]
-        within = q.T @ self._y
-        found = right[kept].T @ (within / strength[kept]) / scale
-        constant = found[-1] if self._offset else 0.0
-        return self._y - q @ within, q, table @ found - constant
+    def _solved(self, f: Samples, delay: int, table: Samples | None = None) -> tuple[Samples, Samples]:
+        """Return the best coefficients of the regressors, and a short vector of the size of what they leave."""
+        table = self._columns(f, delay) if table is None else table
+        found, left = solved(triangle(np.concatenate([table, self._y[:, None]], axis=1)), table.shape[1])
+        return found[:, 0], left[:, 0]
+
+    def _late(self, delay: int) -> Samples:
+        """Return the input later; before it was recorded it was 0."""
+        if delay <= self._lead:
+            return self._u[self._lead - delay : self._lead - delay + self._y.size]
+        return _shifted(self._u[self._lead :], delay)
 
     def _columns(self, f: Samples, delay: int) -> Samples:
         """Return the regressors of B, of the initial state and of the constant."""
         whole = np.append(1.0, f)
-        driven = filtered([1.0], whole, _shifted(self._u, delay))
+        driven = filtered([1.0], whole, self._late(delay))
         impulse = np.zeros(self._y.size)
         impulse[0] = 1.0
         free = filtered([1.0], whole, impulse)

@@ -14,8 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from optimizers.black_box.continuous import Discrete
+from optimizers.tall import triangle
 
 Matrix = npt.NDArray[np.float64]
+
+_GROWN = 1e100
+"""A model that grows beyond this within the recording is none."""
+_COLUMNS = 1 << 14
+"""Of a Hankel matrix at a time."""
 
 
 class Subspace:
@@ -33,14 +39,20 @@ class Subspace:
 
     def __init__(self, inputs: Matrix, outputs: Matrix, horizon: int, *, offset: bool) -> None:
         self._u, self._y, self._offset = inputs, outputs, offset
-        u, y = _hankel(inputs, 2 * horizon), _hankel(outputs, 2 * horizon)
-        past_u, future_u = np.split(u, 2)
-        past_y, future_y = np.split(y, 2)
-        # constants are taken out of every row exactly, as the future inputs are
-        known = np.concatenate([np.ones((1, u.shape[1])), future_u]) if offset else future_u
-        stacked = np.concatenate([known, past_u, past_y, future_y])
-        lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
-        first, second = len(known), len(known) + len(past_u) + len(past_y)
+        width = 2 * horizon
+        corner = np.zeros((0, 0))
+        columns = inputs.shape[1] - width + 1
+        for first in range(0, columns, _COLUMNS):
+            part = slice(first, min(first + _COLUMNS, columns) + width - 1)
+            u, y = _hankel(inputs[:, part], width), _hankel(outputs[:, part], width)
+            (past_u, future_u), (past_y, future_y) = np.split(u, 2), np.split(y, 2)
+            # constants are taken out of every row exactly, as the future inputs are
+            known = np.concatenate([np.ones((1, u.shape[1])), future_u]) if offset else future_u
+            stacked = np.concatenate([known, past_u, past_y, future_y]).T
+            corner = triangle(np.concatenate([corner, stacked]) if len(corner) else stacked)
+        lower = corner.T
+        first = int(offset) + horizon * len(inputs)
+        second = first + horizon * (len(inputs) + len(outputs))
         self._left, self.strengths, _ = np.linalg.svd(lower[second:, first:second], full_matrices=False)
 
     def model(self, order: int) -> tuple[Discrete, Matrix]:
@@ -56,25 +68,25 @@ class Subspace:
         """Return B, D, x_0 and the constants: the outputs are linear in them."""
         n, inputs, outputs = len(a), len(self._u), len(self._y)
         samples = self._u.shape[1]
-        states = np.zeros((n, n * inputs + n))
-        states[:, n * inputs :] = np.eye(n)
         columns = np.zeros((samples, outputs, n * inputs + outputs * inputs + n))
-        kicks = np.kron(self._u.T, np.eye(n)).reshape(samples, n, n * inputs)
-        for k in range(samples):
-            seen = c @ states
-            columns[k, :, : n * inputs], columns[k, :, -n:] = seen[:, : n * inputs], seen[:, n * inputs :]
-            states = a @ states
-            states[:, : n * inputs] += kicks[k]
+        zero, still = np.zeros((outputs, 1)), np.zeros(n)
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable one is told by its infinity
+            for place in range(n * inputs):
+                source, state = divmod(place, n)
+                one = Discrete(a=a, b=np.eye(n)[:, [state]], c=c, d=zero, x0=still)
+                columns[:, :, place] = one.simulate(self._u[[source]]).T
+            columns[:, :, -n:] = c @ Discrete(a=a, b=a, c=c, d=zero, x0=still).powers(samples)
         direct = np.kron(self._u.T, np.eye(outputs)).reshape(samples, outputs, outputs * inputs)
         columns[:, :, n * inputs : -n] = direct
         table = columns.reshape(samples * outputs, -1)
-        if not np.isfinite(table).all():
+        if not np.abs(table).max() < _GROWN:
             return np.zeros((n, inputs)), np.zeros((outputs, inputs)), np.zeros(n), np.zeros(outputs)
         if self._offset:
             table = np.concatenate([table, np.tile(np.eye(outputs), (samples, 1))], axis=1)
         scale = np.linalg.norm(table, axis=0)
         scale[scale == 0] = 1.0
-        found = np.linalg.lstsq(table / scale, self._y.T.ravel(), rcond=1e-12)[0] / scale
+        corner = triangle(np.concatenate([table / scale, self._y.T.reshape(-1, 1)], axis=1))
+        found = np.linalg.lstsq(corner[:, :-1], corner[:, -1], rcond=1e-12)[0] / scale
         ends = np.cumsum([n * inputs, outputs * inputs, n])
         b, d, x0, constants = np.split(found, ends)
         return (
