@@ -93,13 +93,16 @@ async def studied(
     """
     computing = service.computing
 
-    def quick() -> Study:
-        return with_text(STUDIES[kind](service, caller, request))
+    def quick() -> Study | dict[str, Any]:
+        try:
+            return with_text(STUDIES[kind](service, caller, request))
+        except LargeError:
+            # as it came: models of blocks, which are made from the catalogue, cannot be sent themselves
+            return request.model_dump(by_alias=True, exclude_unset=True)
 
-    try:
-        return await computing.in_thread(computing.quick, caller.workspace, caller.principal, quick, recall=recall)
-    except LargeError:
-        pass
+    first = await computing.in_thread(computing.quick, caller.workspace, caller.principal, quick, recall=recall)
+    if isinstance(first, Study):
+        return first
     job = ComputeJob(
         id=request_id,
         kind=kind,
@@ -107,8 +110,7 @@ async def studied(
             "settings": service.settings,
             "caller": caller,
             "model": type(request),
-            # as it came: models of blocks, which are made from the catalogue, cannot be sent themselves
-            "request": request.model_dump(by_alias=True, exclude_unset=True),
+            "request": first,
             "kept": kept,
         },
         workspace_id=caller.workspace,

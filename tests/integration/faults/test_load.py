@@ -102,7 +102,7 @@ def resident_mib(url: str) -> float:
 @pytest.mark.skipif(not FULL, reason="times on a machine at rest: make faults")
 @pytest.mark.parametrize("what", ABUSE)
 def test_a_small_simulation_of_another_workspace_waits_for_nobody(
-    database_url: str, tmp_path: Path, what: str, record_property: Callable[[str, object], None]
+    database_url: str, tmp_path: Path, what: str, record_testsuite_property: Callable[[str, object], None]
 ) -> None:
     count, body = ABUSE[what]
     with process(database_url, tmp_path / "service.txt") as url, ExitStack() as all_of_them:
@@ -129,7 +129,7 @@ def test_a_small_simulation_of_another_workspace_waits_for_nobody(
         resident["after"] = resident_mib(url)
     told = {name: float(np.quantile(times, 0.99)) for name, times in (("small", small), ("ready", ready))}
     for name, value in (told | resident).items():
-        record_property(name, round(value, 3))
+        record_testsuite_property(f"{what}: {name}", round(value, 3))
     assert told["small"] <= 0.5
     assert told["ready"] <= 0.1
     assert resident["after"] <= 1.3 * resident["before"]
