@@ -265,7 +265,11 @@ class Identification:
     def _check_contents(self) -> None:
         """Refuse an identification whose estimation windows hold too little."""
         if not self.estimating and not self.frequency:
-            raise ProblemError("at least one experiment must have an estimation window, got none", at=("experiments",))
+            alone = len(self.experiments) == 1
+            raise ProblemError(
+                f"at least one experiment must have an estimation window, got none: split must be > 0, got {self.experiments[0].split:g}",
+                at=(*self.experiments[0].at, "split") if alone else ("experiments",),
+            )
         slices = [(e, e.recording.within(e.windows[0])) for e in self.estimating if e.windows[0] is not None]
         fewest, held = MIN_SAMPLES_PER_PARAMETER * (len(self.parameters) + 1), sum(s.stop - s.start for _, s in slices)
         told = held + 2 * sum(f.lines for f in self.frequency)

@@ -11,6 +11,15 @@ from api.schemas.queue import QueueDocument
 from api.schemas.systems import SystemRef
 from api.schemas.values import Band, Document, Identifier, Name, Overrides, Path, Quantity
 
+Split = Annotated[
+    float,
+    Field(
+        ge=0.0,
+        le=1.0,
+        description="first share of a recording, which estimates; the rest validates. 1 estimates with all of it, 0 only validates, "
+        "which something else must estimate beside. estimation and validation go before it",
+    ),
+]
 Outputs = Annotated[dict[Name, str], Field(min_length=1, max_length=50)]
 
 
@@ -45,9 +54,7 @@ class IdentificationExperiment(Document):
     parameters: Overrides = Field(
         default_factory=dict, description="parameters that had another value in this experiment: a current, a load"
     )
-    split: float = Field(
-        default=0.5, ge=0.0, le=1.0, description="share that estimates: 1 estimates with all of it, 0 only validates"
-    )
+    split: Split = 0.5
     estimation: Window | None = None
     validation: Window | None = None
 
@@ -108,7 +115,7 @@ class IdentificationRequest(Document):
         Field(default=None, description="measured frequency responses, beside recordings or in place of them")
     )
     parameters: list[ParameterChoice] = Field(min_length=1, max_length=50)
-    split: float = Field(default=0.5, gt=0.0, lt=1.0, description="share of the recording that estimates")
+    split: Split = 0.5
     offsets: Literal["none", "estimate"] = "none"
     initial_states: Literal["rest", "estimate"] = Field(
         default="rest",
@@ -131,6 +138,7 @@ class IdentificationRequest(Document):
                 f"must have dataset, inputs and outputs, or experiments, or frequency_responses; {missing} is missing"
             )
         windows = [name for name in ("estimation", "validation") if getattr(self, name) is not None]
+        windows += ["split"] if "split" in self.model_fields_set else []
         if self.experiments is not None and (given or windows):
             raise ValueError(f"must have {(given + windows)[0]} in each of its experiments, not beside them")
         return self
@@ -147,14 +155,15 @@ class BlackBoxRequest(Document):
         default=[1, 2, 3, 4, 5, 6], description="the validation chooses among them"
     )
     largest_delay: Quantity = Field(
-        default=0.0, description="s; a transfer function is tried with every delay up to it"
+        default=0.0,
+        description="s, of a transfer function; the delays up to it are searched. By default none is: at 0 the model answers at once",
     )
     offsets: Literal["none", "estimate"] = "estimate"
     between_samples: Literal["hold", "linear"] = Field(
         default="linear",
         description="what the inputs do between their samples: the fits are the same, the model is not",
     )
-    split: float = Field(default=0.5, gt=0.0, le=1.0, description="share of the recording that estimates")
+    split: Split = 0.5
     estimation: Window | None = None
     validation: Window | None = None
     queue: QueueDocument | None = None

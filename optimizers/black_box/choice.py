@@ -13,6 +13,7 @@ import numpy.typing as npt
 from engine.between_samples import BetweenSamples, told
 from engine.fit import Fit, baselines, compare
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
+from optimizers.black_box.document import document_of
 from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
 from optimizers.limits import Limited
@@ -173,8 +174,10 @@ def black_box(
         estimation={name: compare(*pair) for name, pair in parts[0].items()},
         validation={name: compare(*pair) for name, pair in parts[1].items()},
         one_step=case.predicted(model, delay, constants), baselines=case.trivial(window, offsets=offsets),
-        document=_document(case, method, system, best.delay), status=status, seconds=time.perf_counter() - began,
-        warnings=_doubts(experiment, parts[0]),
+        document=document_of(
+            case.inputs, case.outputs, system, best.delay, one_path=method == "transfer_function"
+        ), status=status, seconds=time.perf_counter() - began,
+        warnings=_doubts(experiment, parts[0], delay, round(largest_delay / case.h)),
     )  # fmt: skip
 
 
@@ -269,8 +272,12 @@ class _Case:
         }
 
 
-def _doubts(experiment: RecordedExperiment, pairs: Mapping[str, tuple[Samples, Samples]]) -> tuple[str, ...]:
+def _doubts(
+    experiment: RecordedExperiment, pairs: Mapping[str, tuple[Samples, Samples]], delay: int, most: int
+) -> tuple[str, ...]:
     said = [*doubted_data(experiment)]
+    if delay == most > 0:
+        said.append(f"the delay came to rest at largest_delay ({most} samples): the recording asks for more room")
     for name, (measured, simulated) in pairs.items():
         said += doubted_samples(measured, simulated, name)
         fit = compare(measured, simulated).fit_percent
@@ -369,30 +376,3 @@ def _begun(whole: OutputError, order: int, delays: int) -> list[tuple[Samples, i
         for delay in best():
             look((delay - stride, delay + stride))
     return [(tried[delay][0], delay) for delay in best()]
-
-
-def _document(case: _Case, method: Method, system: Continuous, delay: float) -> dict[str, Any]:
-    """Return a system document with the model."""
-    blocks: dict[str, Any] = {name: {"kind": "input"} for name in case.inputs}
-    wires: list[dict[str, str]] = []
-    if method == "transfer_function":
-        denominator = np.poly(system.a).real
-        numerator = np.poly(system.a - system.b @ system.c).real + (system.d[0, 0] - 1) * denominator
-        numerator[np.abs(numerator) < 1e-12 * np.abs(denominator) * np.abs(numerator).max()] = 0.0
-        blocks["model"] = {
-            "kind": "transfer_function",
-            "numerator": numerator.tolist(),
-            "denominator": denominator.tolist(),
-        }
-        source = case.inputs[0]
-        if delay:
-            blocks["transport"] = {"kind": "delay", "time": delay}
-            wires.append({"from": source, "to": "transport"})
-            source = "transport"
-        wires.append({"from": source, "to": "model"})
-        return {"name": "black box", "blocks": blocks, "connections": wires, "outputs": {case.outputs[0]: "model"}}
-    single_in, single_out = len(case.inputs) == 1, len(case.outputs) == 1
-    blocks["model"] = {"kind": "state_space", **{k: getattr(system, k.lower()).tolist() for k in "ABCD"}}
-    wires = [{"from": name, "to": "model" if single_in else f"model.in{k + 1}"} for k, name in enumerate(case.inputs)]
-    outputs = {name: "model" if single_out else f"model.out{k + 1}" for k, name in enumerate(case.outputs)}
-    return {"name": "black box", "blocks": blocks, "connections": wires, "outputs": outputs}
