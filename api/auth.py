@@ -18,9 +18,9 @@ from fastapi import Depends, Request
 from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
-from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api import cookies
 from api.errors import KNOWN, problem_of
 from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
@@ -103,7 +103,7 @@ def _shows_something(scope: Scope) -> bool:
     """Return whether a caller shows a key, a cookie or a ticket, whether it opens or not."""
     headers = Headers(scope=scope)
     ticket = QueryParams(scope["query_string"]).get("ticket", "") if scope["type"] == "websocket" else ""
-    return bool(headers.get("authorization") or cookie_of(headers) or ticket)
+    return bool(headers.get("authorization") or cookie_of(headers, scope["app"].state.installation) or ticket)
 
 
 async def _caller(service: Installation, scope: Scope) -> Caller:
@@ -124,7 +124,7 @@ async def _caller(service: Installation, scope: Scope) -> Caller:
         if caller is None or not await service.callers.opens(caller.principal):
             raise _unauthorized("the ticket must be a fresh one of POST /v1/tickets, got another or none")
         return caller
-    cookie = cookie_of(headers)
+    cookie = cookie_of(headers, service)
     if cookie is None:
         raise _unauthorized("the header Authorization: Bearer <key> must be sent, got none")
     caller = await service.callers.find(_hash("cookie", cookie), partial(visitor_of, service.database, cookie))
@@ -144,9 +144,9 @@ def _hash(kind: str, token: str) -> bytes:
     return hashlib.sha256(f"{kind}:{token}".encode(errors="surrogatepass")).digest()
 
 
-def cookie_of(headers: Headers) -> str | None:
+def cookie_of(headers: Headers, service: Installation) -> str | None:
     """Return the token of a browser's sign-in."""
-    return cookie_parser(headers.get("cookie", "")).get(COOKIE) or None
+    return cookies.read(headers, COOKIE, encrypted=service.settings.encrypted)
 
 
 def csrf_token(cookie: str) -> str:

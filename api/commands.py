@@ -191,27 +191,33 @@ def _wrong(error: ErrorDetails) -> str:
 def _prepare(settings: Settings) -> None:
     """Migrate the database, and make the first key where there is none."""
     with uncollected():
+        from api.services.installation import vault_of
         from api.services.keys import bootstrap
+        from storage import key_file
         from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
         from storage.repositories.webhooks import renew_secrets
         from storage.session import open_database
-        from storage.vault import Vault
 
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
         database = open_database(settings.database_url)
         try:
             database.migrate()
-            _tell_what_lies_open(settings)
             with database.session() as session:
-                renew_secrets(session, Vault(settings.secret_keys).renewed)
+                renew_secrets(session, vault_of(settings).renewed)  # fails where the key is lost under which they are
+            if not settings.secret_keys and not settings.plain_secrets and key_file.make(settings.database_url):
+                with database.session() as session:
+                    renew_secrets(session, vault_of(settings).renewed)
+            _tell_what_lies_open(settings)
             token = bootstrap(database, settings.bootstrap_key)
         finally:
             database.dispose()
     except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except VaultError as error:
-        raise SystemExit(f"SERVOTUNE_SECRET_KEY: {error.message}") from error
+        place = key_file.path_of(settings.database_url)
+        also = "" if place is None else f" (without that setting, the one in {place})"
+        raise SystemExit(f"SERVOTUNE_SECRET_KEY: {error.message}{also}") from error
     if token is not None:
         sys.stdout.write(
             f"\n  First admin key: {token}\n  It is shown only now. Send it as `Authorization: Bearer <key>`.\n\n"
@@ -221,17 +227,22 @@ def _prepare(settings: Settings) -> None:
 
 def _tell_what_lies_open(settings: Settings) -> None:
     """Say which files others can read and which secrets are stored as they are."""
+    from storage import key_file
     from storage.session import readable_by_others
+    from storage.vault import NO_KEY
 
     log = logging.getLogger(__name__)
     path = readable_by_others(settings.database_url)
     if path is not None:
         log.warning("the database %s can be read by other users of this machine: chmod 600 %s*", path, path)
-    if not settings.secret_keys:
+    if settings.secret_keys or key_file.read(settings.database_url):
+        return
+    if settings.plain_secrets:
         log.warning(
-            "secrets of webhooks are stored as they are, in the database and its backups: set SERVOTUNE_SECRET_KEY "
-            "(openssl rand -base64 32)"
+            "secrets of webhooks are stored as they are, in the database and its backups, as SERVOTUNE_PLAIN_SECRETS allows"
         )
+    else:
+        log.warning("webhooks and sign-ins through an OpenID provider are refused: %s", NO_KEY)
 
 
 def _wait_for_end_of_input(stop: threading.Event) -> None:

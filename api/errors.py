@@ -23,6 +23,7 @@ from storage.errors import (
     RevisionConflictError,
     StateError,
     StorageError,
+    VaultError,
     why_unavailable,
 )
 
@@ -44,6 +45,7 @@ _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     IdempotencyMismatchError: (422, "idempotency-key-reused"),
     IdempotencyRunningError: (409, "idempotency-key-in-use"),
     QuotaExceededError: (403, "quota-exceeded"),
+    VaultError: (409, "secret-key"),
 }
 #: Everything that :func:`problem_of` has an answer for.
 KNOWN: tuple[type[Exception], ...] = (Problem, *CORE, *_STORAGE, *UNAVAILABLE)

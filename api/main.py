@@ -27,7 +27,7 @@ from api.services.computing import Computing
 from api.services.courier import Courier
 from api.services.following import look_after
 from api.services.housekeeping import INTERVAL, tidy
-from api.services.installation import Installation
+from api.services.installation import Installation, vault_of
 from api.services.openid import Provider
 from api.services.ticking import INTERVAL as TICK
 from api.services.ticking import tick
@@ -36,7 +36,6 @@ from api.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.session import CONNECTIONS, open_database
-from storage.vault import Vault
 
 if TYPE_CHECKING:
     from fastapi.telemetry import TelemetryConfig
@@ -167,7 +166,7 @@ def create_app(
             computing=Computing(chosen),
             openid=Provider(chosen) if chosen.oidc_issuer is not None else None,
             beside=beside,
-            vault=Vault(chosen.secret_keys),
+            vault=vault_of(chosen),
             traces=traces,
             revocations=None if siblings is None else siblings.revocations,
         )

@@ -62,6 +62,7 @@ class Settings(BaseSettings):
     idempotency_hours: float = Field(default=24.0, gt=0)
     webhook_networks: list[IPv4Network | IPv6Network] = Field(default_factory=list)
     secret_key: SecretStr | None = None
+    plain_secrets: bool = False
     audit_days: float = Field(default=400.0, gt=0)
     job_days: float = Field(default=400.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"

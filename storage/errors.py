@@ -13,7 +13,7 @@
     ├── InvalidCursorError        a page cursor that this list did not hand out
     ├── QuotaExceededError        more than the workspace may have
     ├── DatabaseUrlError          a database this package cannot work with
-    ├── VaultError                a secret that was encrypted under another key
+    ├── VaultError                a secret without a key, or that was encrypted under another one
     ├── CopyError                 a copy that cannot be made, or is not what was copied
     └── IdempotencyError          a key used for another request, or one still running
         ├── IdempotencyMismatchError
@@ -64,7 +64,7 @@ class StorageError(Exception):
 
 
 class VaultError(StorageError):
-    """A secret that cannot be read with the keys that there are."""
+    """A secret that cannot be kept or read with the keys that there are."""
 
 
 class NotFoundError(StorageError):

@@ -173,12 +173,17 @@ def _make_own(_dialect: Any, _record: Any, arguments: list[Any], _options: Any) 
         os.close(os.open(str(arguments[0]), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
 
 
+def sqlite_file(url: str) -> Path | None:
+    """Return the path of a SQLite database; None for one on a server."""
+    parsed = _parse(url)
+    return Path(str(parsed.database)) if parsed.get_backend_name() == "sqlite" else None
+
+
 def readable_by_others(url: str) -> str | None:
     """Return the path of a SQLite database that other users of the machine can read; None where they cannot."""
-    parsed = _parse(url)
-    if parsed.get_backend_name() != "sqlite" or os.name != "posix":
+    path = sqlite_file(url)
+    if path is None or os.name != "posix":
         return None
-    path = Path(str(parsed.database))
     shared = stat.S_IRGRP | stat.S_IROTH
     return str(path) if path.is_file() and path.stat().st_mode & shared else None
 

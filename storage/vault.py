@@ -5,7 +5,8 @@ are in the settings of the service and never in the database::
 
     kept = "fernet:" + token(key_1, secret)
 
-Of several keys the first one encrypts and all of them decrypt, so that keys can be changed. Without any, secrets are kept as they are.
+Of several keys the first one encrypts and all of them decrypt, so that keys can be changed. Without any, no secret is kept, unless
+it may be kept as it is. What a browser keeps for the service is sealed under the same keys, for a time.
 """
 
 from __future__ import annotations
@@ -17,6 +18,11 @@ from cryptography.fernet import Fernet, InvalidToken, MultiFernet
 from storage.errors import VaultError
 
 _SEALED = "fernet:"
+#: What is wrong, and what helps.
+NO_KEY = (
+    "there must be a key for secrets: set SERVOTUNE_SECRET_KEY (openssl rand -base64 32), "
+    "or SERVOTUNE_PLAIN_SECRETS=true to keep those of webhooks as they are, got neither"
+)
 
 
 class Vault:
@@ -26,21 +32,48 @@ class Vault:
     ----------
     keys : sequence of str
         Each 32 bytes in URL-safe base64.
+    plain : bool
+        Whether a secret may be kept as it is where there is no key.
 
     Raises
     ------
-    ValueError
+    VaultError
         For a key that is none.
     """
 
-    def __init__(self, keys: Sequence[str] = ()) -> None:
-        own = [Fernet(key) for key in keys]
+    def __init__(self, keys: Sequence[str] = (), *, plain: bool = False) -> None:
+        try:
+            own = [Fernet(key) for key in keys]
+        except ValueError as error:  # what was got is a secret
+            raise VaultError("the key of secrets must be 32 bytes in base64, got others") from error
+        self._plain = plain
         self._first = own[0] if own else None
         self._all = MultiFernet(own) if own else None
 
     def seal(self, secret: str) -> str:
-        """Return a secret as it is kept."""
-        return secret if self._first is None else _SEALED + self._first.encrypt(secret.encode()).decode()
+        """Return a secret as it is kept.
+
+        Raises
+        ------
+        VaultError
+            When there is no key, and it may not be kept as it is.
+        """
+        if self._first is None and self._plain:
+            return secret
+        return _SEALED + self.lend(secret)
+
+    def lend(self, text: str) -> str:
+        """Return what somebody else may keep for the service, who can neither read nor change it; raises `VaultError` without a key."""
+        if self._first is None:
+            raise VaultError(NO_KEY)
+        return self._first.encrypt(text.encode()).decode()
+
+    def take_back(self, lent: str, *, seconds: int) -> str | None:
+        """Return what was lent at most so long ago, None for anything else."""
+        try:
+            return None if self._all is None else self._all.decrypt(lent, ttl=seconds).decode()
+        except InvalidToken:
+            return None
 
     def open(self, kept: str) -> str:
         """Return the secret that is kept so.

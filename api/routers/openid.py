@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 
+from api import cookies
 from api.auth import COOKIE
 from api.calls import InstallationDep
 from api.problems import Problem
@@ -32,15 +33,8 @@ def begin(service: InstallationDep) -> Response:
     """Send the browser to the provider."""
     where, attempt = _provider(service).begin()
     response = RedirectResponse(where, status_code=303)
-    response.set_cookie(
-        _ATTEMPT,
-        attempt.text(),
-        max_age=_ATTEMPT_LASTS,
-        path="/sign-in",
-        secure=service.settings.encrypted,
-        httponly=True,
-        samesite="lax",  # it must come along when the provider sends the browser back
-    )
+    kept = service.vault.lend(attempt.text())
+    cookies.put(response, _ATTEMPT, kept, seconds=_ATTEMPT_LASTS, encrypted=service.settings.encrypted)
     return response
 
 
@@ -50,22 +44,16 @@ def finish(
 ) -> Response:
     """Sign the browser in that comes back."""
     provider = _provider(service)
-    attempt = Attempt.of(request.cookies.get(_ATTEMPT, ""))
+    encrypted = service.settings.encrypted
+    kept = cookies.read(request.headers, _ATTEMPT, encrypted=encrypted)
+    attempt = Attempt.of(service.vault.take_back(kept or "", seconds=_ATTEMPT_LASTS))
     if error or not code:
         raise Problem(403, "sign-in-refused", f"the provider must send a code, got {error[:100] or 'none'!r}")
     person = provider.finish(attempt, state=state, code=code)
     with service.database.session() as session:
         token = sign_ins.admit(service, session, person)
     response = RedirectResponse("/", status_code=303)
-    secure = service.settings.encrypted
-    response.delete_cookie(_ATTEMPT, path="/sign-in", secure=secure, httponly=True, samesite="lax")
-    response.set_cookie(
-        COOKIE,
-        token,
-        max_age=int(service.settings.sign_in_hours * 3600),
-        path="/",
-        secure=secure,
-        httponly=True,
-        samesite="lax",
-    )
+    lasts = int(service.settings.sign_in_hours * 3600)
+    cookies.forget(response, _ATTEMPT, encrypted=encrypted)
+    cookies.put(response, COOKIE, token, seconds=lasts, encrypted=encrypted)
     return response

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Request, Response
 
+from api import cookies
 from api.auth import COOKIE, Reader, cookie_of, csrf_token
 from api.calls import InstallationDep, answer, respond
 from api.schemas.access import CallerReply, TicketReply
@@ -18,22 +19,15 @@ def sign_in(caller: Reader, service: InstallationDep) -> Response:
     with service.database.session() as session:
         body, token = sign_ins.sign_in(service, session, caller)
     response = respond(answer({**body, "csrf_token": csrf_token(token)}, status=201))
-    response.set_cookie(
-        COOKIE,
-        token,
-        max_age=int(service.settings.sign_in_hours * 3600),
-        path="/",
-        secure=service.settings.encrypted,
-        httponly=True,
-        samesite="lax",
-    )
+    lasts = int(service.settings.sign_in_hours * 3600)
+    cookies.put(response, COOKIE, token, seconds=lasts, encrypted=service.settings.encrypted)
     return response
 
 
 @router.get("/session", response_model=CallerReply, summary="Who am I?")
-def who(request: Request, caller: Reader) -> Response:
+def who(request: Request, caller: Reader, service: InstallationDep) -> Response:
     """Return what the key or the browser may do, and the token that a page must send with what changes something."""
-    cookie = cookie_of(request.headers) if caller.expires_at is not None else None
+    cookie = cookie_of(request.headers, service) if caller.expires_at is not None else None
     return respond(answer({**sign_ins.to_wire(caller), "csrf_token": csrf_token(cookie) if cookie else None}))
 
 
@@ -44,7 +38,7 @@ def sign_out(caller: Reader, service: InstallationDep) -> Response:
         sign_ins.sign_out(session, caller)
     service.callers.forget()
     response = Response(status_code=204)
-    response.delete_cookie(COOKIE, path="/", secure=service.settings.encrypted, httponly=True, samesite="lax")
+    cookies.forget(response, COOKIE, encrypted=service.settings.encrypted)
     return response
 
 

@@ -11,6 +11,7 @@ from api.services.computing import Computing
 from api.services.openid import Provider
 from api.settings import Settings
 from api.tracing import Traces
+from storage import key_file
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE
 from storage.session import Database
@@ -38,6 +39,11 @@ class Caller:
     def is_operator(self) -> bool:
         """Whether the caller runs the installation: an admin of its first workspace."""
         return "admin" in self.scopes and self.workspace == DEFAULT_WORKSPACE
+
+
+def vault_of(settings: Settings) -> Vault:
+    """Return the vault of the keys of the settings, or of the file beside the database; raises `VaultError` for a wrong key."""
+    return Vault(settings.secret_keys or key_file.read(settings.database_url), plain=settings.plain_secrets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

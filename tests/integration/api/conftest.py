@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import socket
 import subprocess
@@ -63,7 +64,8 @@ def make_keys(database_url: str) -> dict[str, str]:
 def serving(database_url: str, **settings: Any) -> Iterator[Service]:
     """Run the application under uvicorn in a thread of this process."""
     # Tests show many wrong keys.
-    chosen = Settings(database_url=database_url, **({"wrong_keys_per_minute": 0} | settings))
+    usual = {"wrong_keys_per_minute": 0, "secret_key": base64.b64encode(bytes(32)).decode()}
+    chosen = Settings(database_url=database_url, **(usual | settings))
     app = create_app(chosen)
     listener = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(configuration(app, grace=1, proxies=chosen.trusted_proxies))

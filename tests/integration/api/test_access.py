@@ -263,7 +263,13 @@ def test_behind_https_cookies_and_browsers_stay_there(database_url) -> None:
     settings = {"public_url": "https://servotune.example", "requests_per_minute": 4}
     with serving(database_url, **settings) as service, service.client("read") as client:
         reply = client.post("/v1/session")
-        assert "; Secure" in reply.headers["Set-Cookie"]
+        cookie = reply.headers["Set-Cookie"]
+        assert re.fullmatch(r"__Host-servotune_sign_in=[\w-]{43}; HttpOnly; .*; Path=/; SameSite=lax; Secure", cookie)
+        # Another host of the domain cannot set that name, so no other name counts.
+        token = cookie.partition("=")[2].partition(";")[0]
+        for name, status in (("servotune_sign_in", 401), ("__Host-servotune_sign_in", 200)):
+            with httpx.Client(base_url=service.url, headers={"Cookie": f"{name}={token}"}, trust_env=False) as page:
+                assert page.get("/v1/session").status_code == status
         assert reply.headers["Strict-Transport-Security"] == "max-age=31536000"
         # And four requests in a minute are enough.
         assert reply.headers["RateLimit-Policy"] == '"requests";q=4;w=60'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import json
 import os
@@ -19,10 +18,15 @@ from typing import Any
 
 import httpx
 import pytest
+from cryptography.fernet import Fernet
 from opentelemetry.proto.trace.v1.trace_pb2 import Span
+from sqlalchemy import select
 from websockets.sync.client import connect
 
-from api.commands import openapi, serve, worker
+from api.commands import _prepare, openapi, serve, worker
+from api.settings import Settings
+from storage import open_database
+from storage.models import Webhook
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, upload
 from tests.integration.api.test_datasets import FILE, TEXT
@@ -108,15 +112,38 @@ def test_serve_says_what_lies_open(tmp_path) -> None:
     with served(tmp_path, "--no-worker", bootstrap_key=KEY):
         assert (tmp_path / "served.db").stat().st_mode & 0o077 == 0
     told = (tmp_path / "log.txt").read_text()
-    assert "secrets of webhooks are stored as they are" in told
     assert "can be read by other users" not in told
+    assert "webhooks" not in told
     (tmp_path / "served.db").chmod(0o644)
-    key = base64.b64encode(bytes(32)).decode()
-    with served(tmp_path, "--no-worker", bootstrap_key=KEY, secret_key=key):
-        pass
+    (tmp_path / "served.db.key").unlink()
+    with served(tmp_path, "--no-worker", bootstrap_key=KEY, plain_secrets="true"):
+        assert not (tmp_path / "served.db.key").exists()
     told = (tmp_path / "log.txt").read_text()
     assert f"{tmp_path / 'served.db'} can be read by other users of this machine: chmod 600" in told
-    assert "secrets of webhooks" not in told
+    assert "secrets of webhooks are stored as they are" in told
+
+
+def test_serve_makes_a_key_for_secrets_beside_its_database(tmp_path) -> None:
+    """It is made once, for the service's user alone, and encrypts; without it what it encrypted is not read, in words."""
+    body = {"name": "ci", "url": "https://no-such-host.invalid/", "events": ["job.failed"]}
+    path = tmp_path / "served.db.key"
+    with served(tmp_path, "--no-worker", bootstrap_key=KEY) as (_, client):
+        made = client.post("/v1/webhooks", json=body)
+        assert made.status_code == 201, made.text
+        assert path.stat().st_mode & 0o077 == 0
+        key = path.read_text()
+    url = f"sqlite:///{tmp_path / 'served.db'}"
+    database = open_database(url)
+    with database.session() as session:
+        (kept,) = session.scalars(select(Webhook.secret))
+    database.dispose()
+    assert Fernet(key).decrypt(kept.removeprefix("fernet:")).decode() == made.json()["secret"]
+    with served(tmp_path, "--no-worker", bootstrap_key=KEY):
+        assert path.read_text() == key
+    path.unlink()
+    with pytest.raises(SystemExit, match=re.escape("SERVOTUNE_SECRET_KEY: the key must be given") + f".*{path.name}"):
+        _prepare(Settings(database_url=url))
+    assert not path.exists()
 
 
 def number(client: httpx.Client, name: str, within: float = 60.0) -> float:

@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
+from cryptography.fernet import Fernet
 from joserfc import jwt
 from joserfc.jwk import OctKey, RSAKey
 from pydantic import ValidationError
@@ -235,8 +236,23 @@ def test_a_sign_in_belongs_to_the_browser_that_began_it(openid_service, provider
         assert other.get("/sign-in/callback", params=query).status_code == 403  # another state
         refused = own.get("/sign-in/callback", params={"state": asked["state"], "error": "access_denied"})
         assert "access_denied" in refused.json()["detail"]
-        other.cookies.set("servotune_openid", "bm9uc2Vuc2U=", path="/sign-in")
-        assert other.get("/sign-in/callback", params=query).status_code == 403
+        # What this service has not sealed, or has sealed too long ago, is no beginning.
+        made = json.dumps({"state": asked["state"], "nonce": asked["nonce"], "verifier": "x" * 64})
+        late = Fernet(base64.b64encode(bytes(32))).encrypt_at_time(made.encode(), int(time.time()) - 601).decode()
+        for forged in (base64.urlsafe_b64encode(made.encode()).decode(), late, "nonsense"):
+            other.cookies.clear()
+            other.cookies.set("servotune_openid", forged)
+            refused = other.get("/sign-in/callback", params=query)
+            assert (refused.status_code, "have begun in this browser" in refused.text) == (403, True)
+
+
+def test_without_a_key_nobody_is_sent_to_the_provider(sqlite_template, tmp_path, provider) -> None:
+    path = tmp_path / "without.db"
+    path.write_bytes(sqlite_template.read_bytes())
+    settings = {"public_url": "http://x.example", "oidc_client_id": "x", "oidc_roles": ROLES, "secret_key": None}
+    with serving(f"sqlite:///{path}", oidc_issuer=provider.issuer, **settings) as service:
+        reply = httpx.get(service.url + "/sign-in", trust_env=False)
+        assert (reply.status_code, "set SERVOTUNE_SECRET_KEY" in reply.text) == (409, True)
 
 
 def test_a_provider_that_is_away_is_said_to_be(sqlite_template, tmp_path) -> None:

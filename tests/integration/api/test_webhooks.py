@@ -44,7 +44,11 @@ class Desk:
         settings = Settings(webhook_networks=list(networks))
         self.queue = JobQueue(database)
         self.service = Installation(
-            settings=settings, database=database, queue=self.queue, computing=Computing(settings), vault=Vault(keys)
+            settings=settings,
+            database=database,
+            queue=self.queue,
+            computing=Computing(settings),
+            vault=Vault(keys, plain=True),
         )
         self.options = {"clock": lambda: self.now} | ({"lookup": lookup} if lookup else {})
 
@@ -427,6 +431,19 @@ def test_a_key_that_is_none_is_refused_without_being_shown(key) -> None:
     assert Settings(secret_key="").secret_keys == ()
     pair = Settings(secret_key="+/" * 21 + "+=, " + "A" * 43 + "=").secret_keys
     assert pair == ("-_" * 21 + "-=", "A" * 43 + "=")
+
+
+def test_a_secret_is_kept_as_it_is_only_where_a_setting_allows_it(sqlite_template, tmp_path, receiver) -> None:
+    body = {"name": "ci", "url": receiver.url, "events": ["job.failed"]}
+    for plain, status in ((False, 409), (True, 201)):
+        path = tmp_path / f"{plain}.db"
+        path.write_bytes(sqlite_template.read_bytes())
+        given = {"secret_key": None, "plain_secrets": plain, "webhook_networks": [HERE]}
+        with serving(f"sqlite:///{path}", **given) as service, service.client() as client:
+            reply = client.post("/v1/webhooks", json=body)
+            assert reply.status_code == status, reply.text
+            assert plain or "set SERVOTUNE_SECRET_KEY (openssl rand -base64 32), or" in reply.json()["detail"]
+            assert len(client.get("/v1/webhooks").json()["items"]) == plain
 
 
 def test_a_repeated_creation_shows_no_secret_twice(lively) -> None:
