@@ -1,4 +1,4 @@
-"""Reading a JSON body strictly: finite numbers, no key twice, bounded depth.
+"""Reading a JSON body strictly: finite numbers, no key twice, bounded depth, bounded numbers of keys and of numbers.
 
 The standard parser takes NaN and Infinity, and keeps the last of two equal keys; a document that says two things
 about one block must not silently lose one of them.
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import HTTPException, Request, Response
 from fastapi.routing import APIRoute
 
@@ -21,6 +22,13 @@ from api.settings import Settings
 
 _DEEPEST = 128
 _LONGEST_INTEGER = 300
+#: In one document, whatever its size may be; one of a megabyte, the usual limit, holds fewer.
+_MOST_KEYS = 200_000
+_MOST_NUMBERS = 1_000_000
+#: Bytes above which a document is read beside the event loop, where a millisecond is much; and how many at a time, so that
+#: large ones wait for each other and not everybody for them.
+_LARGE = 16 << 10
+_LARGE_ONES = CapacityLimiter(2)
 
 
 class _RefusedError(ValueError):
@@ -34,37 +42,48 @@ class _NoNumber:
     rule: str
 
 
-class _Numbers:
-    """Reads numbers, and notes whether one was met that no document may hold."""
+class _Reading:
+    """Reads the numbers and objects of one document, counts them, and notes whether a number was met that no document may hold."""
 
     def __init__(self) -> None:
         self.refused = False
+        self._keys = 0
+        self._numbers = 0
 
     def _refuse(self, rule: str) -> _NoNumber:
         self.refused = True
         return _NoNumber(rule)
 
+    def _count_number(self) -> None:
+        self._numbers += 1
+        if self._numbers > _MOST_NUMBERS:
+            raise _RefusedError(f"a document must have at most {_MOST_NUMBERS} numbers, got more")
+
     def constant(self, text: str) -> Any:
         return self._refuse(f"numbers must be finite, got {text}")
 
     def real(self, text: str) -> Any:
+        self._count_number()
         value = float(text)
         return value if math.isfinite(value) else self._refuse(f"numbers must be below 1.8e308, got {text[:40]}")
 
     def whole(self, text: str) -> Any:
+        self._count_number()
         long = len(text) > _LONGEST_INTEGER
         return self._refuse(f"numbers must be below 1.8e308, got {len(text)} digits") if long else int(text)
 
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    document = dict(pairs)
-    if len(document) < len(pairs):
-        seen: set[str] = set()
-        for key, _ in pairs:
-            if key in seen:
-                raise _RefusedError(f"a key must stand once in an object, got {key[:80]!r} twice")
-            seen.add(key)
-    return document
+    def members(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        self._keys += len(pairs)
+        if self._keys > _MOST_KEYS:
+            raise _RefusedError(f"a document must have at most {_MOST_KEYS} keys, got more")
+        document = dict(pairs)
+        if len(document) < len(pairs):
+            seen: set[str] = set()
+            for key, _ in pairs:
+                if key in seen:
+                    raise _RefusedError(f"a key must stand once in an object, got {key[:80]!r} twice")
+                seen.add(key)
+        return document
 
 
 def _check_numbers(document: Any) -> None:
@@ -114,13 +133,17 @@ def parse(body: bytes) -> Any:
     Raises
     ------
     json.JSONDecodeError
-        When it is malformed, not UTF-8, or holds NaN, an infinity, a key twice or too many levels.
+        When it is malformed, not UTF-8, or holds NaN, an infinity, a key twice, or too many levels, keys or numbers.
     """
     try:
         text = body.decode("utf-8")
-        read = _Numbers()
+        read = _Reading()
         document = json.loads(
-            text, parse_constant=read.constant, parse_float=read.real, parse_int=read.whole, object_pairs_hook=_object
+            text,
+            parse_constant=read.constant,
+            parse_float=read.real,
+            parse_int=read.whole,
+            object_pairs_hook=read.members,
         )
         _check_depth(document)
         if read.refused:
@@ -138,6 +161,13 @@ def parse(body: bytes) -> Any:
     return document
 
 
+async def parse_beside(body: bytes) -> Any:
+    """Return the JSON document in ``body``, a large one without holding the event loop up; raises as `parse` does."""
+    if len(body) <= _LARGE:
+        return parse(body)
+    return await to_thread.run_sync(parse, body, limiter=_LARGE_ONES)
+
+
 class _StrictRequest(Request):
     async def body(self) -> bytes:
         if not hasattr(self, "_body"):
@@ -146,7 +176,7 @@ class _StrictRequest(Request):
         return self._body
 
     async def json(self) -> Any:
-        return parse(await self.body())
+        return await parse_beside(await self.body())
 
 
 async def read_limited(request: Request, limit: int, what: str, *, seconds: float) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import re
-from collections.abc import Mapping, Sequence, Sized
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from difflib import get_close_matches
 from http import HTTPStatus
 from typing import Any
@@ -22,6 +22,7 @@ from api.problems import MEDIA_TYPE, Fault, Problem, invalid_document
 
 _log = logging.getLogger("servotune.api")
 _MOST_FAULTS = 50
+_LONGEST_SHOWN = 80
 #: Of a request whose client did not wait for the answer.
 _LEFT = 499
 _METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
@@ -83,26 +84,28 @@ def sentence(name: str, error: Mapping[str, Any]) -> str:
     kind, message = error["type"], str(error["msg"])
     given, limits = error.get("input"), error.get("ctx", {})
     count = len(given) if isinstance(given, Sized) else 0
+    shown = _shown(given)
+    plain = given if isinstance(given, str) else shown  # a number of an address is a text
     sentences = {
         "missing": f"{name} must be given",
         "extra_forbidden": f"{name} must be left out: it is no field here",
         "value": f"{name} {message}",
         "value_error": f"{name} {message.removeprefix('Value error, ')}",
-        "literal_error": f"{name} must be {limits.get('expected')}, got {_shown(given)}",
-        "enum": f"{name} must be {limits.get('expected')}, got {_shown(given)}",
+        "literal_error": f"{name} must be {limits.get('expected')}, got {shown}",
+        "enum": f"{name} must be {limits.get('expected')}, got {shown}",
         "too_long": f"{name} must have at most {_counted(limits.get('max_length'), 'item')}, got {count}",
         "too_short": f"{name} must have at least {_counted(limits.get('min_length'), 'item')}, got {count}",
         "string_too_long": f"{name} must have at most {_counted(limits.get('max_length'), 'character')}, got {count}",
         "string_too_short": f"{name} must have at least {_counted(limits.get('min_length'), 'character')}, got {count}",
-        "string_pattern_mismatch": f"{name} must match {limits.get('pattern')}, got {_shown(given)}",
-        "greater_than": f"{name} must be > {limits.get('gt')}, got {given}",
-        "greater_than_equal": f"{name} must be >= {limits.get('ge')}, got {given}",
-        "less_than": f"{name} must be < {limits.get('lt')}, got {given}",
-        "less_than_equal": f"{name} must be <= {limits.get('le')}, got {given}",
+        "string_pattern_mismatch": f"{name} must match {limits.get('pattern')}, got {shown}",
+        "greater_than": f"{name} must be > {limits.get('gt')}, got {plain}",
+        "greater_than_equal": f"{name} must be >= {limits.get('ge')}, got {plain}",
+        "less_than": f"{name} must be < {limits.get('lt')}, got {plain}",
+        "less_than_equal": f"{name} must be <= {limits.get('le')}, got {plain}",
     }
     if kind in _KINDS:
-        return f"{name} must be {_KINDS[kind]}, got {_shown(given)}"
-    return sentences.get(kind, f"{name}: {message}, got {_shown(given)}")
+        return f"{name} must be {_KINDS[kind]}, got {shown}"
+    return sentences.get(kind, f"{name}: {message}, got {shown}")
 
 
 def _counted(number: int | None, what: str) -> str:
@@ -110,8 +113,33 @@ def _counted(number: int | None, what: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    """Return how a value looks, of a long one the beginning; what is missing in a body comes with the whole body."""
+    text = ""
+    for piece in _pieces(value):
+        text += piece
+        if len(text) > _LONGEST_SHOWN:
+            return text[: _LONGEST_SHOWN - 3] + "..."
+    return text
+
+
+def _pieces(value: Any) -> Iterator[str]:
+    """Yield the ``repr`` of a JSON value piece by piece; a text is cut, but not so short that it could be shown whole."""
+    if isinstance(value, dict):
+        yield "{"
+        for number, (key, child) in enumerate(value.items()):
+            yield ", " if number else ""
+            yield from _pieces(key)
+            yield ": "
+            yield from _pieces(child)
+        yield "}"
+    elif isinstance(value, list):
+        yield "["
+        for number, child in enumerate(value):
+            yield ", " if number else ""
+            yield from _pieces(child)
+        yield "]"
+    else:
+        yield repr(value[: _LONGEST_SHOWN + 1] if isinstance(value, str) else value)
 
 
 def validation_problem(errors: Sequence[Any], body: Any) -> Problem:

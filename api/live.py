@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
 
-from api.bodies import parse
+from api.bodies import parse_beside
 from api.errors import KNOWN, RecalledError, problem_of
 from api.handlers import validation_problem
 from api.problems import Problem, invalid
@@ -109,7 +109,7 @@ async def _read(socket: WebSocket, box: _Letterbox, limit: int) -> None:
             if len(text) > limit:
                 await socket.close(_TOO_BIG, f"a message must be at most {limit} bytes")
                 return
-            message = _parsed(text)
+            message = await _parsed(text)
             if isinstance(message, LiveSet):
                 box.values = message
             else:
@@ -122,10 +122,10 @@ async def _read(socket: WebSocket, box: _Letterbox, limit: int) -> None:
         box.close()
 
 
-def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
+async def _parsed(text: str) -> LiveOpen | LiveSet | Problem:
     """Return what a message says, or what is wrong with it."""
     try:
-        body = parse(text.encode(errors="replace"))
+        body = await parse_beside(text.encode(errors="replace"))
     except json.JSONDecodeError as error:
         return invalid(f"a message must be JSON: {error.msg}")
     try:

@@ -7,6 +7,7 @@ from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
 from api.errors import problem_of
+from api.handlers import sentence
 from api.problems import Problem, at, invalid
 from engine.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
@@ -80,3 +81,32 @@ def test_an_ill_posed_loop_names_its_ports() -> None:
 
 def test_places_nest() -> None:
     assert invalid("x", "b").within("a").document()["errors"][0]["pointer"] == "/a/b"
+
+
+def test_what_was_got_is_shown_without_writing_all_of_it() -> None:
+    """A field that is missing in a large body comes with that body, fifty times: each writing of it all was a part of a second."""
+
+    class Counted(dict):
+        asked = 0
+
+        def items(self):
+            for item in super().items():
+                Counted.asked += 1
+                yield item
+
+        __repr__ = None
+
+    got = Counted((f"k{number}", [number]) for number in range(10_000))
+    said = sentence("gain", {"type": "float_type", "msg": "", "input": got})
+    assert said == "gain must be a number, got " + repr(dict(got))[:77] + "..."
+    assert sentence("gain", {"type": "missing", "msg": "", "input": got}) == "gain must be given"
+    assert Counted.asked < 100
+
+
+@pytest.mark.parametrize(
+    "value", [{"a": [1, {"b": None}], "c": {}}, [], "it's", 0.5, True, "x" * 79, [[1, 2], ["y" * 200]]]
+)
+def test_a_value_is_shown_as_it_is_or_by_its_beginning(value) -> None:
+    whole = repr(value)
+    shown = whole if len(whole) <= 80 else whole[:77] + "..."
+    assert sentence("gain", {"type": "other", "msg": "no", "input": value}) == f"gain: no, got {shown}"
