@@ -22,6 +22,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from tests.integration.api.conftest import Service, serving
+from tests.integration.api.documents import LAG, RAW, lag_recording, upload
 from tests.support import contract
 
 CHECKS = [
@@ -35,6 +36,7 @@ SCHEMA = openapi.from_dict(contract.DOCUMENT)
 OPERATIONS = {operation.ok().label: operation.ok() for operation in SCHEMA.get_all_operations()}
 #: Of the examples of a property: one in so many.
 SHARE = 12
+DATA = lag_recording(samples=100)
 
 
 def cases() -> list[Any]:
@@ -61,6 +63,34 @@ def session(fuzzed) -> Iterator[requests.Session]:
     with requests.Session() as own:
         own.trust_env = False
         yield own
+
+
+@pytest.mark.parametrize("kind", ["csv", "mat", "parquet", "hdf5"])
+def test_what_is_not_ready_is_not_exported(fuzzed, kind) -> None:
+    """Random requests found an answer 500 here."""
+    with fuzzed.client() as client:
+        for body in (RAW, {"name": "x", "format": "csv"}):
+            made = client.post("/v1/datasets", json=body).json()["id"]
+            reply = client.get(f"/v1/datasets/{made}/export", params={"format": kind})
+            assert (reply.status_code, "must be ready, it is open" in reply.text) == (409, True)
+
+
+def test_windows_without_length_and_ports_without_name_are_refused_at_their_place(fuzzed) -> None:
+    """Random requests found an answer 500 here."""
+    right = {"dataset": "ds_none", "inputs": {"u": "u"}, "outputs": {"y": "y"}}
+    empty = {"estimation": [0, 0], "validation": [0, 0]}
+    with fuzzed.client() as client:
+        assert upload(client, RAW, DATA, segment=len(DATA)).status_code == 200
+        right["dataset"] = client.get("/v1/datasets").json()["items"][0]["id"]
+        for wrong, place in (
+            (empty, "/estimation"),
+            ({"inputs": {"": "u"}}, "/inputs/"),
+            ({"outputs": {"": "y"}}, "/outputs/"),
+        ):
+            for body, before in ((right | wrong, ""), ({"experiments": [right | wrong]}, "/experiments/0")):
+                reply = client.post("/v1/identifications", json={"system": LAG, "parameters": ["k"], **body})
+                assert reply.status_code == 422, reply.text
+                assert before + place in {error["pointer"] for error in reply.json()["errors"]}
 
 
 @pytest.mark.parametrize(("label", "mode"), cases())
