@@ -310,7 +310,12 @@ class Stepper:
         return np.asarray(found)
 
     def quiet(self, slope: Array, e: Array, widths: Array) -> Array:
-        """Return slopes (K, 17, channels) without what differentiation makes of rounding, which is no motion."""
+        """Return slopes (K, 17, channels) without what differentiation makes of rounding, which is no motion.
+
+        Their infinitesimals are judged by themselves: a signal that stands still may do so sooner or later.
+        """
+        if np.iscomplexobj(slope):
+            return self.quiet(slope.real, e.real, widths) + 1j * self.quiet(slope.imag, e.imag, widths)
         noise = _NOISE * np.abs(e).max(axis=1, keepdims=True) / np.abs(widths)[:, None, None]
         return np.where(np.abs(slope) <= noise, 0.0, slope)
 
@@ -343,7 +348,7 @@ class Stepper:
 
     def quiet_slope(self, e: Array, width: float) -> Array:
         """Return the slopes in time of signals ``e`` (lanes, 17, channels) on one step."""
-        return self.quiet(differentiation_matrix() @ e / width, e, np.full(len(e), width))
+        return self.quiet(differentiation_matrix() @ e / width, e, np.full(len(e), np.real(width)))
 
     def lanes(self, step: Step, start: Array, begin: Array, end: Array) -> tuple[Array, Nodes]:
         """Return the step with its infinitesimals: start and stages (lanes, s + 1, n), and its nodes.

@@ -14,6 +14,8 @@ from tests.unit.engine.diagrams import block
 
 GAS, KAPPA, NORMAL, DENSITY = 287.05, 1.4, 293.15, 1.185
 SUPPLY, AMBIENT, CRITICAL, LAMINAR = 7e5, 1e5, 0.3, 0.01
+REVERSED = 1e-7
+"""A flow takes the temperature of the other side when it is so far beyond balance: the block says so."""
 STROKE, DEAD = 0.5, 2e-5
 
 
@@ -143,7 +145,7 @@ class Pneumatic(Loop):
     def events(self, t: float, s: np.ndarray) -> list[float]:
         """Return those of friction, limit, valve, and both flows, up and down."""
         found = [self.friction.events(s[1], self.push(s)), self.limit.events(self.demand(t, s)), [-self.side * s[6]]]
-        levels = {-3: (-9.0, CRITICAL - 1), -2: (CRITICAL - 1, -LAMINAR), -1: (-LAMINAR, 0.0), 1: (0.0, LAMINAR),
+        levels = {-3: (-9.0, CRITICAL - 1), -2: (CRITICAL - 1, -LAMINAR), -1: (-LAMINAR, REVERSED), 1: (-REVERSED, LAMINAR),
                   2: (LAMINAR, 1 - CRITICAL), 3: (1 - CRITICAL, 9.0)}  # fmt: skip
         for drop, zone in zip(self.drops(s), self.zones, strict=True):
             low, high = levels[zone]

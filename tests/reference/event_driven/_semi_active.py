@@ -124,7 +124,8 @@ class SemiActive(Loop):
 
     def events(self, t: float, s: np.ndarray) -> list[float]:
         """Return the sign of the slip for Dahl's law, and what ends a current."""
-        found = [-self.way * (s[1] - s[3])] if self.held != 1 else [-1.0]
+        bends = self.p["damper"] == "dahl" and self.held != 1
+        found = [-self.way * (s[1] - s[3])] if bends else [-1.0]
         if self.p["transition"]:
             return found
         if self.held < 0:
