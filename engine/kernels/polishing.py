@@ -22,6 +22,8 @@ from engine.kernels.spectrum_program import (
     DELAY_AT,
     DELAY_MARGIN,
     DOUBT,
+    FAINT,
+    FAINTEST,
     FIRST_FALL,
     GAIN_AT,
     GAIN_MARGIN,
@@ -285,6 +287,8 @@ def _conclude(readings: Real, state: Real, lane: int) -> None:
     elif kind == CROSS_AXIS:
         if x < -SMALLEST and abs(math.log(-x)) < abs(math.log(reading[GAIN_MARGIN, lane])):
             reading[GAIN_MARGIN, lane], reading[GAIN_AT, lane] = -1.0 / x, omega
+        elif -SMALLEST <= x < -FAINTEST and math.isinf(reading[GAIN_MARGIN, lane]):
+            reading[GAIN_AT, lane] = FAINT
     elif kind == CROSS_LEVEL:
         reading[FIRST_FALL, lane] = omega
     elif kind in (TURN_UNIT, TURN_LEVEL):

@@ -397,8 +397,8 @@ class Integration:
         fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
         return 4.0 / fastest if fastest > 0 else math.inf
 
-    def _accept(self, step: Step, end: float, lanes: Array | None, event: Crossing | None = None) -> None:
-        """Append a step to the record and move to its end; one that ends with an event carries its guard."""
+    def _accept(self, step: Step, end: float, lanes: Array | None, event: tuple[Step, Crossing] | None = None) -> None:
+        """Append a step to the record and move to its end; ``event`` is what ends it, on the step that it is a part of."""
         self._stepper.accept(step, whole=event is None)
         if not self._first_scale.any():
             self._first_scale = self._stepper.scale
@@ -412,7 +412,7 @@ class Integration:
             ends = np.full(self.system.lanes, end, dtype=complex) if lanes is None else lanes
             path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
             if event is not None:
-                ends = ends - 1j * self._moved(step, event, nodes)
+                ends = ends - 1j * self._moved(*event, nodes)
                 path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
             board.t, last = ends, path[:, -1]
         else:
@@ -424,14 +424,17 @@ class Integration:
         self._bounds.state(end, last)
 
     def _moved(self, step: Step, event: Crossing, nodes: Any) -> Real:
-        """Return how much earlier an event comes for the infinitesimals of its guard, (lanes,)."""
+        """Return how much earlier an event comes for the infinitesimals of its guard, (lanes,).
+
+        Its rate is that of the whole ``step``: the part before the event may be so short that rounding is all of it.
+        """
         number, guard, _ = step.guards[event.index]
         law = self.system.laws[number]
         seen = self.system.seen(number, nodes.at, nodes.flow.e, nodes.flow.v, nodes.slope)
         values = law.element.guards(seen, self._board.modes[number], law.values)[guard]
         shape = nodes.at.t.shape
         moved = np.asarray(np.broadcast_to(values, shape)[:, -1].imag)
-        rate = step.slope_of(event.index, 1.0)
+        rate = step.slope_of(event.index, event.theta)
         if rate <= 0.0:
             self.smooth = self.smooth and not np.any(moved)
             return np.zeros_like(moved)
@@ -445,7 +448,7 @@ class Integration:
         slope = None
         if width > 1e-13 * max(self.now, 1e-3 * self._horizon):
             part = self._stepper.cut(step, crossing.theta, self._command(width))
-            self._accept(part, self.now + width, None, event=crossing)
+            self._accept(part, self.now + width, None, event=(step, crossing))
             self._board.switches = 0
         else:
             slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))

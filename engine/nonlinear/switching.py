@@ -94,12 +94,12 @@ class Switchboard:
         self._largest = np.maximum(self._largest, np.abs(e[0].real).max(axis=0, initial=0.0))
 
     def tolerance(self, number: int, guard: int, values: Array) -> float:
-        """Return what counts as 0 for a guard that has these values on a step.
+        """Return what counts as 0 for a guard that has these values on a step, (17,), or on some in a row, (K, 17).
 
         One that is above 0 at the start of it was 0 when the laws settled, so what counted there counts here.
         """
         size = max(self._scale.get(self._surface(number, guard), 0.0), float(np.abs(values).max()))
-        if values[0] > 0.0:
+        if values.flat[0] > 0.0:
             size = max(size, self._in_its_unit(number, guard, self._states, self._largest))
         return max(NEGLIGIBLE * size, self._rounding(number, guard))
 

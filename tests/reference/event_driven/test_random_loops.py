@@ -91,7 +91,11 @@ def test_a_random_loop(family: type[Any], seed: int) -> None:
     assert peak.value is None or peak.value == pytest.approx(largest(course), rel=1e-6, abs=1e-300)
 
 
-@pytest.mark.parametrize(("family", "seed"), cases(2))
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    # always one in which a backlash is left at the instant of stick
+    [*cases(2), *([] if LONG else [pytest.param(Mechanical, 8, id="mechanical-8")])],
+)
 def test_the_slope_of_a_random_loop(family: type[Any], seed: int) -> None:
     """d ise/d gain, carried through every event, against differences of the equations by hand, extrapolated."""
     loop = family.random(np.random.default_rng(seed))

@@ -15,8 +15,10 @@ from engine.signals import make
 from engine.verdicts import Verdict
 from tests.reference.method_of_steps._loops import cases
 
-COUNT = 100 if settings().max_examples > 1000 else 4
+COUNT = 100
 CASES = cases(COUNT, seed=2)
+if settings().max_examples <= 1000:
+    CASES = [*CASES[:4], CASES[85]]  # in the last a backlash is left 1e-13 s before the axis sticks
 WIDTH = 1e-4
 """Relative change of a number for a difference; of two widths the differences of fourth order are made."""
 

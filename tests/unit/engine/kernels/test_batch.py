@@ -204,3 +204,20 @@ def delayed() -> Diagram:
 def test_what_the_kernels_do_not_cover_is_refused_beforehand(diagram: Diagram) -> None:
     with pytest.raises(UnsuitableError):
         Batch(diagram, ("k",), [MetricRequest(metric="peak", signals=STEP, output="y")])
+
+
+def test_gain_margins_of_about_a_thousand_are_there_or_doubtful() -> None:
+    """L = k/(s + 1)³ has the margin 8/k; crossings below 1e-3 belong to the exact path, wherever the table's cell begins."""
+    lag = block("transfer_function", numerator=["=k"], denominator=[1.0, 3.0, 3.0, 1.0])
+    made = system(
+        {"r": block("input"), "e": block("sum", signs="+-"), "g": lag},
+        ["r -> e.in1", "g -> e.in2", "e -> g"],
+        {"y": "g"},
+        {"k": 1.0},
+    )
+    margins = np.geomspace(300.0, 3000.0, 400)
+    found = Batch(made, ["k"], [MetricRequest(metric="gain_margin", open_at="e")])(8.0 / margins[:, None])
+    values, doubtful = found.values[:, 0], found.doubtful[:, 0]
+    assert_allclose(values[~doubtful], margins[~doubtful], rtol=1e-9)
+    assert np.isnan(values[doubtful]).all()
+    assert not doubtful[margins < 990.0].any()
