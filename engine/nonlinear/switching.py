@@ -94,14 +94,9 @@ class Switchboard:
         self._largest = np.maximum(self._largest, np.abs(e[0].real).max(axis=0, initial=0.0))
 
     def tolerance(self, number: int, guard: int, values: Array) -> float:
-        """Return what counts as 0 for a guard that has these values on a step, (17,), or on some in a row, (K, 17).
-
-        One that is above 0 at the start of it was 0 when the laws settled, so what counted there counts here.
-        """
-        size = max(self._scale.get(self._surface(number, guard), 0.0), float(np.abs(values).max()))
-        if values.flat[0] > 0.0:
-            size = max(size, self._in_its_unit(number, guard, self._states, self._largest))
-        return max(NEGLIGIBLE * size, self._rounding(number, guard))
+        """Return what counts as 0 for a guard that has these values on a step."""
+        known = self._scale.get(self._surface(number, guard), 0.0)
+        return max(NEGLIGIBLE * max(known, float(np.abs(values).max())), self._rounding(number, guard))
 
     def note(self, number: int, guard: int, values: Array) -> None:
         """Remember how large a guard has been on a step."""
@@ -213,8 +208,13 @@ class Switchboard:
 
     def _change(self, number: int, guard: int, seen: Moment) -> None:
         law, before = self.system.laws[number], self.modes[number]
+        known = self._scale.get(self._surface(number, guard), 0.0)
         self._adopt(number, law.element.switch(guard, seen, before, law.values))
         after = self.modes[number]
+        # what is 0 as well is the same surface from its other side: what counts as 0 on one side does so on the other
+        for k, other in enumerate(law.element.guards(seen, after, law.values) if after != before else ()):
+            if abs(float(np.ravel(other)[0].real)) <= NEGLIGIBLE * known:
+                self._scale.setdefault(self._surface(number, k), known)
         if not law.element.idle(after) and law.element.held(before) is law.element.held(after) is None:
             self._reopened = True
         self.switches += 1
