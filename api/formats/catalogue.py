@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from types import MappingProxyType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from api.formats import Recording, hdf5, lvm, mat, mdf, parquet, tables, tdms, uff
+from api.formats import (
+    FormatError,
+    Recording,
+    SpectralFunction,
+    Values,
+    hdf5,
+    lvm,
+    mat,
+    mdf,
+    parquet,
+    tables,
+    tdms,
+    uff,
+)
 from api.formats.tables import TableOptions
 
 _MATLAB_7_3 = b"MATLAB 7.3"
@@ -14,6 +29,13 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 TABLES = ("csv", "txt")
 """Formats whose layout may have to be said."""
+
+_TITLES: Mapping[str, str] = MappingProxyType(
+    {
+        "tdms": "a TDMS", "mat": "a MATLAB", "hdf5": "an HDF5", "parquet": "a Parquet", "uff": "a universal", "mdf": "an MDF",
+        "lvm": "a LabVIEW",
+    }
+)  # fmt: skip
 
 
 def _matlab(file: BinaryIO) -> Recording:
@@ -51,9 +73,43 @@ def open_file(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     Raises
     ------
     FormatError
-        When it is no such file, or a damaged one.
+        When it is no such file, or a damaged one; also while it is read.
     """
+    with _understood(format_):
+        found = _opened(format_, file, options)
+
+    def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        with _understood(format_):
+            yield from found.read(wanted)
+
+    return replace(found, read=read, functions=[_guarded(format_, one) for one in found.functions])
+
+
+def _opened(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     file.seek(0)
     if format_ == "lvm":
         return lvm.open_file(file, allow_truncated=options.allow_truncated)
     return tables.open_file(file, options) if format_ in TABLES else _READERS[format_](file)
+
+
+def _guarded(format_: str, function: SpectralFunction) -> SpectralFunction:
+    def read() -> tuple[Any, Any]:
+        with _understood(format_):
+            return function.read()
+
+    return replace(function, read=read)
+
+
+@contextmanager
+def _understood(format_: str) -> Iterator[None]:
+    """Turn whatever a reader or its library throws at a damaged file into words; no list of exceptions is ever whole."""
+    try:
+        yield
+    except (FormatError, MemoryError):
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())[:200]
+        raise FormatError(
+            f"{_TITLES.get(format_, 'a text')} file must be complete and sound, got one that its reader does not understand "
+            f"({type(error).__name__}{said and f': {said}'}): write it anew with what made it, or export it as text"
+        ) from error

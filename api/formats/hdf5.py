@@ -35,10 +35,7 @@ def open_file(file: BinaryIO) -> Recording:
     """
     import h5py  # noqa: PLC0415 - loads a library that most processes never need
 
-    try:
-        source = h5py.File(file, "r")
-    except OSError as error:
-        raise FormatError(f"an HDF5 file must be complete, got one that the library does not open: {error}") from error
+    source = h5py.File(file, "r")
     matlab = any("MATLAB_class" in item.attrs for item in source.values() if hasattr(item, "attrs"))
     arrays: list[Any] = []
     names: list[str] = []
@@ -64,10 +61,10 @@ def open_file(file: BinaryIO) -> Recording:
     try:
         source.visititems(visit)
         found = _recording(arrays, names, refused, dict(source.attrs), matlab=matlab)
-        return replace(found, close=source.close)
-    except (OSError, RuntimeError, KeyError) as error:
+    except BaseException:
         source.close()
-        raise FormatError(f"an HDF5 file must be complete, got a damaged one: {error}") from error
+        raise
+    return replace(found, close=source.close)
 
 
 def _recording(
@@ -99,10 +96,7 @@ def _recording(
         long = [axis for axis in axes if array.shape[axis] > 1]
         along = array.ndim - 1 - one.along if matlab else one.along
         where = tuple(slice(start, stop) if axis == along else one.across if axis in long else 0 for axis in axes)
-        try:
-            return np.asarray(array[where])
-        except OSError as error:
-            raise FormatError(f"the values of {one.name} must be complete, got damaged ones: {error}") from error
+        return np.asarray(array[where])
 
     rate = _rate(attributes)
     remarks: list[str] = []

@@ -79,6 +79,7 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
     )
     left_out, remarks = rows.ending(file).settle(allow_truncated=allow_truncated)
     tables[-1].rows -= left_out
+    remarks += _missing(tables[-1], count, allow_truncated=allow_truncated)
     total = sum(table.rows for table in tables)
     series = [
         Series(
@@ -108,6 +109,19 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
     if has_time:
         remarks.append("the column X_Value is not used: the sample rate is that of Delta_X")
     return Recording(series=series, read=read, remarks=remarks)
+
+
+def _missing(table: _Table, count: int, *, allow_truncated: bool) -> list[str]:
+    """Say or refuse that a table has fewer rows than its header says; a file that goes on under one header has more."""
+    stated = max((int(text) for text in table.row("Samples", count) if text.isdecimal()), default=0)
+    if table.rows >= stated:
+        return []
+    if allow_truncated:
+        return [f"the file is cut off: {table.rows} of the last table's {stated} samples are there"]
+    raise FormatError(
+        f"the last table must have the {stated} samples that its header says, got {table.rows}: the file is cut off. "
+        "Set allow_truncated: true to take what is there"
+    )
 
 
 def _scan(file: BinaryIO) -> tuple[dict[str, list[str]], list[_Table]]:

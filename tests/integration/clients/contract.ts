@@ -26,7 +26,10 @@ const answered = await client.POST("/v1/simulations", {
   body: { system: identifier, input: { port: "u", signal: { kind: "step" } }, metrics: ["rise_time"], samples: 11 },
 });
 if (answered.error) throw new Error(answered.error.detail);
-const [variant] = answered.data.variants;
+// Only who sends `Prefer: respond-async` is answered with a job.
+if (answered.response.status !== 200) throw new Error(`got ${answered.response.status}`);
+const simulated = answered.data as Exclude<typeof answered.data, components["schemas"]["JobReply"]>;
+const [variant] = simulated.variants;
 const rise: number | null = variant.metrics.y.rise_time.value;
 
 const path = { params: { path: { identifier } } };

@@ -1,0 +1,141 @@
+"""Files of every format with bytes changed, left out, doubled or cut off: numbers or a refusal in words, never anything else."""
+
+from __future__ import annotations
+
+import gc
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from hypothesis import settings
+from nptdms import ChannelObject, TdmsWriter
+
+from api.formats import FormatError
+from api.formats.catalogue import _READERS, TABLES
+from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
+
+# of the libraries some leave a file to the collector that they could not open
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+
+WHOLE = settings().max_examples > 1000
+CHANGED, CUT = (1000, 200) if WHOLE else (40, 15)
+COUNT = 300
+RNG = np.random.default_rng(5)
+LINES = {"csv", "txt"}
+"""Formats that do not say how many samples they hold: whole rows are all that can be known of them."""
+TIME, X = np.arange(COUNT) / 100.0, RNG.normal(size=COUNT)
+DATA = Path(__file__).parents[2] / "examples" / "data"
+
+
+def _tdms() -> bytes:
+    target = io.BytesIO()
+    with TdmsWriter(target) as writer:
+        for part in np.array_split(X, 3):
+            writer.write_segment([ChannelObject("bench", "x", part, {"wf_increment": 0.01, "unit_string": "mm"})])
+    return target.getvalue()
+
+
+def _matlab() -> bytes:
+    target = io.BytesIO()
+    scipy.io.savemat(target, {"t": TIME, "x": X, "s": {"y": X}}, do_compression=True)
+    return target.getvalue()
+
+
+def _hdf5() -> bytes:
+    target = io.BytesIO()
+    with h5py.File(target, "w") as file:
+        file.create_dataset("x", data=X, compression="gzip").attrs["sample_rate"] = 100.0
+    return target.getvalue()
+
+
+def _parquet() -> bytes:
+    target = io.BytesIO()
+    pq.write_table(pa.table({"t": TIME, "x": X}), target)
+    return target.getvalue()
+
+
+def _mdf() -> bytes:
+    asammdf = pytest.importorskip("asammdf", reason="it comes with the extra `formats`")
+    target = io.BytesIO()
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(X, TIME, name="x", unit="mm")])
+        file.save(target, compression=2)
+    return target.getvalue()
+
+
+def _uff() -> bytes:
+    text = (DATA / "uff_vibration" / "Sample_UFF58_ascii.uff").read_bytes()
+    place = text.index(b"    58\n") if b"    58\n" in text else text.index(b"    58\r\n")
+    end = text.index(b"    -1", place)
+    return b"    -1\n" + text[place:end] + b"    -1\n"
+
+
+def _lvm() -> bytes:
+    return (DATA / "lvm_labview" / "short.lvm").read_bytes()
+
+
+def _csv() -> bytes:
+    return ("time [s],x [mm]\n" + "".join(f"{t:.2f},{x:.6f}\n" for t, x in zip(TIME, X, strict=True))).encode()
+
+
+FILES: dict[str, Callable[[], bytes]] = {
+    "tdms": _tdms, "mat": _matlab, "hdf5": _hdf5, "parquet": _parquet, "mdf": _mdf, "uff": _uff, "lvm": _lvm, "csv": _csv,
+    "txt": lambda: _csv().replace(b",", b"\t"),
+}  # fmt: skip
+
+
+def test_every_format_is_here() -> None:
+    assert set(FILES) == {*_READERS, *TABLES, "lvm"}
+
+
+def changed(whole: bytes, rng: np.random.Generator) -> bytes:
+    """Return a file with some bytes changed, left out, doubled or exchanged."""
+    content = bytearray(whole)
+    for _ in range(int(rng.integers(1, 4))):
+        place, length = int(rng.integers(len(content))), int(rng.integers(1, 40))
+        match int(rng.integers(4)):
+            case 0:
+                content[place] = int(rng.integers(256))
+            case 1:
+                del content[place : place + length]
+            case 2:
+                content[place:place] = content[place : place + length]
+            case _:
+                content[place : place + length] = rng.bytes(min(length, len(content) - place))
+    return bytes(content)
+
+
+@pytest.mark.parametrize("format_", FILES)
+def test_a_changed_file_is_read_or_refused_in_words(format_: str, tmp_path: Path) -> None:
+    whole, refused = FILES[format_](), 0
+    for seed in range(CHANGED):
+        try:
+            arrays(opened(format_, changed(whole, np.random.default_rng([7, seed])), tmp_path))
+        except FormatError:
+            refused += 1
+    gc.collect()  # what libraries have left half open is let go of here, where its complaints are known
+    assert refused
+
+
+@pytest.mark.parametrize("format_", FILES)
+def test_a_cut_file_is_refused_or_what_is_missing_is_said(format_: str, tmp_path: Path) -> None:
+    whole = FILES[format_]()
+    truth = arrays(opened(format_, whole, tmp_path))
+    for seed in range(CUT):
+        length = int(np.random.default_rng([8, seed]).integers(len(whole)))
+        try:
+            found = opened(format_, whole[:length], tmp_path)
+            read = arrays(found)
+        except FormatError:
+            continue
+        for name, values in read.items():
+            said = len(values) == len(truth[name]) or format_ in LINES or found.remarks
+            assert said, (seed, length)
+            np.testing.assert_array_equal(values, truth[name][: len(values)], err_msg=f"{seed}, {length}")
+    gc.collect()
