@@ -148,6 +148,8 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
             assert time.monotonic() < give_up_at
             time.sleep(0.05)
         assert desk.get(job_id).attempts == 2
+        # Its name is forgotten after its jobs have been handed on: one that comes back in between keeps it.
+        wait_for(lambda: _forgotten(desk, dead_name), "the dead one forgotten", timeout=15)
         # Back to life, it finds that the job is not its own any more.
         hanging.send_signal(signal.SIGCONT)
         wait_until_gone(first, timeout=3.0)
@@ -181,6 +183,11 @@ def test_a_job_that_the_engine_claimed_and_never_began_is_begun(desk: Desk, data
         assert (desk.get(running).ticket, desk.get(running).attempts) == (ticket, 1)
     finally:
         worker.stop()
+
+
+def _forgotten(desk: Desk, name: str) -> bool:
+    with desk.database.session() as session:
+        return WorkerRepository(session).get(name) is None
 
 
 def _seen(desk: Desk, name: str) -> datetime:
