@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -30,6 +31,8 @@ from storage.jobs.compute import ComputeJob, Crashed, Done
 CHILD, REFUSED = "api.requested:run", "refused"
 #: How often (s) the thread that waits for a process looks whether anybody still waits for that.
 _LOOK_INTERVAL = 0.05
+#: How soon (s) an alarm that met an import goes off again, and where the interpreter's own frames of an import come from.
+_AFTER_IMPORT, _IMPORTING = 0.01, "<frozen importlib._bootstrap>"
 
 _log = logging.getLogger("servotune.api")
 T = TypeVar("T")
@@ -83,34 +86,57 @@ class _Alarm:
 
     The numerics know no clock, so the interpreter is asked to raise: between two bytecodes, after the compiled call
     that runs. The lock makes sure that nothing is raised once the computation has ended, or while that thread holds it.
+    Nothing is raised within an import: a module that was left half-loaded would fail for everybody until the service ends.
     """
 
     def __init__(self, seconds: float) -> None:
-        self._thread = ctypes.c_ulong(threading.get_ident())
+        self._seconds, self._thread = seconds, threading.get_ident()
         self.lock = threading.RLock()
         self._ended = self._fired = False
-        self._timer = threading.Timer(seconds, self.fire)
-        self._timer.daemon = True
 
     def start(self) -> None:
         """Begin to count."""
+        self._fire_in(self._seconds)
+
+    def _fire_in(self, seconds: float) -> None:
+        self._timer = threading.Timer(seconds, self.fire)
+        self._timer.daemon = True
         self._timer.start()
 
     def fire(self) -> None:
-        """Go off."""
+        """Go off, now or as soon as no import runs."""
         with self.lock:
-            if not self._ended and not self._fired:
-                self._fired = True
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_OverdueError))
+            if self._ended or self._fired:
+                return
+            if _imports(self._thread):
+                self._timer.cancel()
+                self._fire_in(_AFTER_IMPORT)
+                return
+            self._fired = True
+            _raise_in(self._thread, _OverdueError)
 
     def stop(self) -> None:
         """Stop counting; an alarm that has gone off, but was not heard yet, is raised here."""
-        self._timer.cancel()
         with self.lock:
             self._ended = True
+            self._timer.cancel()
         if self._fired:
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+            _raise_in(self._thread, None)
             raise _OverdueError
+
+
+def _imports(thread: int) -> bool:
+    """Whether that thread is loading a module."""
+    frame = sys._current_frames().get(thread)  # noqa: SLF001 - documented in sys
+    while frame is not None and frame.f_code.co_filename != _IMPORTING:
+        frame = frame.f_back
+    return frame is not None
+
+
+def _raise_in(thread: int, error: type[BaseException] | None) -> None:
+    """Ask the interpreter to raise that in a thread, or with None no more."""
+    wanted = None if error is None else ctypes.py_object(error)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), wanted)
 
 
 @dataclass(frozen=True)

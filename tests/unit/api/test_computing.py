@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
+import sys
 import threading
 import time
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,6 +49,40 @@ def test_what_takes_too_long_is_stopped_and_says_so() -> None:
     with slots.slot():  # nothing is raised later
         busy(0.05)
     time.sleep(0.3)
+
+
+LOADED_LATE = """
+from gate_of_loaded_late import recalled, reached
+reached.set()
+recalled.wait()
+sum(number for number in range(100_000))
+complete = True
+"""
+
+
+def test_an_import_is_never_left_half_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first request that needs a library loads it; were it stopped there, the library would fail for everybody."""
+    (tmp_path / "loaded_late.py").write_text(LOADED_LATE)
+    monkeypatch.syspath_prepend(tmp_path)
+    gate = SimpleNamespace(reached=threading.Event(), recalled=threading.Event())
+    monkeypatch.setitem(sys.modules, "gate_of_loaded_late", gate)
+    slots, recall = computing(request_seconds=30), Recall()
+    loaded: list[bool] = []
+
+    def work() -> None:
+        with slots.slot():
+            loaded.append(importlib.import_module("loaded_late").complete)
+            busy(30)
+
+    def ask() -> None:
+        gate.reached.wait()
+        recall.ask()
+        gate.recalled.set()
+
+    threading.Thread(target=ask).start()
+    with pytest.raises(RecalledError):
+        in_thread(slots, work, recall)
+    assert loaded == [True]
 
 
 def test_an_alarm_never_goes_off_after_the_computation() -> None:
