@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from api.formats.txt import TextLayout, read
+from api.formats.text.txt import TextLayout, read
 from bench.table import Job, Row
 from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from optimizers.identification import Identified, identify

@@ -14,15 +14,14 @@ from api.formats import (
     SpectralFunction,
     Values,
     hdf5,
-    lvm,
     mat,
     mdf,
     parquet,
-    tables,
     tdms,
     uff,
 )
-from api.formats.tables import TableOptions
+from api.formats.text import lvm, tables
+from api.formats.text.tables import TableOptions
 
 _MATLAB_7_3 = b"MATLAB 7.3"
 _HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -12,7 +12,7 @@ import numpy as np
 from api.convert.recordings import in_si
 from api.convert.values import numbers
 from api.formats import SpectralFunction, catalogue
-from api.formats.tables import TableOptions
+from api.formats.text.tables import TableOptions
 from api.pointers import Place
 from api.problems import Problem, invalid
 from api.services.installation import Caller, Installation

@@ -10,8 +10,8 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from api.formats import MOST_CHANNELS, FormatError, Recording, Series
 from api.formats.catalogue import TABLES
-from api.formats.guess import Known
-from api.formats.tables import TableOptions
+from api.formats.text.guess import Known
+from api.formats.text.tables import TableOptions
 from api.units import UnitError, known, to_si
 
 _SHOWN = 20

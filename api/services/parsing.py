@@ -11,7 +11,7 @@ import numpy as np
 
 from api.convert.values import listed, numbers
 from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
-from api.formats.txt import lines_of
+from api.formats.text.txt import lines_of
 from api.services import raw_samples
 from api.services.functions import described
 from api.services.groups import parts_of

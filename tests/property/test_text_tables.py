@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from api.formats import catalogue
-from api.formats.tables import TableOptions
+from api.formats.text.tables import TableOptions
 
 COLUMNS = {"Kraft": "N", "Weg 1": "mm", "n_soll": "1/min", "Temp": "°C", "U": "V", "speed": "m/s"}
 HEADERS = ("bare", "[]", "()", "none")

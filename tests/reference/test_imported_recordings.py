@@ -13,7 +13,7 @@ import pytest
 import scipy.io
 
 from api.formats import FormatError
-from api.formats.guess import Known
+from api.formats.text.guess import Known
 from api.services.importing import options, settle
 from api.services.sampling import TimeAxis
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here

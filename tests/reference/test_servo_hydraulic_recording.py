@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from api.formats.cells import Marks
-from api.formats.txt import TextLayout, read
+from api.formats.text.cells import Marks
+from api.formats.text.txt import TextLayout, read
 from engine.diagram import Block, Connection, Parameter, System, compile_system
 from engine.fit import baselines, compare
 from engine.linear.sampled import simulate_sampled

@@ -11,8 +11,8 @@ import pytest
 
 from api.formats import Recording
 from api.formats.catalogue import open_file
-from api.formats.guess import Known
-from api.formats.tables import TableOptions
+from api.formats.text.guess import Known
+from api.formats.text.tables import TableOptions
 
 _OPEN = ExitStack()
 

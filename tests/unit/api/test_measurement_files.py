@@ -17,7 +17,7 @@ import scipy.io
 from nptdms import ChannelObject, RootObject, TdmsFile, TdmsWriter
 
 from api.formats import FormatError, mat
-from api.formats.tdms_scaling import scaling_of
+from api.formats.tdms.scaling import scaling_of
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 
 RNG = np.random.default_rng(3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from api.formats import FormatError
-from api.formats.clock import Clock, clock_for, is_stamp
+from api.formats.text.clock import Clock, clock_for, is_stamp
 from api.services.importing import settle
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 

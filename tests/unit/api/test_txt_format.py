@@ -5,10 +5,10 @@ import doctest
 import numpy as np
 import pytest
 
-import api.formats.txt
+import api.formats.text.txt
 from api.formats import FormatError
-from api.formats.cells import Marks
-from api.formats.txt import TextLayout, read
+from api.formats.text.cells import Marks
+from api.formats.text.txt import TextLayout, read
 
 DAQ = (
     b"Header Size:  3\r\nSampling Rate:  1000\r\nSample Number, Date/Time, CHANNEL0, CHANNEL1, Events\r\n"
@@ -115,4 +115,4 @@ def test_layouts_that_no_file_has_are_refused(layout, message):
 
 
 def test_the_example_in_the_documentation_runs():
-    assert doctest.testmod(api.formats.txt).failed == 0
+    assert doctest.testmod(api.formats.text.txt).failed == 0

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from api.formats.cells import cut
+from api.formats.text.cells import cut
 from api.units import UnitError, known
 
 COMMENTS = ("#", "%", "//", "!")

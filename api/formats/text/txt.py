@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
-from api.formats.cells import Marks, cut
-from api.formats.clock import Clock
+from api.formats.text.cells import Marks, cut
+from api.formats.text.clock import Clock
 
 BLOCK_ROWS = 8192
 MAX_LINE_CHARACTERS = 1 << 20

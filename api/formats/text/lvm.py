@@ -16,9 +16,9 @@ from typing import BinaryIO
 import numpy as np
 
 from api.formats import MOST_CHANNELS, PIECE, FormatError, Recording, Series, Values
-from api.formats.cells import Marks
-from api.formats.endings import Rows
-from api.formats.txt import lines_of
+from api.formats.text.cells import Marks
+from api.formats.text.endings import Rows
+from api.formats.text.txt import lines_of
 
 _CHUNK = 1 << 20
 _END = "***End_of_Header***"

@@ -9,11 +9,11 @@ from typing import BinaryIO
 import numpy as np
 
 from api.formats import TIME_OF_DAY, FormatError, Recording, Series, Values
-from api.formats.cells import Marks, cut
-from api.formats.clock import Clock, is_stamp
-from api.formats.endings import Rows
-from api.formats.guess import Guess, Known, guess
-from api.formats.txt import Lines, TextLayout, read
+from api.formats.text.cells import Marks, cut
+from api.formats.text.clock import Clock, is_stamp
+from api.formats.text.endings import Rows
+from api.formats.text.guess import Guess, Known, guess
+from api.formats.text.txt import Lines, TextLayout, read
 
 _HEAD = 1 << 18
 _CHUNK = 1 << 20

@@ -1,26 +1,17 @@
-"""TDMS files of LabVIEW, DAQmx and their relatives: segments of metadata and raw values, read where they lie.
-
-    byte(sample i of chunk c) = data of the segment + c * chunk + start of the channel + i * stride
-
-The file is mapped, not loaded, so that its size does not matter; raw DAQmx values are scaled as their properties say.
-"""
+"""The metadata of a TDMS file: its segments, the objects that they speak of, and where the values of these lie."""
 
 from __future__ import annotations
 
-import bisect
 import mmap
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from api.formats import FormatError, Recording, Series, bounded, by_channel
-from api.formats.arrays import is_time
-from api.formats.tdms_scaling import Scaling, scaling_of
+from api.formats import FormatError
 
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
 _LEAD_IN = 28
@@ -32,7 +23,7 @@ _NUMBERS = {1: "i1", 2: "i2", 3: "i4", 4: "i8", 5: "u1", 6: "u2", 7: "u4", 8: "u
 _SIZES = {11: 16, 0x1B: 16, 0x44: 16, 0x08000C: 8, 0x10000D: 16}
 _STRING, _TIME, _BOOLEAN = 0x20, 0x44, 0x21
 _DAQMX_NUMBERS = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
-_EPOCH = datetime(1904, 1, 1, tzinfo=UTC)
+EPOCH = datetime(1904, 1, 1, tzinfo=UTC)
 _MOST_SEGMENTS = 5_000_000
 
 
@@ -53,17 +44,18 @@ class _Index:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Object:
+class TdmsObject:
     """A channel, group or the file itself: its properties and where its values are."""
 
     properties: dict[str, Any] = field(default_factory=dict)
     index: _Index | None = None
-    runs: list[_Run] = field(default_factory=list)
+    runs: list[Run] = field(default_factory=list)
     starts: list[int] = field(default_factory=list)
     count: int = 0
     reason: str = ""
 
-    def add(self, run: _Run) -> None:
+    def add(self, run: Run) -> None:
+        """Append the values of one segment."""
         if run.chunks and run.count:
             self.starts.append(self.count)
             self.runs.append(run)
@@ -71,7 +63,7 @@ class _Object:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
+class Run:
     """The values of a channel in the chunks of one segment."""
 
     offset: int
@@ -82,91 +74,7 @@ class _Run:
     dtype: str
 
 
-def open_file(file: BinaryIO) -> Recording:
-    """Return what a TDMS file holds; channels of texts or without a scaling that is known are refused by name.
-
-    Raises
-    ------
-    FormatError
-        For another file, damaged metadata, or a file that is shorter than its segments say.
-    """
-    try:
-        memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except ValueError as error:
-        raise FormatError("a TDMS file must begin with TDSm, got an empty file") from error
-    parser = _Parser(memory)
-    parser.run()
-    objects = parser.objects
-    series: list[Series] = []
-    channels: list[tuple[_Object, Scaling | None]] = []
-    refused: dict[str, str] = {}
-    names = _names([path for path in objects if len(_parts(path)) == 2])
-    whole = objects.get("/", _Object()).properties
-    for path, name in names.items():
-        found = objects[path]
-        group = objects.get(f"/{_quoted(_parts(path)[0])}", _Object()).properties
-        scaling, reason = scaling_of(found.properties, group, whole)
-        reason = found.reason or reason or ("it has no values" if not found.count else "")
-        if reason:
-            refused[name] = reason
-            continue
-        bounded(f"channel {name!r}", found.count)
-        series.append(_series(name, len(series), found, group=_parts(path)[0]))
-        channels.append((found, scaling))
-
-    def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
-        values, scaling = channels[channel]
-        raw = np.concatenate(list(_raw(memory, values, start, stop)))
-        memory.madvise(mmap.MADV_DONTNEED)  # what has been copied need not count as this process's memory
-        return raw if scaling is None else scaling(raw)
-
-    return Recording(
-        series=series,
-        read=by_channel([found.count for found, _ in channels], part),
-        refused=refused,
-        remarks=parser.remarks,
-    )
-
-
-def _series(name: str, index: int, found: _Object, *, group: str) -> Series:
-    properties = found.properties
-    step = properties.get("wf_increment")
-    start = properties.get("wf_start_time")
-    return Series(
-        name=name,
-        index=index,
-        count=found.count,
-        unit=str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))[:64],
-        sample_rate=1.0 / step if isinstance(step, float) and step > 0.0 else None,
-        start_time=start if isinstance(start, datetime) and start > _EPOCH else None,
-        role="time" if not isinstance(step, float) and is_time(name.rpartition("/")[2]) else "channel",
-        group=group,
-    )
-
-
-def _raw(memory: mmap.mmap, found: _Object, start: int, stop: int) -> Iterator[npt.NDArray[Any]]:
-    """Yield the values start <= i < stop of a channel as they lie in the file."""
-    number = bisect.bisect_right(found.starts, start) - 1
-    while start < stop:
-        run, first = found.runs[number], start - found.starts[number]
-        last = min(stop - found.starts[number], run.chunks * run.count)
-        begin, end = first // run.count, -(-last // run.count)
-        grid: npt.NDArray[Any] = np.ndarray(
-            (end - begin, run.count),
-            dtype=run.dtype,
-            buffer=memory,
-            offset=run.offset + begin * run.chunk,
-            strides=(run.chunk, run.stride),
-        )
-        if end - begin == 1:
-            yield grid[0, first - begin * run.count : last - begin * run.count]
-        else:
-            yield grid.reshape(-1)[first - begin * run.count : last - begin * run.count]
-        start = found.starts[number] + last
-        number += 1
-
-
-class _Parser:
+class Parser:
     """Reads the metadata of all segments."""
 
     def __init__(self, memory: mmap.mmap) -> None:
@@ -174,7 +82,7 @@ class _Parser:
         self._order = "<"
         self._at = 0
         self._end = 0
-        self.objects: dict[str, _Object] = {}
+        self.objects: dict[str, TdmsObject] = {}
         self.remarks: list[str] = []
 
     def run(self) -> None:
@@ -217,7 +125,7 @@ class _Parser:
         listed = list(listed)
         for _ in range(self._number("I")):
             path = self._text()
-            found = self.objects.setdefault(path, _Object())
+            found = self.objects.setdefault(path, TdmsObject())
             head = self._number("I")
             if head == _AS_BEFORE:
                 if found.index is None:
@@ -295,12 +203,12 @@ class _Parser:
                 if index.dtype:
                     rows = (end - data) // row
                     dtype = self._order + index.dtype
-                    found.add(_Run(offset=offset, chunks=1, chunk=0, count=rows, stride=row, dtype=dtype))
+                    found.add(Run(offset=offset, chunks=1, chunk=0, count=rows, stride=row, dtype=dtype))
                 offset += index.size
         else:
             self._one_by_one(described, data, end)
 
-    def _one_by_one(self, described: Sequence[tuple[_Object, _Index]], data: int, end: int) -> None:
+    def _one_by_one(self, described: Sequence[tuple[TdmsObject, _Index]], data: int, end: int) -> None:
         chunk = sum(index.total for _, index in described)
         if not chunk:
             return
@@ -309,14 +217,14 @@ class _Parser:
         for found, index in described:
             if index.dtype:
                 dtype, width = self._order + index.dtype, index.size
-                found.add(_Run(offset=offset, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
+                found.add(Run(offset=offset, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
                 remaining = min(max(left, 0) // width, index.count)
                 at = offset + chunks * chunk
-                found.add(_Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
+                found.add(Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
             offset += index.total
             left -= index.total
 
-    def _raw_buffers(self, described: Sequence[tuple[_Object, _Index]], data: int, end: int) -> None:
+    def _raw_buffers(self, described: Sequence[tuple[TdmsObject, _Index]], data: int, end: int) -> None:
         widths = described[0][1].widths
         if any(index.widths != widths for _, index in described):
             raise FormatError("the channels of a raw segment must have the same buffers, got others")
@@ -333,10 +241,10 @@ class _Parser:
                 continue
             width, dtype = widths[index.buffer], self._order + index.dtype
             begin = data + int(begins[index.buffer]) + index.offset
-            found.add(_Run(offset=begin, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
+            found.add(Run(offset=begin, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
             remaining = min(max(rest - int(begins[index.buffer]), 0) // width, index.count)
             at = begin + chunks * chunk
-            found.add(_Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
+            found.add(Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
 
     def _property(self, path: str, name: str) -> Any:
         kind = self._number("I")
@@ -346,7 +254,7 @@ class _Parser:
             # the parts of the second come first, unless the file is big-endian
             parts = self._take("Qq") if self._order == "<" else self._take("qQ")[::-1]
             try:
-                return _EPOCH + timedelta(seconds=parts[1], microseconds=parts[0] * 1e6 / 2**64)
+                return EPOCH + timedelta(seconds=parts[1], microseconds=parts[0] * 1e6 / 2**64)
             except OverflowError:
                 return None
         if kind == _BOOLEAN:
@@ -393,21 +301,21 @@ class _Parser:
             )
 
 
-def _parts(path: str) -> list[str]:
+def parts(path: str) -> list[str]:
     """Return ["group", "channel"] for "/'group'/'channel'"; a quote within a name is doubled."""
     if path == "/":
         return []
     return [part.replace("''", "'") for part in path[2:-1].split("'/'")]
 
 
-def _quoted(name: str) -> str:
+def quoted(name: str) -> str:
+    """Return a name as it stands in paths."""
     return "'" + name.replace("'", "''") + "'"
 
 
-def _names(paths: Sequence[str]) -> Mapping[str, str]:
+def names_of(paths: Sequence[str]) -> Mapping[str, str]:
     """Return path -> name: that of the channel, with its group where several groups have one of that name."""
-    short = [_parts(path)[1] for path in paths]
+    short = [parts(path)[1] for path in paths]
     return {
-        path: name if short.count(name) == 1 else "/".join(_parts(path))
-        for path, name in zip(paths, short, strict=True)
+        path: name if short.count(name) == 1 else "/".join(parts(path)) for path, name in zip(paths, short, strict=True)
     }

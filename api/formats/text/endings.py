@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
 from api.formats import FormatError
-from api.formats.cells import Marks, cut
-from api.formats.clock import is_stamp
-from api.formats.txt import decode, encoding_of
+from api.formats.text.cells import Marks, cut
+from api.formats.text.clock import is_stamp
+from api.formats.text.txt import decode, encoding_of
 
 _TAIL = 1 << 16
 _ROWS = 200

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from api.formats import FormatError
-from api.formats.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
-from api.formats.clock import Clock, Order, clock_for, is_stamp
-from api.formats.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
+from api.formats.text.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
+from api.formats.text.clock import Clock, Order, clock_for, is_stamp
+from api.formats.text.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
