@@ -32,7 +32,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 
 $(WARM): $(INSTALLED)
 	@echo 'Compiling the kernels (about a minute, once for a machine) ...'
-	@$(BIN)/python -m engine.kernels.warm
+	@$(BIN)/python -m engine.batch.kernels.warm
 	@touch $@
 
 # npm writes that file when it has installed what the lock says.

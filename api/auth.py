@@ -26,9 +26,9 @@ from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
 from api.problems import Problem
 from api.rates import Allowance, Rates
-from api.services.installation import Caller, Installation
-from api.services.keys import caller_of
-from api.services.sign_ins import holder_of, visitor_of
+from api.services.access.keys import caller_of
+from api.services.access.sign_ins import holder_of, visitor_of
+from api.services.operation.installation import Caller, Installation
 from storage.audit import ACTOR, Actor
 
 PROTECTED = "/v1"

@@ -19,10 +19,10 @@ from starlette.types import Receive
 
 from api.problems import Problem
 from api.schemas.replies import JobReply
-from api.services.computing import Recall
-from api.services.installation import Caller, Installation
-from api.services.results import encoded, keep
-from api.services.studied import proven, studied, submit
+from api.services.jobs.computing import Recall
+from api.services.operation.installation import Caller, Installation
+from api.services.studies.results import encoded, keep
+from api.services.studies.studied import proven, studied, submit
 from storage.repositories import Answer, IdempotencyRepository
 from storage.repositories.idempotency import Claim
 

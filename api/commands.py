@@ -191,8 +191,8 @@ def _wrong(error: ErrorDetails) -> str:
 def _prepare(settings: Settings) -> None:
     """Migrate the database, and make the first key where there is none."""
     with uncollected():
-        from api.services.installation import vault_of
-        from api.services.keys import bootstrap
+        from api.services.access.keys import bootstrap
+        from api.services.operation.installation import vault_of
         from storage import key_file
         from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
         from storage.repositories.webhooks import renew_secrets

@@ -1,6 +1,6 @@
 """`WS /v1/live`: a system is opened once, then every vector of values is answered with its curves; the newest wins.
 
-Texts are JSON (`api.schemas.live`); curves come as one binary frame (`api.services.live.curves`). While curves are computed the
+Texts are JSON (`api.schemas.live`); curves come as one binary frame (`api.services.studies.live.curves`). While curves are computed the
 socket goes on reading, and of several vectors that came meanwhile only the last is answered. When none has come for a
 moment, metrics and elasticities follow; what is being measured when one comes is given up.
 """
@@ -23,9 +23,9 @@ from api.errors import KNOWN, RecalledError, problem_of
 from api.handlers import validation_problem
 from api.problems import Problem, invalid
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
-from api.services.computing import Recall
-from api.services.installation import Caller, Installation
-from api.services.live import Panel, curves, measured, open_panel
+from api.services.jobs.computing import Recall
+from api.services.operation.installation import Caller, Installation
+from api.services.studies.live import Panel, curves, measured, open_panel
 
 #: How long values must rest before they are measured, s: longer than a frame of the screen, shorter than a thought.
 REST = 0.06

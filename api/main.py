@@ -23,14 +23,14 @@ from api.problems import MEDIA_TYPE
 from api.rates import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
-from api.services.computing import Computing
-from api.services.courier import Courier
-from api.services.following import look_after
-from api.services.housekeeping import INTERVAL, tidy
-from api.services.installation import Installation, vault_of
-from api.services.openid import Provider
-from api.services.ticking import INTERVAL as TICK
-from api.services.ticking import tick
+from api.services.access.openid import Provider
+from api.services.jobs.computing import Computing
+from api.services.operation.housekeeping import INTERVAL, tidy
+from api.services.operation.installation import Installation, vault_of
+from api.services.rigs.following import look_after
+from api.services.schedules.ticking import INTERVAL as TICK
+from api.services.schedules.ticking import tick
+from api.services.webhooks.courier import Courier
 from api.settings import Settings
 from api.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE

@@ -15,7 +15,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from api.pointers import Place, pointer
-from engine.errors import EngineError, IllPosedError
+from engine.model.errors import EngineError, IllPosedError
 
 MEDIA_TYPE = "application/problem+json"
 _TYPE_BASE = "urn:servotune:problem:"

@@ -9,9 +9,9 @@ from typing import Any
 
 from api.errors import KNOWN, problem_of
 from api.problems import Problem
-from api.services.computing import REFUSED
-from api.services.results import with_text
-from api.services.studied import STUDIES
+from api.services.jobs.computing import REFUSED
+from api.services.studies.results import with_text
+from api.services.studies.studied import STUDIES
 from api.settings import Settings
 from api.worker import bound_memory, installed, opened, prepare
 from storage.jobs.compute import ComputeJob, Reporter

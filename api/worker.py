@@ -11,22 +11,17 @@ from typing import Any
 from api import logs
 from api.errors import KNOWN, problem_of
 from api.problems import Problem
-from api.services import (
-    alerts,
-    datasets,
-    identifications,
-    optimizations,
-    parsing,
-    processing,
-    spreading,
-    studied,
-    validations,
-)
-from api.services.computing import Computing
-from api.services.installation import Installation
-from api.services.results import versions
+from api.services.identifications import identifications
+from api.services.jobs.computing import Computing
+from api.services.operation.installation import Installation
+from api.services.optimizations import optimizations, spreading
+from api.services.recordings import datasets, parsing, processing
+from api.services.studies import studied
+from api.services.studies.results import versions
+from api.services.validations import validations
+from api.services.webhooks import alerts
 from api.settings import Settings
-from engine.kernels.warm import warm
+from engine.batch.kernels.warm import warm
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
 from storage.jobs.queue import JobQueue
 from storage.session import Database, open_database

@@ -23,8 +23,8 @@ from bench.accuracy import worst
 from bench.clock import cpu_ms, in_rounds, side_by_side
 from bench.peers.python_control import Interconnected
 from bench.table import Job, Row
-from engine.measuring import measure
-from engine.screening import Screening
+from engine.analysis.measuring import measure
+from engine.batch.screening import Screening
 
 Candidates = Mapping[str, npt.NDArray[np.float64]]
 Results = dict[str, npt.NDArray[np.float64]]

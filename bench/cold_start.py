@@ -8,7 +8,7 @@ import sys
 from bench import inner_velocity_loop as inner
 from bench.clock import wall_ms
 from bench.table import Job, Row
-from engine.screening import Screening
+from engine.batch.screening import Screening
 
 
 def job(*, runs: int) -> Job:

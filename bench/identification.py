@@ -16,10 +16,10 @@ import numpy as np
 
 from api.formats.text.txt import TextLayout, read
 from bench.table import Job, Row
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 DATA = Path(__file__).parents[1] / "examples" / "data"
 ACTIVE = (6.747, 59.925)

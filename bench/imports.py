@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
-from api.services import parsing
+from api.services.recordings import parsing
 from bench.memory import peak_memory
 from bench.table import Job, Row
 from storage import Database, open_database

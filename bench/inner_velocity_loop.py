@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
-from engine.diagram import Diagram
-from engine.metric_options import Options
+from engine.analysis.study import MetricRequest
+from engine.diagram.diagram import Diagram
+from engine.model.metric_options import Options
 from engine.signals import make
-from engine.study import MetricRequest
 
 Real = npt.NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from bench import inner_velocity_loop as inner
 from bench import twenty_states as loop
 from bench.clock import cpu_ms
 from bench.table import Job, Row
-from engine.diagram import Diagram, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram, compile_system
 
 Array = npt.NDArray[Any]
 

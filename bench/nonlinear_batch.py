@@ -17,9 +17,9 @@ from scipy.integrate import solve_ivp
 from bench import nonlinear_loop as loop
 from bench.clock import cpu_ms, side_by_side, wall_ms
 from bench.table import Job, Row
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.march import Marcher, Pieces, by_input
-from engine.batch_nonlinear.program import Compiled
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.march import Marcher, Pieces, by_input
+from engine.batch.nonlinear.program import Compiled
 from engine.signals import make
 
 Real = npt.NDArray[np.float64]

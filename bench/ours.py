@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.pneumatic_loop import EXACT, GAINS, PER_SI, Gains, Sets, diagram
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import frequency_response, simulate
+from engine.batch.screening import Screening
 from engine.signals import make
-from engine.study import frequency_response, simulate
 
 TIMED = ("rise_time", "settling_time", "overshoot", "peak_time")
 

@@ -19,7 +19,7 @@ from bench import inner_velocity_loop as inner
 from bench.clock import in_rounds
 from bench.memory import peak_memory
 from bench.table import Job, Row
-from engine.screening import Screening
+from engine.batch.screening import Screening
 
 CHUNK = 65_536
 PATIENCE = 20.0  # s that one thread may take

@@ -8,8 +8,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.measuring import MetricRequest
+from engine.analysis.measuring import MetricRequest
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 
 PARAMETERS: Final = {

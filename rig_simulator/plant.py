@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
 
-from engine.diagram import Diagram
-from engine.linear.sampled import simulate_sampled
-from engine.linear.system import LinearSystem
-from engine.nonlinear.recorded import simulate_recorded
+from engine.diagram.diagram import Diagram
+from engine.exact.nonlinear.recorded import simulate_recorded
+from engine.exact.time.sampled import simulate_sampled
+from engine.model.linear_system import LinearSystem
 
 Samples = npt.NDArray[np.float64]
 Drive = Callable[[int, int], Samples]

@@ -11,7 +11,7 @@ from api.convert.values import si
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.acquisitions import AcquisitionBody, SteppedSineSignal
-from engine.between_samples import BetweenSamples
+from engine.model.between_samples import BetweenSamples
 from engine.signals import Signal
 
 AGENT_SIGNALS = frozenset({"step", "sine", "chirp", "multisine", "trapezoid", "sampled"})

@@ -10,11 +10,11 @@ from api.convert.identifications import experiment_of, fits_to_wire
 from api.convert.recordings import Values
 from api.convert.values import number, numbers, optional_si, si
 from api.schemas.identifications import BlackBoxRequest, InverseDynamicsRequest
-from engine.between_samples import BetweenSamples
+from engine.model.between_samples import BetweenSamples
 from optimizers.black_box import BlackBox
-from optimizers.inverse_dynamics import DriveFit, DriveRecording, Treatment
-from optimizers.recording import RecordedExperiment, Recording
-from optimizers.static_curve import StaticCurve
+from optimizers.estimation.inverse_dynamics import DriveFit, DriveRecording, Treatment
+from optimizers.estimation.static_curve import StaticCurve
+from optimizers.recorded.recording import RecordedExperiment, Recording
 
 
 def black_box_from_wire(

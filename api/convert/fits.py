@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from api.convert.values import measured_to_wire, number, numbers
-from engine.fit import DEFINITIONS, Fit, ResidualTests
-from engine.validation.prediction import OneStep
-from engine.verdicts import Measured, Verdict
+from engine.model.verdicts import Measured, Verdict
+from engine.recordings.fit import DEFINITIONS, Fit, ResidualTests
+from engine.recordings.validation.prediction import OneStep
 
 _CONSTANT = "the measurement is constant in the window: choose one in which it moves"
 _SILENT = "the measurement is 0 throughout the window: nothing can be relative to it"

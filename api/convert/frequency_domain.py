@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from api.convert.values import number, numbers
-from engine.spectra.frf import unwrapped
-from engine.validation.spectrum import FrequencyDomain
+from engine.recordings.spectra.frf import unwrapped
+from engine.recordings.validation.spectrum import FrequencyDomain
 
 
 def frequency_domain_to_wire(found: FrequencyDomain, points: int | None) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from api.convert.values import number, numbers, optional_si, si
 from api.pointers import Place
 from api.problems import at
 from api.schemas.frfs import FrfRequest, SensorResponse
-from engine.modal.modes import Modes
-from engine.spectra.comparison import Comparison
-from engine.spectra.fourier import Complex
-from engine.spectra.frf import Doubt, Frf, confidence, unwrapped
-from engine.spectra.sensors import Sensor
-from engine.spectra.stepped_sine import SineStep
+from engine.exact.frequency.fourier import Complex
+from engine.recordings.modal.modes import Modes
+from engine.recordings.spectra.comparison import Comparison
+from engine.recordings.spectra.frf import Doubt, Frf, confidence, unwrapped
+from engine.recordings.spectra.sensors import Sensor
+from engine.recordings.spectra.stepped_sine import SineStep
 
 _NAMED = {
     "kg*m/s**2": "N",

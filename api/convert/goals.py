@@ -9,11 +9,11 @@ from api.convert.values import band_from_wire, opening, optional_si, options_fro
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.optimizations import BoundsDocument, GoalDocument, RationalDocument
-from engine.diagram import Diagram
-from engine.errors import MaskError
-from engine.masks import Corners, Envelope, FrequencyBounds, Magnitude, Mask, Polyline, Rational
+from engine.diagram.diagram import Diagram
 from engine.metrics import catalogue
-from engine.verdicts import Verdict
+from engine.model.errors import MaskError
+from engine.model.masks import Corners, Envelope, FrequencyBounds, Magnitude, Mask, Polyline, Rational
+from engine.model.verdicts import Verdict
 from optimizers.problem import Goal, Sense
 from optimizers.problem.goals import only_places
 

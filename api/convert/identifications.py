@@ -13,12 +13,12 @@ from api.convert.recordings import window
 from api.convert.values import number, numbers, optional_si, overrides_from_wire
 from api.pointers import Place
 from api.schemas.identifications import IdentificationRequest, IdentifiedParameter
-from engine.diagram import Diagram
-from engine.fit import Fit, ResidualTests
+from engine.diagram.diagram import Diagram
+from engine.recordings.fit import Fit, ResidualTests
 from optimizers.identification import Identified, Judged
-from optimizers.measured_response import FrequencyExperiment
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.measured_response import FrequencyExperiment
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 
 def identification_from_wire(

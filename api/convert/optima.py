@@ -10,9 +10,9 @@ import numpy as np
 from api.convert.values import measured_to_wire, number, numbers
 from api.schemas.optimizations import GoalDocument
 from engine.metrics import catalogue
-from engine.verdicts import Verdict
-from optimizers.certificate import Proof
-from optimizers.result import Front, Gap, GoalReport, GridMap, Result, Robustness, Yield
+from engine.model.verdicts import Verdict
+from optimizers.evaluation.certificate import Proof
+from optimizers.search.result import Front, Gap, GoalReport, GridMap, Result, Robustness, Yield
 
 
 def result_to_wire(

@@ -18,10 +18,10 @@ from api.schemas.optimizations import (
     UncertainDocument,
     VariableDocument,
 )
-from engine.diagram import Diagram
-from engine.errors import SignalError
-from optimizers.commands import CommandPath, info_of
+from engine.diagram.diagram import Diagram
+from engine.model.errors import SignalError
 from optimizers.problem import Across, Experiment, Problem, Uncertain, Variable
+from optimizers.problem.commands import CommandPath, info_of
 
 
 def problem_from_wire(

@@ -9,17 +9,17 @@ from api.convert.values import check_unit, optional_si
 from api.pointers import Place
 from api.problems import at
 from api.schemas import processing as wire
-from engine.processing.calibrate import Calibrate
-from engine.processing.cut import Cut
-from engine.processing.decimate import Decimate
-from engine.processing.detrend import Detrend
-from engine.processing.differentiate import Differentiate
-from engine.processing.fill import Fill
-from engine.processing.integrate import Integrate
-from engine.processing.record import Record, Step
-from engine.processing.resample import Resample
-from engine.processing.select import Select
-from engine.processing.zero_phase import ZeroPhaseFilter
+from engine.recordings.processing.calibrate import Calibrate
+from engine.recordings.processing.cut import Cut
+from engine.recordings.processing.decimate import Decimate
+from engine.recordings.processing.detrend import Detrend
+from engine.recordings.processing.differentiate import Differentiate
+from engine.recordings.processing.fill import Fill
+from engine.recordings.processing.integrate import Integrate
+from engine.recordings.processing.record import Record, Step
+from engine.recordings.processing.resample import Resample
+from engine.recordings.processing.select import Select
+from engine.recordings.processing.zero_phase import ZeroPhaseFilter
 
 _STEPS: Mapping[str, Callable[..., Step]] = {
     "calibrate": Calibrate,

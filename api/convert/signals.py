@@ -12,9 +12,9 @@ from api.convert.values import nested_si, si
 from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.signals import MOST_POINTS, InputDocument, SampledSignal
-from engine.commanded import CommandParameter
-from engine.diagram import Diagram
-from engine.errors import SignalError
+from engine.analysis.commanded import CommandParameter
+from engine.diagram.diagram import Diagram
+from engine.model.errors import SignalError
 from engine.signals import Signal, catalogue, changed, make
 
 Channel = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]

@@ -7,9 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from api.convert.values import number, numbers
-from engine.spectra.fourier import Complex, Real
-from engine.spectra.harmonics import Harmonics
-from engine.spectra.sampled import Spectrum, Window
+from engine.exact.frequency.fourier import Complex, Real
+from engine.exact.frequency.harmonics import Harmonics
+from engine.recordings.spectra.sampled import Spectrum, Window
 
 Quantity = Literal["amplitude", "density", "transform"]
 

@@ -10,12 +10,12 @@ import numpy as np
 from api.convert.values import measured_to_wire, number, numbers
 from api.pointers import Place, pointer
 from api.problems import invalid
-from engine.frequency_study import PathStudy
-from engine.influence import Influence
-from engine.limit_cycles import PredictedCycle
+from engine.analysis.frequency_study import PathStudy
+from engine.analysis.influence import Influence
+from engine.analysis.limit_cycles import PredictedCycle
+from engine.analysis.prediction import Prediction
+from engine.analysis.study import FrequencyStudy, Simulation
 from engine.metrics import catalogue
-from engine.prediction import Prediction
-from engine.study import FrequencyStudy, Simulation
 
 
 def check_metrics(names: Sequence[str] | None, *, place: Place = ("metrics",)) -> tuple[str, ...] | None:
@@ -39,7 +39,7 @@ def warnings_to_wire(warnings: Iterable[Any], *, place: Place | None) -> list[di
 
     Parameters
     ----------
-    warnings : iterable of engine.diagram.Warning
+    warnings : iterable of engine.diagram.diagram.Warning
     place : tuple or None
         Where the system stands in the request; None when the request only names a stored one: there is nothing to
         point into then, and the sentence begins with the place in the document.

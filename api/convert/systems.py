@@ -9,7 +9,7 @@ from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.systems import ParameterDocument, SubsystemBlock, SystemDocument
 from api.units import to_si
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.elements import catalogue
 
 

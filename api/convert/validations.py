@@ -11,13 +11,13 @@ import numpy.typing as npt
 from api.convert.fits import fit_to_wire, measures_to_wire, one_step_to_wire, residuals_to_wire
 from api.convert.frequency_domain import frequency_domain_to_wire
 from api.convert.values import number, numbers
-from engine.diagram import Diagram
-from engine.fit import DEFINITIONS
-from engine.validation.remedy import Remedy, worthwhile
-from engine.validation.steps import Step, Steps
-from engine.validation.unmodelled import Unmodelled
-from engine.validation.validate import Check, Output, Validated
-from engine.validation.verdict import Grade
+from engine.diagram.diagram import Diagram
+from engine.recordings.fit import DEFINITIONS
+from engine.recordings.validation.remedy import Remedy, worthwhile
+from engine.recordings.validation.steps import Step, Steps
+from engine.recordings.validation.unmodelled import Unmodelled
+from engine.recordings.validation.validate import Check, Output, Validated
+from engine.recordings.validation.verdict import Grade
 
 Samples = npt.NDArray[np.float64]
 Intervals = Mapping[str, tuple[float | None, float | None]]

@@ -11,12 +11,12 @@ import numpy.typing as npt
 from api.pointers import Place
 from api.problems import invalid
 from api.units import UnitError, declared, known, to_si
-from engine.diagram import Diagram
-from engine.errors import EngineError
-from engine.metric_options import Options
-from engine.names import no_parameter
-from engine.verdicts import Measured
-from engine.wires import Opening
+from engine.diagram.diagram import Diagram
+from engine.diagram.wires import Opening
+from engine.model.errors import EngineError
+from engine.model.metric_options import Options
+from engine.model.names import no_parameter
+from engine.model.verdicts import Measured
 
 _LARGEST = 1e100
 """Curves beyond this are no longer numbers that anything can draw."""

@@ -10,7 +10,7 @@ from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, IfMatch, InstallationDep, Limit, answer, etag, expected_revision, respond
 from api.schemas.acquisitions import AcquisitionRequest, TemplateReply
 from api.schemas.replies import Page
-from api.services import acquisition_templates as templates
+from api.services.rigs import acquisition_templates as templates
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/acquisition-templates", tags=["acquisitions"], route_class=DocumentRoute)

@@ -26,7 +26,8 @@ from api.schemas.acquisitions import (
     Status,
 )
 from api.schemas.replies import DatasetReply, Page
-from api.services import acquisitions, attempts, jobs
+from api.services.jobs import jobs
+from api.services.rigs import acquisitions, attempts
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/acquisitions", tags=["acquisitions"], route_class=DocumentRoute)

@@ -14,7 +14,7 @@ from api.bodies import DocumentRoute
 from api.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.acquisitions import AgentReply, AgentRequest, ClaimReply, RigReply
 from api.schemas.replies import Page
-from api.services import agents, attempts
+from api.services.rigs import agents, attempts
 
 router = APIRouter(prefix="/v1", tags=["agents"], route_class=DocumentRoute)
 

@@ -10,7 +10,7 @@ from api.auth import Admin
 from api.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.access import AuditReply
 from api.schemas.replies import Page
-from api.services import audit
+from api.services.access import audit
 
 router = APIRouter(prefix="/v1/audit", tags=["access"])
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Response
 from api.auth import Reader
 from api.calls import answer, respond
 from api.schemas.replies import ElementEntry, MethodEntry, MetricEntry, Page, SignalEntry
-from api.services import catalog
+from api.services.systems import catalog
 
 router = APIRouter(prefix="/v1/catalog", tags=["catalog"])
 

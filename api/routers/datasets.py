@@ -25,8 +25,8 @@ from api.calls import (
 )
 from api.schemas.datasets import CommitRequest, DatasetRequest, PreviewRequest
 from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, FunctionReply, Page, PreviewReply, SegmentReply
-from api.services import datasets, functions, recorded_exports
-from api.services.installation import Caller, Installation
+from api.services.operation.installation import Caller, Installation
+from api.services.recordings import datasets, functions, recorded_exports
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/datasets", tags=["datasets"], route_class=DocumentRoute)

@@ -9,7 +9,7 @@ from api.auth import Reader, Runner
 from api.bodies import DocumentRoute
 from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer
 from api.schemas.frfs import FrfReply, FrfRequest
-from api.services import frf_files, frfs
+from api.services.frequency import frf_files, frfs
 
 router = APIRouter(prefix="/v1/frfs", tags=["studies"], route_class=DocumentRoute)
 

@@ -9,7 +9,7 @@ from fastapi.responses import PlainTextResponse
 from api.calls import InstallationDep, answer, respond
 from api.metrics import MEDIA_TYPE, Metrics
 from api.schemas.replies import Health, Readiness
-from api.services.health import readiness
+from api.services.operation.health import readiness
 
 router = APIRouter(tags=["health"])
 #: A thread of its own: whoever asks whether the service works waits for nobody who works.

@@ -19,7 +19,9 @@ from api.problems import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import JobReply, Page
-from api.services import direct_identifications, identifications, jobs, optimizations, scripts
+from api.services.identifications import direct_identifications, identifications
+from api.services.jobs import jobs
+from api.services.optimizations import optimizations, scripts
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=DocumentRoute)

@@ -10,7 +10,7 @@ from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond, shown_once
 from api.schemas.access import KeyReply, KeyRequest, NewKeyReply, RotationRequest
 from api.schemas.replies import Page
-from api.services import keys
+from api.services.access import keys
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/keys", tags=["access"], route_class=DocumentRoute)

@@ -10,7 +10,7 @@ from fastapi.responses import StreamingResponse
 from api.auth import Reader
 from api.calls import InstallationDep, answer, respond
 from api.schemas.lineage import LineageReply
-from api.services import bundles, lineage
+from api.services.lineage import bundles, lineage
 
 ZIP = "application/zip"
 

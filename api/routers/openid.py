@@ -11,9 +11,9 @@ from api import cookies
 from api.auth import COOKIE
 from api.calls import InstallationDep
 from api.problems import Problem
-from api.services import sign_ins
-from api.services.installation import Installation
-from api.services.openid import Attempt, Provider
+from api.services.access import sign_ins
+from api.services.access.openid import Attempt, Provider
+from api.services.operation.installation import Installation
 
 router = APIRouter(prefix="/sign-in", include_in_schema=False)
 

@@ -12,7 +12,7 @@ from api.bodies import DocumentRoute
 from api.calls import CreationDep, InstallationDep, answer, etag
 from api.schemas.processing import ProcessingRequest
 from api.schemas.replies import DatasetReply
-from api.services import processing
+from api.services.recordings import processing
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/processings", tags=["datasets"], route_class=DocumentRoute)

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Response
 from api.auth import Reader
 from api.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.replies import KeptResult, Page, ResultHead
-from api.services import results
+from api.services.studies import results
 
 router = APIRouter(prefix="/v1/results", tags=["results"])
 

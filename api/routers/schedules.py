@@ -10,7 +10,7 @@ from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, IfMatch, InstallationDep, Limit, answer, etag, expected_revision, respond
 from api.schemas.replies import Page
 from api.schemas.schedules import RunReply, ScheduleHead, ScheduleReply, ScheduleRequest
-from api.services import schedules
+from api.services.schedules import schedules
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/schedules", tags=["schedules"], route_class=DocumentRoute)

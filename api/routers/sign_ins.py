@@ -8,7 +8,7 @@ from api import cookies
 from api.auth import COOKIE, Reader, cookie_of, csrf_token
 from api.calls import InstallationDep, answer, respond
 from api.schemas.access import CallerReply, TicketReply
-from api.services import sign_ins
+from api.services.access import sign_ins
 
 router = APIRouter(prefix="/v1", tags=["access"])
 

@@ -11,7 +11,7 @@ from api.bodies import DocumentRoute
 from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, answer, recalled, respond
 from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply, StateSpaceReply
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest, StateSpaceRequest
-from api.services import exports
+from api.services.systems import exports
 
 MATLAB = "application/x-matlab-data"
 

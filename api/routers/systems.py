@@ -23,7 +23,7 @@ from api.calls import (
 )
 from api.schemas.replies import Page, RevisionHead, StateSpaceReply, StoredSystem, SystemHead
 from api.schemas.systems import SystemDocument
-from api.services import exports, systems
+from api.services.systems import exports, systems
 from storage.repositories import Answer
 
 MATLAB = "application/x-matlab-data"

@@ -11,7 +11,7 @@ from api.bodies import DocumentRoute
 from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, accepted, prefers_job
 from api.schemas.replies import ValidationReply
 from api.schemas.validations import ValidationRequest
-from api.services import validations
+from api.services.validations import validations
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)

@@ -23,7 +23,7 @@ from api.calls import (
 )
 from api.schemas.replies import Page
 from api.schemas.webhooks import AlertReply, DeliveryReply, MadeWebhook, WebhookReply, WebhookRequest
-from api.services import alerts, webhooks
+from api.services.webhooks import alerts, webhooks
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1", tags=["webhooks"], route_class=DocumentRoute)

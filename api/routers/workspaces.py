@@ -10,7 +10,7 @@ from api.bodies import DocumentRoute
 from api.calls import CreationDep, Cursor, IfMatch, InstallationDep, Limit, answer, etag, expected_revision, respond
 from api.schemas.access import WorkspaceHead, WorkspaceReply, WorkspaceRequest
 from api.schemas.replies import Page
-from api.services import workspaces
+from api.services.access import workspaces
 from storage.repositories import Answer
 
 router = APIRouter(prefix="/v1/workspaces", tags=["access"], route_class=DocumentRoute)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, create_model
 
 from api.schemas.values import Document, Name, Quantity, Root, Rows, Scalar, Scalars
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 def document_of(

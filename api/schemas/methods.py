@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from pydantic import Field, create_model
 
 from api.schemas.values import Document
-from engine.parameters import Param
+from engine.model.parameters import Param
 from optimizers.methods import Method, catalogue
 
 

@@ -23,7 +23,7 @@ from api.schemas.values import (
     Port,
     Quantity,
 )
-from optimizers.solving import MOST_SAMPLES
+from optimizers.solving.solve import MOST_SAMPLES
 
 Point = Annotated[list[Quantity], Field(min_length=2, max_length=2)]
 Points = Annotated[

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from api.schemas.generated import document_of
 from api.schemas.values import Document, Identifier, Path, Quantity
-from engine.between_samples import BetweenSamples
+from engine.model.between_samples import BetweenSamples
 from engine.signals import Signal, catalogue
 
 MOST_POINTS = 100_000

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
-from engine.metric_options import MEANINGS
+from engine.model.metric_options import MEANINGS
 
 NAME = "^[A-Za-z][A-Za-z0-9_]*$"
 PATH = "^[A-Za-z][A-Za-z0-9_]*(\\.[A-Za-z][A-Za-z0-9_]*)*$"

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.masks import Corners, FrequencyBounds, Rational
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.masks import Corners, FrequencyBounds, Rational
 from engine.signals import make
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 

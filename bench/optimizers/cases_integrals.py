@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bench.optimizers.cases_convex import CHOSEN, PI, Case, gain
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 

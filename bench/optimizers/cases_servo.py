@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from bench import inner_velocity_loop as inner
 from bench.optimizers.cases_convex import CHOSEN, Case, gain, loop
-from engine.diagram import Block
-from engine.masks import FrequencyBounds, Rational
-from engine.metric_options import Options
+from engine.diagram.diagram import Block
+from engine.model.masks import FrequencyBounds, Rational
+from engine.model.metric_options import Options
 from engine.signals import make
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from engine import elements, metrics, signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 from optimizers import methods
 
 HERE = Path(__file__).parent

@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
-from engine.traced import Op, Traced
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
+from engine.model.traced import Op, Traced
 
 Array = npt.NDArray[Any]
 Values = Mapping[str, Any]

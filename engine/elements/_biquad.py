@@ -6,7 +6,7 @@ y/u = (n0 + n1 (s/w) + n2 (s/w)²) / (1 + 2 d (s/w) + (s/w)²)
 from __future__ import annotations
 
 from engine.elements._base import Reading, Realization, matrix
-from engine.parameters import Scalar
+from engine.model.parameters import Scalar
 
 
 def biquad(n0: Scalar, n1: Scalar, n2: Scalar, *, frequency: Scalar, damping_ratio: Scalar) -> Realization:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from engine.elements._base import Realization, matrix
-from engine.parameters import Scalar
+from engine.model.parameters import Scalar
 
 
 def butterworth(w: Scalar, order: int, damping_ratio: Scalar | None = None) -> Realization:

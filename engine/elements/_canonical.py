@@ -15,9 +15,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from engine.elements._base import Array, Realization, absent, matrix
-from engine.errors import DiagramError
-from engine.parameters import Scalar
-from engine.traced import nominal
+from engine.model.errors import DiagramError
+from engine.model.parameters import Scalar
+from engine.model.traced import nominal
 
 _OVERSIZED: Final = 1e300
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from engine.elements._base import Ports, Realization, by_rates, matrix
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 OUTPUTS: Final = ("angle", "speed", "acceleration", "current", "torque")
 UNITS: Final = ("rad", "rad/s", "rad/s**2", "A", "N*m")

@@ -11,7 +11,7 @@ import numpy as np
 
 from engine.elements._base import Values
 from engine.elements._nonlinear import first
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 FREE, UPPER, LOWER = 0, 1, 2
 

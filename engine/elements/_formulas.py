@@ -15,10 +15,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from engine.elements._nonlinear import Mode, first
-from engine.errors import DiagramError
-from engine.expressions import FUNCTIONS, OPERATORS, Compute, Operators, Parser, elementary
-from engine.parameters import Param
-from engine.traced import Op, Traced, UnsuitableError
+from engine.model.errors import DiagramError
+from engine.model.expressions import FUNCTIONS, OPERATORS, Compute, Operators, Parser, elementary
+from engine.model.parameters import Param
+from engine.model.traced import Op, Traced, UnsuitableError
 
 MAX_SWITCHES: Final = 64
 

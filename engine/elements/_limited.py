@@ -21,8 +21,8 @@ import numpy as np
 from engine.elements import _pid
 from engine.elements._base import Ports, Values, vanishing
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 LIMITS: Final = (
     Param(name="lower", symbol="u_min", required=False, doc="least output; absent: none"),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from engine.elements._base import Ports, Realization, by_rates, matrix
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 PORTS: Final = Ports(
     inputs=("flow", "force"),

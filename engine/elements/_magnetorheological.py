@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from engine.elements._base import Values
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 MAX_TERMS = 4
 

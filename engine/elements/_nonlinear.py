@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._base import Array, Element, Ports, Realization, Values
-from engine.parameters import Scalar
+from engine.model.parameters import Scalar
 
 Mode = int
 Signals = Sequence[Any]

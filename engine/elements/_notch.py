@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 NOTCH = (
     Param(

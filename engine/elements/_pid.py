@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from engine.elements._base import Ports, Reading, Realization, Values, absent, exclusive, matrix, vanishing
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 SOURCE: Final = "K. J. Åström and T. Hägglund, Advanced PID Control, ISA 2006, chapter 3."
 

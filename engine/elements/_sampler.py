@@ -9,8 +9,8 @@ import numpy as np
 
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Pattern, Signals
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
 
 TIMING = (
     Param(

@@ -12,8 +12,8 @@ import numpy as np
 
 from engine.elements._base import Ports, Realization, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 OFF = Param(name="off", symbol="i_off", unit="A", default=0.0, doc="current while the damper is to be soft")
 ON = Param(name="on", symbol="i_on", unit="A", default=1.0, doc="current while the damper is to be hard")

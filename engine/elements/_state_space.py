@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from engine.elements._base import Ports, Values
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 MAX_PORTS = 64
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from engine.elements._base import Realization, Values, matrix
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 FLOW_PRESSURE: Final = Param(
     name="flow_pressure_coefficient", symbol="K_c", unit="m**3/(s*Pa)", required=False, lower=0.0, scale="log",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.elements._biquad import biquad
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Accelerometer(Element):

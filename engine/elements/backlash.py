@@ -10,7 +10,7 @@ import numpy as np
 from engine.elements._base import Array, Ports, Realization, Values, matrix
 from engine.elements._fundamental import limited
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Backlash(NonlinearElement):

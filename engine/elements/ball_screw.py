@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class BallScrew(Element):

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.elements._base import Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Bias(NonlinearElement):

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
 
 MOTION = ("position", "velocity", "acceleration")
 MOTION_UNITS = ("m", "m/s", "m/s**2")

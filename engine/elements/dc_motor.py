@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from engine.elements import _electric_motor
 from engine.elements._base import Element, Ports, Realization, Values, absent, plain_zero, vanishing
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class DcMotor(Element):

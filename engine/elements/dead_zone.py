@@ -9,8 +9,8 @@ from engine.elements._base import Array, Values
 from engine.elements._fundamental import limited
 from engine.elements._nonlinear import Mode, Moment, Signals
 from engine.elements._three_zones import ThreeZones
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class DeadZone(ThreeZones):

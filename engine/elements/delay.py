@@ -11,7 +11,7 @@ import numpy as np
 
 from engine.elements._base import Array, Element, Ports, Realization, Values, matrix
 from engine.elements._canonical import rational
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 
 class Delay(Element):

@@ -6,7 +6,7 @@ y/u = gain s / (1 + s/w)
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Derivative(Element):

@@ -16,8 +16,8 @@ from engine.elements._butterworth import butterworth
 from engine.elements._canonical import rational
 from engine.elements._discrete import Discrete
 from engine.elements._sampler import TIMING
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 _CORNERS = {
     "low_pass": ("frequency",),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from engine.elements._base import Ports, Realization, Values, matrix
 from engine.elements._discrete import Discrete
 from engine.elements._sampler import TIMING
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 _AT_ONCE = {"forward": 0.0, "trapezoidal": 0.5, "backward": 1.0}
 """Part of a sample that is in the output of its own instant."""

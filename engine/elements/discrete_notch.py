@@ -15,7 +15,7 @@ from engine.elements._canonical import rational
 from engine.elements._discrete import Discrete
 from engine.elements._notch import NOTCH
 from engine.elements._sampler import TIMING
-from engine.errors import DiagramError
+from engine.model.errors import DiagramError
 
 
 class DiscreteNotch(Discrete):

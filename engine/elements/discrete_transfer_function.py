@@ -9,7 +9,7 @@ from engine.elements._base import Ports, Realization, Values
 from engine.elements._canonical import rational
 from engine.elements._discrete import Discrete
 from engine.elements._sampler import TIMING
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class DiscreteTransferFunction(Discrete):

@@ -9,7 +9,7 @@ import math
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._biquad import biquad
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class FeedForward(Element):

@@ -12,8 +12,8 @@ import numpy as np
 
 from engine.elements._base import Array, Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
 
 _SLIDE, _STICK, _JUMPED, _IDLE = 1, 0, 2, 3
 

@@ -14,8 +14,8 @@ import numpy as np
 from engine.elements._base import Ports, Values
 from engine.elements._formulas import CONSTANTS, Formulas, check_constants, check_names, constants, table_sizes
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals
-from engine.errors import DiagramError, EngineError
-from engine.parameters import Param
+from engine.model.errors import DiagramError, EngineError
+from engine.model.parameters import Param
 
 MAX_INPUTS = 64
 _INPUT = re.compile(r"u([1-9]\d?)")

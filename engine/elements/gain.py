@@ -6,7 +6,7 @@ y = gain u
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Gain(Element):

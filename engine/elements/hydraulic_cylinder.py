@@ -13,7 +13,7 @@ import numpy as np
 from engine.elements import _end_stops as ends
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class HydraulicCylinder(NonlinearElement):

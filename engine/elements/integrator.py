@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class Integrator(Element):

@@ -6,7 +6,7 @@ y/u = gain (1 + s/zero_frequency) / (1 + s/pole_frequency)
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class LeadLag(Element):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from engine.elements import _linear_motor
 from engine.elements._base import Element, Ports, Realization, Values, absent, plain_zero, vanishing
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 
 class LinearHydraulicMotor(Element):

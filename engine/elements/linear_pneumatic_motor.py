@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from engine.elements import _linear_motor
 from engine.elements._base import Element, Ports, Realization, Values
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class LinearPneumaticMotor(Element):

@@ -14,8 +14,8 @@ import numpy as np
 from engine.elements._base import Array, Ports, Values
 from engine.elements._fundamental import limited
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class LookupTable(NonlinearElement):

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._butterworth import butterworth
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class LowPass(Element):

@@ -7,7 +7,7 @@ x/F = 1/(m s² + d s + k),   x/x_b = (d s + k)/(m s² + d s + k)
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 
 class MassSpringDamper(Element):

@@ -10,7 +10,7 @@ import numpy as np
 from engine.elements import _magnetorheological as mr
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class MrDamperBingham(NonlinearElement):

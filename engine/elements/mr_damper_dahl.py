@@ -8,7 +8,7 @@ from __future__ import annotations
 from engine.elements import _magnetorheological as mr
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class MrDamperDahl(NonlinearElement):

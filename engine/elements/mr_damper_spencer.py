@@ -13,7 +13,7 @@ import numpy as np
 from engine.elements import _magnetorheological as mr
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals, first
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 _BACKWARD, _NEGATIVE = 1, 2  # bits of the mode: w < 0, z < 0
 

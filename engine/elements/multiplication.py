@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Mode, Moment, NonlinearElement, Signals
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 MAX_INPUTS = 64
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class OrificeValve(NonlinearElement):

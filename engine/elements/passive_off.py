@@ -6,7 +6,7 @@ i = i_off
 from __future__ import annotations
 
 from engine.elements._semi_active import ConstantCurrent
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class PassiveOff(ConstantCurrent):

@@ -13,7 +13,7 @@ import numpy as np
 from engine.elements import _end_stops as ends
 from engine.elements._base import Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 GAS: Final = 287.05  # specific gas constant of air, J/(kg K)
 NORMAL_DENSITY: Final = 1.185  # of air at the reference state of ISO 6358 (20 °C, 1 bar, 65 %), kg/m³

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from engine.elements import _valve
 from engine.elements._base import Element, Ports, Realization, Values, absent, exclusive, matrix, plain_zero, vanishing
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class ProportionalValve(Element):

@@ -12,7 +12,7 @@ import numpy as np
 
 from engine.elements._base import Array, Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 _AT_EDGE = 1e-9
 _MOST_EDGES = 1000

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from engine.elements._base import Ports, Realization, Values, matrix
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Signals
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 _JUMPED = 2
 

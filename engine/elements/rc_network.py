@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 COMPONENTS: Final[Mapping[str, tuple[str, ...]]] = {
     "low_pass": ("r1", "c2"),

@@ -9,8 +9,8 @@ import numpy as np
 
 from engine.elements._base import Array, Ports, Values
 from engine.elements._nonlinear import Change, Mode, Moment, NonlinearElement, Pattern, Signals, first
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class Relay(NonlinearElement):

@@ -17,8 +17,8 @@ from engine.elements._base import Ports, Realization, Values
 from engine.elements._limited import LIMITS
 from engine.elements._nonlinear import Mode, Moment, Pattern, Signals, first
 from engine.elements._sampler import TIMING, Sampler
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 
 class SampledPid(Sampler):

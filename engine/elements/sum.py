@@ -6,8 +6,8 @@ y = ± u1 ± u2 ± ...
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values, matrix
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 
 MAX_INPUTS = 64
 

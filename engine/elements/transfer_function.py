@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._canonical import rational
-from engine.parameters import Param
+from engine.model.parameters import Param
 
 
 class TransferFunction(Element):

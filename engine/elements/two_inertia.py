@@ -7,7 +7,7 @@ J_m ω_m' = M - b_m ω_m - M_s/n,   J_l ω_l' = M_s - b_l ω_l - M_L
 from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Realization, Values, by_rates, matrix
-from engine.parameters import Param, Scalar
+from engine.model.parameters import Param, Scalar
 
 
 def _friction(side: str, symbol: str) -> Param:

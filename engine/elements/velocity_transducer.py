@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from engine.elements._base import Element, Ports, Reading, Realization, Values, matrix
 from engine.elements._biquad import biquad
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
 
 
 class VelocityTransducer(Element):

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from engine.elements._base import Element, Ports, Realization, Values
 from engine.elements._canonical import Root, cascade
-from engine.errors import DiagramError
-from engine.parameters import Param, Scalar
-from engine.traced import Op, Traced
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param, Scalar
+from engine.model.traced import Op, Traced
 
 _SAME = 1e-12  # two numbers written as conjugates may differ in their last digits
 

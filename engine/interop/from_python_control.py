@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.document import Block, Connection, System
-from engine.errors import DiagramError
-from engine.names import MAX_NAME
+from engine.model.document import Block, Connection, System
+from engine.model.errors import DiagramError
+from engine.model.names import MAX_NAME
 
 Array = npt.NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.diagram import Diagram
-from engine.linear.path import merged
-from engine.linear.poles import poles
-from engine.linear.system import LaneSystem, LinearSystem
-from engine.wires import Opening
+from engine.diagram.diagram import Diagram
+from engine.diagram.wires import Opening
+from engine.exact.frequency.path import merged
+from engine.exact.frequency.poles import poles
+from engine.model.linear_system import LaneSystem, LinearSystem
 
 Array = npt.NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from engine.errors import DiagramError, IllPosedError
 from engine.interop.matrices import Matrices
+from engine.model.errors import DiagramError, IllPosedError
 
 if TYPE_CHECKING:
     import control

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from engine.document import Block, Parameter, System
+from engine.model.document import Block, Parameter, System
 
 
 def system_document(system: System) -> dict[str, Any]:

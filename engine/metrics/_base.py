@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.curve import Curve
-from engine.linear.tangent import INFINITESIMAL
-from engine.metric_options import USUAL, Options
-from engine.verdicts import Verdict
+from engine.exact.time.curve import Curve
+from engine.model.metric_options import USUAL, Options
+from engine.model.tangent import INFINITESIMAL
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.frequency import FrequencyResponse
-    from engine.linear.poles import Poles
-    from engine.linear.system import Array
-    from engine.masks import Mask
+    from engine.exact.frequency.poles import Poles
+    from engine.exact.frequency.response import FrequencyResponse
+    from engine.model.linear_system import Array
+    from engine.model.masks import Mask
 
 NEGLIGIBLE = 1e-9
 """A difference below this part of the signal is not a difference: rounding of the exact response is far below it."""

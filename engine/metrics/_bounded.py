@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.masks import FrequencyBounds, Magnitude
 from engine.metrics._base import Absent, Found, unclosed, unsettled
-from engine.verdicts import Verdict
+from engine.model.masks import FrequencyBounds, Magnitude
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.frequency import FrequencyResponse, Shape
-    from engine.linear.system import Array
-    from engine.masks import Real
+    from engine.exact.frequency.response import FrequencyResponse, Shape
     from engine.metrics._base import Finding, LoopSubject, PathSubject
+    from engine.model.linear_system import Array
+    from engine.model.masks import Real
 
 _INFINITE, _DIVERGED = 1e100, 1e90
 """Stands for the infinite gain of an integrator at rest, and what of it is left in a ratio."""

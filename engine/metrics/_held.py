@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.linear.chebyshev import NODES
-from engine.linear.curve import Curve
+from engine.exact.time.chebyshev import NODES
+from engine.exact.time.curve import Curve
 from engine.metrics._base import Absent, TimeSubject, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array
-    from engine.masks import Polyline
+    from engine.model.linear_system import Array
+    from engine.model.masks import Polyline
 
 
 def beyond_reach(subject: TimeSubject, last: float) -> Absent | None:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from engine.linear.curve import Curve
+from engine.exact.time.curve import Curve
 from engine.metrics._base import NEGLIGIBLE, Absent, Found, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array
     from engine.metrics._base import Finding, TimeSubject
+    from engine.model.linear_system import Array
 
 
 def integral_of_error(subject: TimeSubject, kind: Literal["iae", "ise", "itae", "ie"]) -> Finding:

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.linear import touching
-from engine.linear.frequency import squared_magnitude
-from engine.linear.tangent import parted
+from engine.exact.frequency import touching
+from engine.exact.frequency.response import squared_magnitude
 from engine.metrics._base import TOUCHES, Absent, Found, unsettled
-from engine.verdicts import Verdict
+from engine.model.tangent import parted
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.curve import Curve
-    from engine.linear.frequency import FrequencyResponse, Shape
-    from engine.linear.system import Array
+    from engine.exact.frequency.response import FrequencyResponse, Shape
+    from engine.exact.time.curve import Curve
     from engine.metrics._base import Finding, PathSubject, TimeSubject
+    from engine.model.linear_system import Array
 
 
 def largest_magnitude(subject: TimeSubject) -> Finding:

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from engine.linear.frequency import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
-from engine.linear.touching import touches
+from engine.exact.frequency.response import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
+from engine.exact.frequency.touching import touches
+from engine.exact.sampled_data.response import SampledResponse
 from engine.metrics._base import TOUCHES
-from engine.sampled_data.response import SampledResponse
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from engine.linear.frequency import FrequencyResponse
-    from engine.linear.system import Array
+    from engine.exact.frequency.response import FrequencyResponse
+    from engine.model.linear_system import Array
 
 _NO_MARGIN = 1e-12
 _LIMIT_MARGIN = 1e-6

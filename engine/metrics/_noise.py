@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.linear.h2 import passes_impulses, squared_norm
+from engine.exact.frequency.h2 import passes_impulses, squared_norm
+from engine.exact.sampled_data.response import SampledResponse
 from engine.metrics._base import Absent, Found, unsettled
-from engine.sampled_data.response import SampledResponse
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, PathSubject

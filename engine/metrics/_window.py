@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from engine.metrics._base import Absent, Found, TimeMetric, TimeSubject
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.curve import Curve
-    from engine.linear.system import Array
+    from engine.exact.time.curve import Curve
     from engine.metrics._base import Finding
+    from engine.model.linear_system import Array
 
 LAST_SAMPLE: Final = "last_sample"
 

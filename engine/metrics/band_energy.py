@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
+from engine.exact.frequency.energy import band_energy
 from engine.metrics._base import NEGLIGIBLE, Absent, Found, TimeMetric, unsettled
-from engine.spectra.energy import band_energy
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

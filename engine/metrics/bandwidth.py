@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.linear.frequency import squared_magnitude
-from engine.linear.touching import touches
+from engine.exact.frequency.response import squared_magnitude
+from engine.exact.frequency.touching import touches
 from engine.metrics._base import NEGLIGIBLE, TOUCHES, Absent, Found, PathMetric, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, PathSubject

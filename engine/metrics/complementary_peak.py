@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.linear.frequency import squared_complementary
+from engine.exact.frequency.response import squared_complementary
 from engine.metrics._base import Absent, LoopMetric, unclosed
 from engine.metrics._largest import highest
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, LoopSubject

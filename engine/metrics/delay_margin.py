@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._loop import delay_margins, grazes_one
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, LoopSubject

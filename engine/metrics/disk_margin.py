@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.linear.frequency import SMALLEST_LOOP_GAIN, squared_balanced_sensitivity
+from engine.exact.frequency.response import SMALLEST_LOOP_GAIN, squared_balanced_sensitivity
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._largest import highest
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, LoopSubject

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.masks import Envelope as Bounds
 from engine.metrics._base import Found, TimeMetric
 from engine.metrics._held import beyond_reach, differences
+from engine.model.masks import Envelope as Bounds
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, MaskKind, TimeSubject

@@ -12,11 +12,11 @@ import numpy as np
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._loop import NO_LIMIT_ABOVE, finite, gain_distance, gain_margins, rivals
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array
     from engine.metrics._base import Finding, LoopSubject
+    from engine.model.linear_system import Array
 
 
 @final

@@ -14,8 +14,8 @@ from engine.metrics._base import Found, LoopMetric, unclosed
 from engine.metrics._loop import finite, gain_distance, gain_margins_on
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array
     from engine.metrics._base import Finding, LoopSubject
+    from engine.model.linear_system import Array
 
 
 @final

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._loop import NO_LIMIT_ABOVE, finite, gain_margins_on
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, LoopSubject

@@ -11,7 +11,7 @@ import numpy as np
 
 from engine.metrics._base import TOUCHES, Absent, Found, TimeMetric
 from engine.metrics._largest import largest_magnitude, seen
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

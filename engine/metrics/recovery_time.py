@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.metrics._base import Absent, Found, TimeMetric, away_from, grazes, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.system import Array
     from engine.metrics._base import Finding, TimeSubject
+    from engine.model.linear_system import Array
 
 
 @final

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 import numpy as np
 
 from engine.metrics._base import Absent, Found, TimeMetric, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.curve import Curve
-    from engine.linear.system import Array
+    from engine.exact.time.curve import Curve
     from engine.metrics._base import Finding, TimeSubject
+    from engine.model.linear_system import Array
 
 
 @final

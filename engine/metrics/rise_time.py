@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, TimeMetric, passage, touched, without_final_value
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.linear.tangent import INFINITESIMAL
 from engine.metrics._base import TOUCHES, Absent, Found, SystemMetric
-from engine.verdicts import Verdict
+from engine.model.tangent import INFINITESIMAL
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.linear.poles import Poles
+    from engine.exact.frequency.poles import Poles
     from engine.metrics._base import Finding, SystemSubject
 
 

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 from engine.metrics._base import Absent, Found, TimeMetric, unsettled
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, TimeSubject

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.masks import Polyline
 from engine.metrics._base import Found, TimeMetric
 from engine.metrics._held import beyond_reach, differences
+from engine.model.masks import Polyline
 
 if TYPE_CHECKING:
     from engine.metrics._base import Finding, MaskKind, TimeSubject

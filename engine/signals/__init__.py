@@ -9,7 +9,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any
 
-from engine.errors import SignalError
+from engine.model.errors import SignalError
 from engine.signals._base import Signal, checked
 
 __all__ = ["Signal", "catalogue", "changed", "make"]

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import SignalError
-from engine.parameters import Param
+from engine.model.errors import SignalError
+from engine.model.parameters import Param
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.errors import SignalError
-from engine.linear.system import Array
+from engine.model.errors import SignalError
+from engine.model.linear_system import Array
 from engine.signals._base import FloatArray, Signal
 
 MOST_COPIES = 100

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from engine.linear.system import Array
+from engine.model.linear_system import Array
 from engine.signals._base import FloatArray, Signal
 
 _NEGLIGIBLE = 1e-12

@@ -23,9 +23,9 @@ from math import comb
 
 import numpy as np
 
-from engine.errors import SignalError
-from engine.linear.system import Array
-from engine.linear.tangent import INFINITESIMAL
+from engine.model.errors import SignalError
+from engine.model.linear_system import Array
+from engine.model.tangent import INFINITESIMAL
 
 ORDERS = {"zv": 1, "zvd": 2, "zvdd": 3}
 KINDS = (*ORDERS, "ei")

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 

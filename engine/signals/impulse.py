@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 

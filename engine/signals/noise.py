@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
-from engine.errors import SignalError
-from engine.parameters import Param
+from engine.model.errors import SignalError
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 _SINES: Final = 128

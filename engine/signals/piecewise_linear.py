@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from engine.errors import SignalError
-from engine.parameters import Param
+from engine.model.errors import SignalError
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from engine.between_samples import BetweenSamples, polynomials
-from engine.errors import SignalError
-from engine.parameters import Param
+from engine.model.between_samples import BetweenSamples, polynomials
+from engine.model.errors import SignalError
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 

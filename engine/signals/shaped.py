@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from engine.signals._copies import Copied, Copies
 from engine.signals._shapers import KINDS, impulses
 

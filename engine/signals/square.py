@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
-from engine.errors import UnresolvedError
-from engine.parameters import Param
+from engine.model.errors import UnresolvedError
+from engine.model.parameters import Param
 from engine.signals._base import FloatArray, Signal
 
 _MOST: Final = 1_000_000

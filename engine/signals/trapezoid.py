@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from engine.signals._base import START
 from engine.signals._profile import Movement, Profile
 

@@ -10,19 +10,19 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from engine.between_samples import BetweenSamples, told
-from engine.fit import Fit, baselines, compare
+from engine.model.between_samples import BetweenSamples, told
+from engine.recordings.fit import Fit, baselines, compare
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
 from optimizers.black_box.document import document_of
 from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
-from optimizers.limits import Limited
-from optimizers.noise import fitted
+from optimizers.estimation.noise import fitted
+from optimizers.estimation.tall import triangle
 from optimizers.problem import ProblemError
-from optimizers.recorded_data import doubted_data, doubted_samples
-from optimizers.recording import RecordedExperiment
-from optimizers.result import Monitor, Status, Unwatched
-from optimizers.tall import triangle
+from optimizers.recorded.recorded_data import doubted_data, doubted_samples
+from optimizers.recorded.recording import RecordedExperiment
+from optimizers.search.limits import Limited
+from optimizers.search.result import Monitor, Status, Unwatched
 
 Samples = npt.NDArray[np.float64]
 Method = Literal["subspace", "transfer_function"]

@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from optimizers.black_box.continuous import Discrete
-from optimizers.filters import filtered
+from optimizers.estimation.filters import filtered
+from optimizers.estimation.tall import solved, triangle
 from optimizers.methods.least_squares import minimize_squares
-from optimizers.tall import solved, triangle
 
 Samples = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from optimizers.black_box.continuous import Discrete
-from optimizers.tall import triangle
+from optimizers.estimation.tall import triangle
 
 Matrix = npt.NDArray[np.float64]
 

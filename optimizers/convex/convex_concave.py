@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from optimizers.convex.linear_controller import Coefficients, Complex, LinearLoop, Real
-    from optimizers.evaluate import Evaluator
+    from optimizers.evaluation.evaluate import Evaluator
     from optimizers.problem import Vector
 
 _MOST_ROUNDS = 60

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import EngineError
-from engine.evaluation import Evaluation
+from engine.analysis.evaluation import Evaluation
+from engine.model.errors import EngineError
 from optimizers.convex.ranges import overrides, ranges_of
 from optimizers.convex.transfer import Transfer
 from optimizers.problem import ProblemError

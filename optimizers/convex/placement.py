@@ -25,17 +25,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solve_continuous_are
 
-from engine.linear.path import connected
-from engine.linear.system import ARRAYS, LaneSystem
-from optimizers.compared import numbers_of
+from engine.exact.frequency.path import connected
+from engine.model.linear_system import ARRAYS, LaneSystem
 from optimizers.convex.point import FEASIBLE, LEAST, Point, hard_bounds, objective_around, wanted
 from optimizers.convex.ranges import limits, overrides, ranges_of, within
 from optimizers.convex.ratios import PEAKS
 from optimizers.convex.solvers import Solved, solve
-from optimizers.measuring import measured
+from optimizers.evaluation.compared import numbers_of
+from optimizers.evaluation.measuring import measured
 
 if TYPE_CHECKING:
-    from optimizers.evaluate import Evaluator
+    from optimizers.evaluation.evaluate import Evaluator
     from optimizers.problem import Problem, Vector
 
 Real = npt.NDArray[np.float64]

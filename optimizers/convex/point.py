@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optimizers.evaluate import Evaluator, Local
+from optimizers.evaluation.evaluate import Evaluator, Local
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

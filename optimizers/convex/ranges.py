@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.errors import EngineError
+from engine.model.errors import EngineError
 from optimizers.problem import ProblemError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from engine.masks import FrequencyBounds, Magnitude
+from engine.model.masks import FrequencyBounds, Magnitude
 from engine.signals.step import Step
 from optimizers.problem import ProblemError, Sense
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.evaluation import Evaluation
+    from engine.analysis.evaluation import Evaluation
     from optimizers.convex.linear_controller import Coefficients, LinearLoop, Real
     from optimizers.problem import Vector
 

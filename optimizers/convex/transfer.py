@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.path import merged
-from engine.linear.system import LaneSystem
+from engine.exact.frequency.path import merged
+from engine.model.linear_system import LaneSystem
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
+    from engine.diagram.diagram import Diagram
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

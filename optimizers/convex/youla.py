@@ -26,15 +26,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.diagram import Block, compile_system
-from engine.errors import EngineError
-from engine.evaluation import Evaluation
+from engine.analysis.evaluation import Evaluation
+from engine.diagram.diagram import Block, compile_system
+from engine.model.errors import EngineError
 from optimizers.convex.solvers import Solved, solve
 from optimizers.convex.transfer import Transfer
 from optimizers.problem import Across
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram, System
+    from engine.diagram.diagram import Diagram, System
     from optimizers.convex.linear_controller import LinearLoop
     from optimizers.convex.ratios import Ratio
     from optimizers.problem import Problem, Vector

@@ -19,9 +19,9 @@ from typing import Protocol
 
 import numpy as np
 
-from engine.linear.tangent import slopes
+from engine.model.tangent import slopes
 from optimizers.identification.answers import Answer, Model, Samples
-from optimizers.recording import RecordedExperiment, Window
+from optimizers.recorded.recording import RecordedExperiment, Window
 
 _UNSEEN = 1e-9
 """Free motions weaker than this part of the strongest are not told apart from the others."""

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from engine.fit import ResidualTests
+from engine.recordings.fit import ResidualTests
 from optimizers.identification.result import Estimate, Judged, JudgedResponse
 from optimizers.identification.ways import Tried
-from optimizers.measured_response import FrequencyExperiment
+from optimizers.recorded.measured_response import FrequencyExperiment
 
 _EXACT = 1e-4
 """In percent of the output's spread: residuals smaller than this are no measurement's, but rounding."""

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.linear.tangent import INFINITESIMAL
-from engine.nonlinear.recorded import simulate_recorded
+from engine.exact.nonlinear.recorded import simulate_recorded
+from engine.model.tangent import INFINITESIMAL
 from optimizers.identification.answers import Answer, Samples
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.nonlinear.system import NonlinearSystem
-    from optimizers.recording import RecordedExperiment
+    from engine.diagram.diagram import Diagram
+    from engine.exact.laws.system import NonlinearSystem
+    from optimizers.recorded.recording import RecordedExperiment
 
 Array = npt.NDArray[Any]
 

@@ -1,7 +1,7 @@
 """A model beside one measured frequency response: errors at each line over their standard deviation, with slopes.
 
     r_k = (H_k - G(jω_k; p)) / σ_k,   real and imaginary part
-    dG = dC z + y (dR + dM z) - y jω e^{jωτ} dτ z + dD,   F z = R,  Fᵀ y = Cᵀ     (F: see :mod:`engine.linear.frequency`)
+    dG = dC z + y (dR + dM z) - y jω e^{jωτ} dτ z + dD,   F z = R,  Fᵀ y = Cᵀ     (F: see :mod:`engine.exact.frequency.response`)
 
 Slopes of linear diagrams are exact, those of delays included. From sample to sample, of loops with samplers, and of the
 linear part of nonlinear diagrams they are central differences of the exact response.
@@ -22,21 +22,21 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.between_samples import BetweenSamples
-from engine.errors import EngineError
-from engine.evaluation import Evaluation
-from engine.fit import examine_residuals
-from engine.linear.path import connected
-from engine.linear.sampled_frequency import sampled_frequency_response
-from engine.linear.tangent import INFINITESIMAL, evened, slopes
+from engine.analysis.evaluation import Evaluation
+from engine.exact.frequency.path import connected
+from engine.exact.frequency.sampled_frequency import sampled_frequency_response
+from engine.model.between_samples import BetweenSamples
+from engine.model.errors import EngineError
+from engine.model.tangent import INFINITESIMAL, evened, slopes
+from engine.recordings.fit import examine_residuals
 from optimizers.identification.comparison import Errors
 from optimizers.identification.result import JudgedResponse
-from optimizers.measured_response import FrequencyExperiment, MeasuredResponse
+from optimizers.recorded.measured_response import FrequencyExperiment, MeasuredResponse
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.linear.system import LaneSystem
-    from optimizers.recording import Unknown
+    from engine.diagram.diagram import Diagram
+    from engine.model.linear_system import LaneSystem
+    from optimizers.recorded.recording import Unknown
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.fit import Fit, baselines, compare, examine_residuals
-from optimizers.confidence import correlations, covariance
+from engine.recordings.fit import Fit, baselines, compare, examine_residuals
+from optimizers.estimation.confidence import correlations, covariance
+from optimizers.estimation.noise import fitted
 from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
@@ -20,12 +21,11 @@ from optimizers.identification.result import BetweenTried, Fits, Identified, Jud
 from optimizers.identification.search import Search
 from optimizers.identification.starts import first_start
 from optimizers.identification.ways import Tried, tried_ways
-from optimizers.noise import fitted
-from optimizers.recorded_data import doubted_data, doubted_samples
-from optimizers.result import Monitor, Unwatched
+from optimizers.recorded.recorded_data import doubted_data, doubted_samples
+from optimizers.search.result import Monitor, Unwatched
 
 if TYPE_CHECKING:
-    from optimizers.recording import Identification, RecordedExperiment, Window
+    from optimizers.recorded.recording import Identification, RecordedExperiment, Window
 
 BASELINES = ("mean", "input", "static_gain")
 

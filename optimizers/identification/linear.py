@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.between_samples import told
-from engine.linear.chebyshev import weights
-from engine.linear.path import connected, path
-from engine.linear.propagate import exponentials
-from engine.linear.sampled import Drive
-from engine.linear.short_delay import lifted
-from engine.linear.system import LaneSystem
-from engine.linear.tangent import INFINITESIMAL
-from engine.linear.trajectory import respond
+from engine.exact.frequency.path import connected, path
+from engine.exact.time.chebyshev import weights
+from engine.exact.time.propagate import exponentials
+from engine.exact.time.sampled import Drive
+from engine.exact.time.short_delay import lifted
+from engine.exact.time.trajectory import respond
+from engine.model.between_samples import told
+from engine.model.linear_system import LaneSystem
+from engine.model.tangent import INFINITESIMAL
 from optimizers.identification.answers import Answer, Samples
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.linear.curve import Curve
-    from optimizers.recording import RecordedExperiment
+    from engine.diagram.diagram import Diagram
+    from engine.exact.time.curve import Curve
+    from optimizers.recorded.recording import RecordedExperiment
 
 Array = npt.NDArray[Any]
 

@@ -16,19 +16,19 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.march import Marcher, Pieces
-from engine.batch_nonlinear.program import Compiled
-from engine.between_samples import polynomials, told
-from engine.linear.tangent import INFINITESIMAL, slopes
-from engine.nonlinear.operating_point import operating_point
-from engine.traced import UnsuitableError
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.march import Marcher, Pieces
+from engine.batch.nonlinear.program import Compiled
+from engine.exact.nonlinear.operating_point import operating_point
+from engine.model.between_samples import polynomials, told
+from engine.model.tangent import INFINITESIMAL, slopes
+from engine.model.traced import UnsuitableError
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.exact import ExactModel
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from optimizers.recording import RecordedExperiment, Unknown
+    from engine.diagram.diagram import Diagram
+    from optimizers.recorded.recording import RecordedExperiment, Unknown
 
 Array = npt.NDArray[Any]
 

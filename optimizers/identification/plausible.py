@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from optimizers.identification import words
 from optimizers.identification.answers import Samples
-from optimizers.recording import Unknown
+from optimizers.recorded.recording import Unknown
 
 Signals = npt.NDArray[Any]
 Pairs = Mapping[str, tuple[Signals, Signals]]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from engine.between_samples import BetweenSamples
-from engine.fit import Fit, ResidualTests
-from optimizers.result import Status
+from engine.model.between_samples import BetweenSamples
+from engine.recordings.fit import Fit, ResidualTests
+from optimizers.search.result import Status
 
 Samples = npt.NDArray[np.float64]
 Fits = Mapping[str, Fit]

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from engine.errors import EngineError
-from engine.traced import UnsuitableError
+from engine.model.errors import EngineError
+from engine.model.traced import UnsuitableError
 from optimizers.identification.answers import Answer, Model, Samples
 from optimizers.identification.comparison import Comparison, Errors, Part
 from optimizers.identification.exact import ExactModel
@@ -32,8 +32,8 @@ from optimizers.identification.marched import MarchedModel, Structure
 from optimizers.methods.least_squares import Minimum
 
 if TYPE_CHECKING:
-    from optimizers.recording import Identification, RecordedExperiment
-    from optimizers.result import Monitor
+    from optimizers.recorded.recording import Identification, RecordedExperiment
+    from optimizers.search.result import Monitor
 
 S = TypeVar("S")
 T = TypeVar("T")

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from optimizers.identification.answers import Samples
-from optimizers.recording import Identification
+from optimizers.recorded.recording import Identification
 
 _LOOKED_AT: Final = 20
 """Points for each parameter."""

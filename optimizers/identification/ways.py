@@ -11,16 +11,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from engine.between_samples import BetweenSamples
-from engine.between_samples import tried as every_way
+from engine.model.between_samples import BetweenSamples
+from engine.model.between_samples import tried as every_way
 from optimizers.identification.answers import Samples
 from optimizers.identification.search import CancelledError, Search
 from optimizers.identification.starts import first_start, further_starts, promising_starts
 from optimizers.identification.words import at_bounds
-from optimizers.limits import Limited
 from optimizers.methods.least_squares import Minimum, Reached, minimize_squares
-from optimizers.recording import Identification
-from optimizers.result import Keeper, Monitor, Status, kept_by
+from optimizers.recorded.recording import Identification
+from optimizers.search.limits import Limited
+from optimizers.search.result import Keeper, Monitor, Status, kept_by
 
 LEAST_GAIN: Final = 1e-7
 """A parameter that moves by its standard deviation changes the cost by 1/samples: far more than this."""

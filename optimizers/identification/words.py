@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optimizers.confidence import correlations
+from optimizers.estimation.confidence import correlations
 from optimizers.identification.answers import Samples
 from optimizers.identification.result import Estimate
-from optimizers.recording import Unknown
-from optimizers.result import Status
+from optimizers.recorded.recording import Unknown
+from optimizers.search.result import Status
 
 NORMAL_95 = 1.959963984540054
 STRONG_CORRELATION = 0.95

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from optimizers.limits import Limited
 from optimizers.methods._base import Method
 from optimizers.problem import Problem, ProblemError
-from optimizers.result import Monitor, Result, Unwatched
+from optimizers.search.limits import Limited
+from optimizers.search.result import Monitor, Result, Unwatched
 
 __all__ = ["Method", "catalogue", "minimize"]
 

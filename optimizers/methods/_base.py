@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from optimizers.problem import Problem, ProblemError
-from optimizers.result import Monitor, Result
+from optimizers.search.result import Monitor, Result
 
 MAX_SECONDS = Param(
     name="max_seconds", symbol="", unit="s", doc="how long it may take, the proof included; 0 is no limit", default=0,

@@ -10,19 +10,19 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from engine.errors import EngineError
-from engine.parameters import Param
+from engine.model.errors import EngineError
+from engine.model.parameters import Param
 from optimizers import methods
-from optimizers.blocks import in_blocks
-from optimizers.certificate import TOLERANCE
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
-from optimizers.evaluate import Evaluator
-from optimizers.evenly import sobol_sequence
+from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem
-from optimizers.result import Monitor, Quiet, Result
-from optimizers.search import Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.evenly import sobol_sequence
+from optimizers.search.result import Monitor, Quiet, Result
+from optimizers.search.search import Stopped, Tracker
 
 _SAMPLE = 1024
 _RARE = 0.002

@@ -14,20 +14,20 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from engine.parameters import Param
+from engine.model.parameters import Param
 from optimizers.convex.convex_concave import Procedure
 from optimizers.convex.linear_controller import LinearLoop, linear_loops
 from optimizers.convex.placement import Placement, structure_of
 from optimizers.convex.point import Point
 from optimizers.convex.ratios import INTEGRATED_ERROR, ratios_of
 from optimizers.convex.youla import best_linear
-from optimizers.evaluate import Evaluator
-from optimizers.evenly import sobol_sequence
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Vector
-from optimizers.report import conclude, unstable_advice
-from optimizers.result import Monitor, Result, Status
-from optimizers.search import SAFETY, Descent, Stopped, Tracker
+from optimizers.search.evenly import sobol_sequence
+from optimizers.search.report import conclude, unstable_advice
+from optimizers.search.result import Monitor, Result, Status
+from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 128
 _APART = 0.1

@@ -17,17 +17,17 @@ from typing import Any, ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.parameters import Param
-from optimizers.blocks import in_blocks
-from optimizers.certificate import TOLERANCE
-from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
-from optimizers.evenly import sobol_sequence
+from engine.model.parameters import Param
+from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
-from optimizers.proving import descend_to_proof, polish
-from optimizers.report import conclude, unstable_advice
-from optimizers.result import Keeper, Monitor, Result, Status, kept_by
-from optimizers.search import SAFETY, Descent, Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.evenly import sobol_sequence
+from optimizers.search.proving import descend_to_proof, polish
+from optimizers.search.report import conclude, unstable_advice
+from optimizers.search.result import Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 1024
 _STEP = 0.2

@@ -14,18 +14,18 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from engine.parameters import Param
-from optimizers.blocks import in_blocks
-from optimizers.certificate import TOLERANCE
-from optimizers.cloud import search_around
-from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
-from optimizers.evenly import sobol_sequence
+from engine.model.parameters import Param
+from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
-from optimizers.proving import descend_to_proof, polish
-from optimizers.report import conclude, unstable_advice
-from optimizers.result import Keeper, Monitor, Result, Status, kept_by
-from optimizers.search import SAFETY, Descent, Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.cloud import search_around
+from optimizers.search.evenly import sobol_sequence
+from optimizers.search.proving import descend_to_proof, polish
+from optimizers.search.report import conclude, unstable_advice
+from optimizers.search.result import Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE, _FEW = 4096, 512
 """Points of the first look with compiled kernels, and without them."""

@@ -12,16 +12,16 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from engine.parameters import Param
-from optimizers.blocks import in_blocks
-from optimizers.certificate import TOLERANCE
-from optimizers.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
-from optimizers.maps import Combinations, around, places, sample
+from engine.model.parameters import Param
+from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.evaluate import UNSTABLE, Assessment, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Vector
-from optimizers.report import conclude, unstable_advice
-from optimizers.result import GridMap, Monitor, Result, Status, kept_by
-from optimizers.search import Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.maps import Combinations, around, places, sample
+from optimizers.search.report import conclude, unstable_advice
+from optimizers.search.result import GridMap, Monitor, Result, Status, kept_by
+from optimizers.search.search import Stopped, Tracker
 
 MOST_POINTS = 1_000_000
 _AT_ONCE = 65_536

@@ -17,21 +17,21 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from engine.parameters import Param
-from engine.verdicts import Measured
-from optimizers.blocks import in_blocks
-from optimizers.candidates import Candidates, packed, unpacked
-from optimizers.certificate import TOLERANCE, certificate_of, worst_scenario
-from optimizers.compared import number_of
-from optimizers.evaluate import UNSTABLE, Evaluator, Matrix
-from optimizers.evenly import sobol_sequence
-from optimizers.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
-from optimizers.fronts import hypervolume, knee, undominated
+from engine.model.parameters import Param
+from engine.model.verdicts import Measured
+from optimizers.evaluation.certificate import TOLERANCE, certificate_of, worst_scenario
+from optimizers.evaluation.compared import number_of
+from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Sense, Vector
-from optimizers.report import conclude, unstable_advice
-from optimizers.result import Front, FrontPoint, Keeper, Monitor, Result, Status, kept_by
-from optimizers.search import Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.candidates import Candidates, packed, unpacked
+from optimizers.search.evenly import sobol_sequence
+from optimizers.search.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
+from optimizers.search.fronts import hypervolume, knee, undominated
+from optimizers.search.report import conclude, unstable_advice
+from optimizers.search.result import Front, FrontPoint, Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.search import Stopped, Tracker
 
 _MOST_POINTS = 200
 _SAMPLE = 1024

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import Path
-from optimizers.commands import PREFIX
+from engine.model.errors import Path
+from optimizers.problem.commands import PREFIX
 from optimizers.problem.errors import ProblemError, amount
 
 if TYPE_CHECKING:
-    from engine.parameters import ParameterInfo
+    from engine.model.parameters import ParameterInfo
 
 Vector = npt.NDArray[np.float64]
 

@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
-from engine.document import Remark
 from engine.metrics import catalogue
+from engine.model.document import Remark
 from optimizers.problem.errors import ProblemError
 
 if TYPE_CHECKING:
-    from engine.errors import Path
     from engine.metrics import Metric
+    from engine.model.errors import Path
     from optimizers.problem.goals import Goal
 
 _SI: Final[Mapping[str, Callable[[float], float]]] = {

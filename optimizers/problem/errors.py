@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from engine.errors import EngineError
+from engine.model.errors import EngineError
 
 
 class ProblemError(EngineError):

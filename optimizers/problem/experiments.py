@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.errors import Path
+    from engine.diagram.diagram import Diagram
+    from engine.model.errors import Path
     from engine.signals import Signal
 
 

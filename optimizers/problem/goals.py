@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from engine.errors import EngineError, Path
-from engine.masks import Envelope, FrequencyBounds, Mask, Polyline
-from engine.metric_options import MEANINGS, USUAL, Options
+from engine.analysis.study import MetricRequest
 from engine.metrics import catalogue as metric_catalogue
-from engine.study import MetricRequest
-from engine.verdicts import Verdict
+from engine.model.errors import EngineError, Path
+from engine.model.masks import Envelope, FrequencyBounds, Mask, Polyline
+from engine.model.metric_options import MEANINGS, USUAL, Options
+from engine.model.verdicts import Verdict
 from optimizers.problem.bounds import check_reachable
 from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.wires import Opening
+    from engine.diagram.diagram import Diagram
+    from engine.diagram.wires import Opening
     from optimizers.problem.experiments import Experiment
 
 ON_AIM = 0.01
@@ -45,7 +45,7 @@ class Sense(StrEnum):
 class Goal:
     """One metric, as an objective (``sense``), as a constraint (``lower``, ``upper``; SI), or as both.
 
-    Sense and bounds are those of what it compares (`optimizers.compared`): of gain and phase margins the distance from
+    Sense and bounds are those of what it compares (`optimizers.evaluation.compared`): of gain and phase margins the distance from
     instability.
 
     Parameters

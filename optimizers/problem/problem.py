@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.errors import EngineError, Path
-from engine.study import MetricRequest
-from optimizers.commands import PREFIX, CommandPath, commands_at, info_of
+from engine.analysis.study import MetricRequest
+from engine.model.errors import EngineError, Path
 from optimizers.problem.axes import Axis, Variable, Vector, axis_of
 from optimizers.problem.bounds import doubts
+from optimizers.problem.commands import PREFIX, CommandPath, commands_at, info_of
 from optimizers.problem.errors import ProblemError, listed, refuse_repeats
 from optimizers.problem.experiments import Experiment, check_experiment
 from optimizers.problem.goals import Goal, check_together, request_of
@@ -24,9 +24,9 @@ from optimizers.problem.scenarios import Across, Scenario, Uncertain, check_scen
 from optimizers.problem.ties import Tie, resolved, tie_of
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.document import Remark
-    from engine.parameters import ParameterInfo, Scalar
+    from engine.diagram.diagram import Diagram
+    from engine.model.document import Remark
+    from engine.model.parameters import ParameterInfo, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Problem:
     """An optimisation that has been proven to make sense.
 
     ``scenario_names`` are as many as the scenarios, or none. ``across`` tells how the objectives of the scenarios become one. ``uncertain`` parameters may lie anywhere in their
-    ranges: `optimizers.solving` makes them scenarios, a method sees none. ``axes`` are the free variables, ``ties`` those that
+    ranges: `optimizers.solving.solve` makes them scenarios, a method sees none. ``axes`` are the free variables, ``ties`` those that
     are given by expressions.
 
     Raises

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from engine.errors import Path
-from engine.names import no_parameter
+from engine.model.errors import Path
+from engine.model.names import no_parameter
 from optimizers.problem.axes import Axis, logarithmic, range_of
 from optimizers.problem.errors import ProblemError
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.parameters import ParameterInfo
+    from engine.diagram.diagram import Diagram
+    from engine.model.parameters import ParameterInfo
 
 Scenario = Mapping[str, float]
 """Parameter path -> value (SI) that replaces the system's own."""

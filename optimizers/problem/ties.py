@@ -9,14 +9,14 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from engine.errors import EngineError, Path
-from engine.expressions import Expression, parse
-from engine.names import no_parameter
+from engine.model.errors import EngineError, Path
+from engine.model.expressions import Expression, parse
+from engine.model.names import no_parameter
 from optimizers.problem.errors import ProblemError
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.parameters import ParameterInfo, Scalar
+    from engine.diagram.diagram import Diagram
+    from engine.model.parameters import ParameterInfo, Scalar
     from optimizers.problem.axes import Variable
 
 

@@ -19,8 +19,8 @@ from engine.elements._nonlinear import Moment
 from optimizers.witness.march import CannotFollowError
 
 if TYPE_CHECKING:
-    from engine.nonlinear.laws import Law
-    from engine.nonlinear.system import NonlinearSystem
+    from engine.exact.laws.laws import Law
+    from engine.exact.laws.system import NonlinearSystem
 
 Array = npt.NDArray[Any]
 

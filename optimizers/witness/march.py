@@ -24,7 +24,7 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 if TYPE_CHECKING:
-    from engine.linear.system import LinearSystem
+    from engine.model.linear_system import LinearSystem
     from engine.signals import Signal
 
 Real = npt.NDArray[np.float64]

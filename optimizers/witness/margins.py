@@ -9,7 +9,7 @@ import numpy as np
 from optimizers.witness.sweep import Complex, Height, Sweep
 
 if TYPE_CHECKING:
-    from engine.masks import FrequencyBounds, Magnitude
+    from engine.model.masks import FrequencyBounds, Magnitude
     from optimizers.witness.march import Real
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)

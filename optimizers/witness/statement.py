@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import EngineError
-from engine.masks import Envelope, FrequencyBounds, Polyline
+from engine.model.errors import EngineError
+from engine.model.masks import Envelope, FrequencyBounds, Polyline
 from optimizers.witness import margins, timing
 from optimizers.witness.march import CannotFollowError, March, Marcher
 from optimizers.witness.sweep import Sweep
@@ -18,8 +18,8 @@ from optimizers.witness.timing import READINGS, Trace
 from optimizers.witness.windows import Runs
 
 if TYPE_CHECKING:
-    from engine.linear.system import LinearSystem
-    from engine.measuring import MetricRequest
+    from engine.analysis.measuring import MetricRequest
+    from engine.model.linear_system import LinearSystem
     from engine.signals import Signal
     from optimizers.problem import Problem, Scenario
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq, minimize_scalar
 
 if TYPE_CHECKING:
-    from engine.linear.system import LinearSystem
+    from engine.model.linear_system import LinearSystem
     from optimizers.witness.march import Real
 
 Complex = npt.NDArray[np.complex128]

@@ -19,7 +19,7 @@ from optimizers.witness.march import NODES, CannotFollowError, March
 
 if TYPE_CHECKING:
     from engine.elements._nonlinear import Change, Moment
-    from engine.nonlinear.system import NonlinearSystem
+    from engine.exact.laws.system import NonlinearSystem
     from engine.signals import Signal
 
 Array = npt.NDArray[Any]

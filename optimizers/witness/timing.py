@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from optimizers.witness.march import NODES, TO_SERIES, March
 
 if TYPE_CHECKING:
-    from engine.masks import Envelope, Polyline
+    from engine.model.masks import Envelope, Polyline
     from engine.signals import Signal
     from optimizers.witness.march import Real
 

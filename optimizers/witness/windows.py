@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from engine.masks import Envelope, Polyline
+from engine.model.masks import Envelope, Polyline
 from optimizers.witness import timing
 from optimizers.witness.march import CannotFollowError
 from optimizers.witness.switched import Follower
 from optimizers.witness.timing import READINGS, Trace
 
 if TYPE_CHECKING:
-    from engine.diagram import Diagram
-    from engine.measuring import MetricRequest
+    from engine.analysis.measuring import MetricRequest
+    from engine.diagram.diagram import Diagram
     from engine.signals import Signal
     from optimizers.witness.march import March
 

@@ -15,7 +15,7 @@ import engine.signals
 from api.units import factor
 from engine.elements import Element, Realization
 from engine.elements._nonlinear import Moment, NonlinearElement
-from engine.parameters import Param
+from engine.model.parameters import Param
 from engine.signals import Signal, make
 
 ELEMENTS = engine.elements.catalogue()

@@ -10,8 +10,8 @@ import pytest
 
 from api.settings import Settings
 from engine import metrics
-from engine.verdicts import Verdict
-from optimizers.result import Status
+from engine.model.verdicts import Verdict
+from optimizers.search.result import Status
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

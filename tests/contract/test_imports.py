@@ -37,7 +37,10 @@ def test_import_contracts_hold() -> None:
         # scipy.stats alone is a fifth of the service's start.
         ("api.main", ("scipy.signal", "scipy.stats")),
         # Each of them costs a cold start a twentieth to a fifth of a second.
-        ("engine.screening", ("scipy.fft", "scipy.interpolate", "scipy.optimize", "scipy.sparse", "scipy.special")),
+        (
+            "engine.batch.screening",
+            ("scipy.fft", "scipy.interpolate", "scipy.optimize", "scipy.sparse", "scipy.special"),
+        ),
         ("api.convert.systems", ("pint", "scipy.optimize", "scipy.sparse", "scipy.special")),
         # A worker computes; it serves no HTTP.
         ("optimizers.problem", ("fastapi", "pydantic", "sqlalchemy", "pint", "control", "matplotlib")),

@@ -12,8 +12,8 @@ import pytest
 import engine.elements
 from engine.elements import Element
 from engine.elements._nonlinear import NonlinearElement
-from engine.parameters import Param
-from engine.traced import Graph, Op, Traced
+from engine.model.parameters import Param
+from engine.model.traced import Graph, Op, Traced
 
 LINEAR = {
     kind: element for kind, element in engine.elements.catalogue().items() if not issubclass(element, NonlinearElement)

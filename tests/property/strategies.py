@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from hypothesis import strategies as st
 
-from engine.diagram import Diagram
+from engine.diagram.diagram import Diagram
 from tests.reference.systems import block, system
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from engine.diagram import Diagram
-from engine.metric_options import Options
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
+from engine.model.metric_options import Options
 from engine.signals import make
-from engine.study import MetricRequest
 from tests.property.strategies import Plant, Servo, gains, plants, servos
 from tests.reference.batch_agreement import compare
 from tests.reference.systems import block, system, transfer_function

@@ -15,11 +15,11 @@ from hypothesis import settings
 from scipy.signal import cont2discrete, dlsim, lfilter, lsim, tf2ss
 from scipy.stats import binom
 
-from engine.between_samples import BetweenSamples
-from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.model.between_samples import BetweenSamples
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 SAMPLES, FINE = 600, 40
 RECORDINGS = 50 if settings().max_examples >= 1000 else 8

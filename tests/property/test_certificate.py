@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.masks import Corners, Envelope, FrequencyBounds, Polyline
-from optimizers.measuring import measured
+from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline
+from optimizers.evaluation.measuring import measured
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from optimizers.witness import witnessed
 from tests.property.test_optimizers import SERVOS, STEP

@@ -12,11 +12,11 @@ from hypothesis import settings
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.linear.sampled import simulate_sampled
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.exact.time.sampled import simulate_sampled
 from optimizers.identification import identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 H = 0.005
 SAMPLES = 800

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import settings
 from scipy.stats import binom
 
-from engine.spectra.frf import Frf
+from engine.recordings.spectra.frf import Frf
 from optimizers.identification import identify
-from optimizers.measured_response import MeasuredResponse, measured_response
 from optimizers.problem import Variable
-from optimizers.recording import Identification
+from optimizers.recorded.measured_response import MeasuredResponse, measured_response
+from optimizers.recorded.recording import Identification
 from tests.unit.optimizers.test_frequency_identification import OMEGA, TRUTH, closed_form, diagram, experiment
 
 RESPONSES = 100 if settings().max_examples >= 1000 else 12

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.diagram import Block, Diagram, compile_system
-from engine.study import frequency_response
+from engine.analysis.study import frequency_response
+from engine.diagram.diagram import Block, Diagram, compile_system
 from tests.unit.engine.diagrams import block, document
 
 _DECADES = 1.25

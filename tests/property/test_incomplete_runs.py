@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.diagram import Block, Diagram, compile_system
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Block, Diagram, compile_system
+from engine.exact.nonlinear.response import Response
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
-from engine.nonlinear.response import Response
+from engine.model.metric_options import Options
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 from tests.unit.engine.diagrams import block, document
 
 LOOPS = 1000 if settings().max_examples > 1000 else 7

@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from engine.diagram import Block, Connection, Diagram, System, compile_system
-from engine.errors import IllPosedError
-from engine.linear.system import LinearSystem
+from engine.diagram.diagram import Block, Connection, Diagram, System, compile_system
+from engine.model.errors import IllPosedError
+from engine.model.linear_system import LinearSystem
 
 S = 0.7 + 1.3j
 STEP = 1e-30

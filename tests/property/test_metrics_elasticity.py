@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.diagram import Diagram
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.property.strategies import Servo, servos
 from tests.reference.measuring import step
 

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from engine.analysis.study import frequency_response, simulate
 from engine.metrics import catalogue
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
+from engine.model.verdicts import Verdict
 from tests.property.strategies import Plant, Servo, gains, plants, servos
 from tests.reference.measuring import step
 from tests.reference.systems import transfer_function

@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 
 METRICS = ("rise_time", "settling_time", "overshoot", "peak", "peak_time", "iae")
 positive = st.floats(0.2, 5.0)

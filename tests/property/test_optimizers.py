@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from optimizers.certificate import TOLERANCE
-from optimizers.evaluate import Assessment, Evaluator
-from optimizers.excess import signed_excess
+from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.evaluate import Assessment, Evaluator
+from optimizers.evaluation.excess import signed_excess
 from optimizers.problem import Axis, Experiment, Goal, Problem, Sense, Variable
 
 STEP = {"u": make("step", {})}

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.errors import ProcessingError
-from engine.processing.cut import Cut
-from engine.processing.decimate import Decimate
-from engine.processing.detrend import Detrend
-from engine.processing.differentiate import Differentiate
-from engine.processing.integrate import Integrate
-from engine.processing.record import Record, Step, process
-from engine.processing.resample import Resample
-from engine.processing.zero_phase import ZeroPhaseFilter
-from engine.spectra.averaged import averaged_frf
-from engine.spectra.frf import confidence
+from engine.model.errors import ProcessingError
+from engine.recordings.processing.cut import Cut
+from engine.recordings.processing.decimate import Decimate
+from engine.recordings.processing.detrend import Detrend
+from engine.recordings.processing.differentiate import Differentiate
+from engine.recordings.processing.integrate import Integrate
+from engine.recordings.processing.record import Record, Step, process
+from engine.recordings.processing.resample import Resample
+from engine.recordings.processing.zero_phase import ZeroPhaseFilter
+from engine.recordings.spectra.averaged import averaged_frf
+from engine.recordings.spectra.frf import confidence
 
 RATE = 200.0
 

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from engine.analysis.study import simulate
 from engine.signals import make
-from engine.study import simulate
 from tests.property.strategies import Plant, plants
 from tests.reference import mpmath_oracle as oracle
 from tests.reference.systems import block, system, transfer_function

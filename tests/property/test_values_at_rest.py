@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.diagram import Diagram
+from engine.analysis.evaluation import Evaluation
+from engine.diagram.diagram import Diagram
 from engine.elements import catalogue
-from engine.errors import DiagramError, UnresolvedError
-from engine.evaluation import Evaluation
-from engine.verdicts import Verdict
+from engine.model.errors import DiagramError, UnresolvedError
+from engine.model.verdicts import Verdict
 from tests.reference.mpmath_oracle import mp
 from tests.reference.systems import block, system
 from tests.reference.test_control_elements import CASES as CONTROL

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from engine.diagram import Diagram
-from engine.screening import Screened
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.screening import Screened
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 
 TOLERANCE = 1e-7
 ABSOLUTE = frozenset({"overshoot", "undershoot", "steady_state_error"})

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from engine.diagram import Diagram
+from engine.analysis.study import MetricRequest, frequency_response, measure, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, frequency_response, measure, simulate
-from engine.verdicts import Verdict
 
 TIME_METRICS = (
     "rise_time",

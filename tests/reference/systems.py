@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 
 # The mid-range linear pneumatic motor of the seed paper, section 3, in SI: A = 65 cm2, V = 750 cm3, p = 5 daN/cm2,
 # a_m = 0.4 cm5/(daN s), m = 0.3 daN s2/cm, b_m = 1.2 daN s/cm, chi = 1.4.

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import engine.elements
+from engine.analysis.study import MetricRequest
+from engine.batch.screening import Screening
 from engine.elements._nonlinear import NonlinearElement
-from engine.metric_options import Options
-from engine.screening import Screening
+from engine.model.metric_options import Options
 from engine.signals import make
-from engine.study import MetricRequest
 from tests.reference.batch_agreement import compare
 from tests.reference.systems import block, system
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import settings
 
 from bench import inner_velocity_loop, pneumatic_loop
-from engine.diagram import Diagram
-from engine.kernels.batch import Batch
-from engine.metric_options import Options
-from engine.screening import Screened, Screening
+from engine.analysis.study import MetricRequest
+from engine.batch.kernels.batch import Batch
+from engine.batch.screening import Screened, Screening
+from engine.diagram.diagram import Diagram
+from engine.model.metric_options import Options
 from engine.signals import make
-from engine.study import MetricRequest
 from tests.reference.batch_agreement import compare
 from tests.reference.systems import block, system
 from tests.reference.systems import pneumatic_loop as loop_with_outputs

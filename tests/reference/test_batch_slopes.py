@@ -13,11 +13,11 @@ import pytest
 from hypothesis import settings
 
 from bench import inner_velocity_loop, pneumatic_loop, twenty_states
-from engine.diagram import Diagram
-from engine.kernels.batch import Batch
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.kernels.batch import Batch
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
 from engine.signals import make
-from engine.study import MetricRequest, measure
 from tests.reference.systems import block, system
 from tests.reference.systems import pneumatic_loop as loop_with_outputs
 from tests.reference.test_batch_kernels import pneumatic_requests

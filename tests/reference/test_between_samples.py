@@ -11,8 +11,8 @@ import pytest
 from hypothesis import settings
 
 from bench import inner_velocity_loop as inner
-from engine.kernels import batch
-from engine.screening import Screening
+from engine.batch.kernels import batch
+from engine.batch.screening import Screening
 from tests.reference.batch_agreement import compare
 
 CASES = {

@@ -13,11 +13,11 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.evaluation import Evaluation
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.reference.systems import block, system
 
 KP, KI, KD, FILTER = 100.0, 1.0, 20.0, 1000.0

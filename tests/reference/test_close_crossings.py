@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
 from tests.reference.systems import unity_loop
 
 DAMPING = 0.1

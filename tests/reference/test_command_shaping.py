@@ -11,8 +11,8 @@ import math
 import pytest
 from scipy.optimize import brentq
 
-from engine.diagram import Block, Connection, System, compile_system
-from engine.evaluation import Evaluation
+from engine.analysis.evaluation import Evaluation
+from engine.diagram.diagram import Block, Connection, System, compile_system
 from engine.signals import make
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from engine.diagram import compile_system
+from engine.diagram.diagram import compile_system
 from engine.elements import Realization, catalogue
-from engine.traced import Graph, Traced, nominal
+from engine.model.traced import Graph, Traced, nominal
 from tests.reference import mpmath_oracle as oracle
 from tests.reference.systems import block, system
 

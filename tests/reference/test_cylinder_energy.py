@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
 from engine.signals import make
-from engine.study import simulate
 from tests.unit.engine.diagrams import block, document
 
 SAMPLES = 16_001

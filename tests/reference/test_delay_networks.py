@@ -17,9 +17,9 @@ import numpy.typing as npt
 import pytest
 from hypothesis import settings
 
-from engine.diagram import Diagram
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.reference.measuring import step
 from tests.reference.systems import block, system
 

@@ -10,9 +10,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.reference.measuring import step
 from tests.reference.systems import block, system
 

@@ -11,8 +11,8 @@ from typing import Any
 import mpmath
 import pytest
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Diagram
 from engine.signals import make
 from tests.reference.systems import block, system
 

@@ -13,9 +13,9 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
-from engine.diagram import Diagram
-from engine.study import MetricRequest, frequency_response, measure, simulate
-from engine.verdicts import Verdict
+from engine.analysis.study import MetricRequest, frequency_response, measure, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.reference import echo_oracle
 from tests.reference.echo_oracle import Delayed, mp
 from tests.reference.measuring import expect, step

@@ -12,11 +12,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.metric_options import Options
+from engine.analysis.study import MetricRequest, frequency_response, measure, simulate
+from engine.diagram.diagram import Diagram
 from engine.metrics import catalogue
-from engine.study import MetricRequest, frequency_response, measure, simulate
-from engine.verdicts import Verdict
+from engine.model.metric_options import Options
+from engine.model.verdicts import Verdict
 from tests.reference import mpmath_oracle as oracle
 from tests.reference.measuring import TIME_METRICS, elasticities, expect, step, time_metrics
 from tests.reference.mpmath_oracle import mp

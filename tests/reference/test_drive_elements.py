@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from engine.elements import Realization, catalogue
-from engine.traced import Graph, Traced, nominal
+from engine.model.traced import Graph, Traced, nominal
 from tests.reference import mpmath_oracle as oracle
 
 mp = oracle.mp

@@ -11,11 +11,11 @@ import math
 
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.influence import influence
+from engine.analysis.influence import influence
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
 from tests.property.strategies import Servo
 
 ZETA = 0.7

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.special import gammainc
 
-from engine.diagram import Diagram
-from engine.errors import DiagramError
-from engine.evaluation import Evaluation
-from engine.study import MetricRequest, measure, simulate
-from engine.verdicts import Verdict
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.study import MetricRequest, measure, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from tests.reference.measuring import expect, step
 from tests.reference.systems import block, system, transfer_function
 from tests.reference.test_control_elements import CASES as CONTROL

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

@@ -11,12 +11,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.commanded import CommandParameter
-from engine.diagram import Diagram, compile_system
-from engine.influence import influence
-from engine.measuring import MetricRequest
+from engine.analysis.commanded import CommandParameter
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
 from engine.signals import Signal, make
-from engine.study import simulate
 from tests.unit.engine.diagrams import block, document
 
 GAIN, LAG = 3.0, 0.5

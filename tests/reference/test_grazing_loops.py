@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.diagram import Diagram
-from engine.study import frequency_response
-from engine.verdicts import Verdict
+from engine.analysis.study import frequency_response
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.reference.systems import block, system
 
 mp = mpmath.mp.clone()

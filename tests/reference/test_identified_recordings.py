@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.processing.zero_phase import ZeroPhaseFilter, filtered
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.recordings.processing.zero_phase import ZeroPhaseFilter, filtered
 from optimizers.black_box import black_box
+from optimizers.estimation.inverse_dynamics import DriveRecording, Treatment, drive_parameters
+from optimizers.estimation.static_curve import static_curve
 from optimizers.identification import Identified, identify
-from optimizers.inverse_dynamics import DriveRecording, Treatment, drive_parameters
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status
-from optimizers.static_curve import static_curve
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 DATA = Path(__file__).parents[2] / "examples" / "data"
 

@@ -14,8 +14,8 @@ import scipy.io
 
 from api.formats import FormatError
 from api.formats.text.guess import Known
-from api.services.importing import options, settle
-from api.services.sampling import TimeAxis
+from api.services.recordings.importing import options, settle
+from api.services.recordings.sampling import TimeAxis
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 
 DATA = Path(__file__).parents[2] / "examples" / "data"

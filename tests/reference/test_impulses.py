@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.commanded import CommandParameter
-from engine.diagram import Diagram, compile_system
-from engine.errors import EngineError
-from engine.influence import influence
-from engine.measuring import MetricRequest
+from engine.analysis.commanded import CommandParameter
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.errors import EngineError
+from engine.recordings.spectra.simulated import transient
 from engine.signals import make
-from engine.spectra.simulated import transient
-from engine.study import simulate
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.solving import solve
+from optimizers.solving.solve import solve
 from tests.unit.engine.diagrams import block, document
 
 W = np.sqrt(3.84)

@@ -6,8 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Diagram
 from engine.signals import make
 from tests.reference.systems import block, system
 

@@ -8,12 +8,12 @@ import pickle
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.errors import DiagramError
-from engine.limit_cycles import predicted
+from engine.analysis.limit_cycles import predicted
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import compile_system
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

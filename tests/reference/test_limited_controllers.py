@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.diagram import Diagram, compile_system
-from engine.influence import influence
-from engine.measuring import MetricRequest
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
 from engine.signals import make
-from engine.study import simulate
 from tests.unit.engine.diagrams import block, document
 
 KP, KI, KD, W = 2.0, 3.0, 0.4, 50.0

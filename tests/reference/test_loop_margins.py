@@ -9,11 +9,11 @@ import control
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
-from engine.study import frequency_response
-from engine.verdicts import Verdict
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import frequency_response
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from optimizers.problem import Goal, Problem, Sense, Variable
 from optimizers.witness import witnessed
 from tests.reference.systems import block, system, unity_loop

@@ -11,8 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from engine.influence import influence
-from engine.study import MetricRequest, frequency_response
+from engine.analysis.influence import influence
+from engine.analysis.study import MetricRequest, frequency_response
 from tests.reference.measuring import elasticities
 from tests.reference.systems import MOTOR, block, system
 

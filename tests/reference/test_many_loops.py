@@ -21,11 +21,11 @@ from scipy.optimize import brentq, minimize_scalar
 
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
-from engine.diagram import Diagram
-from engine.evaluation import Evaluation
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.study import MetricRequest, frequency_response, measure, simulate
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, frequency_response, measure, simulate
-from engine.verdicts import Verdict
 
 DOCUMENT = Path(__file__).parents[2] / "examples" / "systems" / "many_loops.json"
 

@@ -15,11 +15,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
 from engine.elements import catalogue
-from engine.nonlinear.integrate import Integration
+from engine.exact.nonlinear.integrate import Integration
 from engine.signals import make
-from engine.study import simulate
 from tests.unit.engine.diagrams import block, document
 
 # M. Quiroz' twelve parameters (mm, N, s, A), as published with the recordings (parametros_fit2.mat), in SI

@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench import nonlinear_loop
-from engine.batch_nonlinear.batch import NonlinearBatch
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.march import Marcher, Pieces, by_input
-from engine.batch_nonlinear.program import Compiled
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.measuring import MetricRequest
+from engine.analysis.measuring import MetricRequest
+from engine.batch.nonlinear.batch import NonlinearBatch
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.march import Marcher, Pieces, by_input
+from engine.batch.nonlinear.program import Compiled
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
 from engine.elements import catalogue
-from engine.errors import EngineError
-from engine.nonlinear import bounds
+from engine.exact.nonlinear import bounds
+from engine.model.errors import EngineError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 SPENCER = {

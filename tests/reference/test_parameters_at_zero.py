@@ -9,8 +9,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
 from tests.reference.systems import block, system
 
 mp = mpmath.mp.clone()

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from engine.study import MetricRequest
+from engine.analysis.study import MetricRequest
 from tests.reference import mpmath_oracle as oracle
 from tests.reference.measuring import TIME_METRICS, elasticities, expect, loop_metrics, step, time_metrics
 from tests.reference.systems import pneumatic_loop

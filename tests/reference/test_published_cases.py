@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
+from engine.analysis.study import frequency_response, simulate
+from engine.model.verdicts import Verdict
 from tests.reference import mpmath_oracle as oracle
 from tests.reference.measuring import TIME_METRICS, expect, loop_metrics, step, time_metrics
 from tests.reference.systems import block, system, transfer_function, unity_loop

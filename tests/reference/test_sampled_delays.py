@@ -16,14 +16,14 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from engine.diagram import Diagram, compile_system
-from engine.errors import UnresolvedError
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest, measure
-from engine.study import frequency_response
-from engine.verdicts import Verdict
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import frequency_response
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.errors import UnresolvedError
+from engine.model.verdicts import Verdict
 from optimizers.problem import Goal, Problem, Sense, Uncertain, Variable
-from optimizers.solving import solve
+from optimizers.solving.solve import solve
 from tests.reference.test_sampled_loops import AXES, MS, Axis, bounds
 from tests.unit.engine.diagrams import block, document
 

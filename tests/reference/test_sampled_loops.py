@@ -16,13 +16,13 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from engine.diagram import Diagram, compile_system
-from engine.errors import UnresolvedError
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest, measure
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.errors import UnresolvedError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 MS = Fraction(1, 1000)

@@ -21,10 +21,10 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import butter, cheby1, filtfilt
 
-from engine.diagram import compile_system
-from engine.nonlinear.integrate import Integration
+from engine.diagram.diagram import compile_system
+from engine.exact.nonlinear.integrate import Integration
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 RATE = 1000.0

@@ -18,15 +18,15 @@ import pytest
 
 from api.formats.text.cells import Marks
 from api.formats.text.txt import TextLayout, read
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.fit import baselines, compare
-from engine.linear.sampled import simulate_sampled
-from engine.linear.system import LinearSystem
-from engine.processing.zero_phase import ZeroPhaseFilter, filtered
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.exact.time.sampled import simulate_sampled
+from engine.model.linear_system import LinearSystem
+from engine.recordings.fit import baselines, compare
+from engine.recordings.processing.zero_phase import ZeroPhaseFilter, filtered
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 FOLDER = Path(__file__).parents[2] / "examples" / "data" / "servo_hydraulic_actuator"
 H = 0.001

@@ -17,10 +17,10 @@ import pytest
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 KP, KD, FILTER, FRICTION, MASS = 100.0, 2.0, 2000.0, 0.2, 0.01

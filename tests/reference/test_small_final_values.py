@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, measure
 from tests.reference.measuring import step
 from tests.reference.systems import block, system
 

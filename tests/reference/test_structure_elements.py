@@ -14,9 +14,9 @@ import control
 import numpy as np
 import pytest
 
+from engine.analysis.evaluation import Evaluation
 from engine.elements import catalogue
 from engine.elements._nonlinear import NonlinearElement
-from engine.evaluation import Evaluation
 from tests.reference import test_control_elements, test_drive_elements
 from tests.reference.systems import block, system
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from engine.influence import coefficient
+from engine.analysis.influence import coefficient
 
 TABLE = [
     # parameter, its relative change, then the relative change of the metric and C as printed

@@ -13,11 +13,11 @@ import control
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Diagram
-from engine.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Block, Diagram
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.reference.systems import block, system
 
 _STEP = make("step", {})

@@ -10,8 +10,8 @@ from hypothesis import settings
 from scipy.signal import bilinear, lfilter
 from scipy.stats import binom
 
-from engine.validation.comparison import Comparison
-from engine.validation.unmodelled import FALSE_ALARMS, threshold, unmodelled
+from engine.recordings.validation.comparison import Comparison
+from engine.recordings.validation.unmodelled import FALSE_ALARMS, threshold, unmodelled
 from tests.unit.engine.validation.lags import H, lag
 
 SEEDS = 300 if settings().max_examples > 1000 else 10

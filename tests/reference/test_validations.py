@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.validation.diagnosis import Diagnosis, diagnose
-from engine.validation.response import respond, tangents
-from engine.validation.steps import Movable
-from engine.validation.validate import Compared, Validated, validate
-from engine.validation.verdict import Grade
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.recordings.validation.diagnosis import Diagnosis, diagnose
+from engine.recordings.validation.response import respond, tangents
+from engine.recordings.validation.steps import Movable
+from engine.recordings.validation.validate import Compared, Validated, validate
+from engine.recordings.validation.verdict import Grade
 
 DATA = Path(__file__).parents[2] / "examples" / "data"
 

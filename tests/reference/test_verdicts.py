@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from engine.errors import DiagramError, IllPosedError
-from engine.study import MetricRequest, frequency_response, measure, simulate
-from engine.verdicts import Verdict
+from engine.analysis.study import MetricRequest, frequency_response, measure, simulate
+from engine.model.errors import DiagramError, IllPosedError
+from engine.model.verdicts import Verdict
 from tests.reference.measuring import TIME_METRICS, expect, loop_metrics, step, time_metrics
 from tests.reference.systems import MOTOR, block, system, transfer_function, unity_loop
 

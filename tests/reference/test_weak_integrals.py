@@ -14,9 +14,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
-from engine.study import frequency_response
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import frequency_response
+from engine.diagram.diagram import Diagram
 from tests.reference.systems import block, system
 
 mp = mpmath.mp.clone()

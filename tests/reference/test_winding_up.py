@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.diagram import Diagram, compile_system
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest
-from engine.screening import Screening
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import simulate
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

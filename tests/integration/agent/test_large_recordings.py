@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agent import uploading
-from api.services import parsing, raw_samples
+from api.services.recordings import parsing, raw_samples
 from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
 

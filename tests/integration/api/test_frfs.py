@@ -14,7 +14,7 @@ from scipy import signal
 
 import servotune
 from api.schemas.frfs import FrfReply
-from api.services import measured_parts
+from api.services.frequency import measured_parts
 from tests.integration.api.conftest import Service
 from tests.integration.api.documents import RAW, upload
 

@@ -7,9 +7,9 @@ from datetime import timedelta
 import numpy as np
 from sqlalchemy import distinct, func, select, update
 
-from api.services.computing import Computing
-from api.services.housekeeping import tidy
-from api.services.installation import Installation
+from api.services.jobs.computing import Computing
+from api.services.operation.housekeeping import tidy
+from api.services.operation.installation import Installation
 from api.settings import Settings
 from storage.blobs import put_bytes, sha256_of
 from storage.jobs.queue import JobQueue

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sqlalchemy import func, select
 
-from api.services import raw_samples
+from api.services.recordings import raw_samples
 from storage import open_database
 from storage.models import ChannelBlock
 from tests.integration.api.conftest import finished

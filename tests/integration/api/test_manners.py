@@ -12,7 +12,7 @@ from sqlalchemy import update
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from api.services import systems
+from api.services.systems import systems
 from storage import open_database
 from storage.models import ApiKey
 from storage.models.base import utc_now

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from api.schemas.replies import DatasetReply
-from api.services import processing
+from api.services.recordings import processing
 from tests.integration.api.conftest import Service, finished
 from tests.integration.api.documents import RAW, upload
 

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from sqlalchemy import insert
 
-from api.services import ticking
-from api.services.computing import Computing
-from api.services.installation import Installation
+from api.services.jobs.computing import Computing
+from api.services.operation.installation import Installation
+from api.services.schedules import ticking
 from api.settings import Settings
 from api.tracing import Traces, traces_of
 from storage import open_database

@@ -12,11 +12,11 @@ from cryptography.fernet import Fernet
 from sqlalchemy import select
 
 import servotune
-from api.services import alerts
-from api.services.computing import Computing
-from api.services.courier import MOST_ATTEMPTS, MOST_FAILURES, PAUSES, Courier
-from api.services.housekeeping import tidy
-from api.services.installation import Installation
+from api.services.jobs.computing import Computing
+from api.services.operation.housekeeping import tidy
+from api.services.operation.installation import Installation
+from api.services.webhooks import alerts
+from api.services.webhooks.courier import MOST_ATTEMPTS, MOST_FAILURES, PAUSES, Courier
 from api.settings import Settings
 from servotune.webhooks import SignatureError, verify
 from storage import open_database

@@ -21,7 +21,7 @@ from bench import (
     throughput,
 )
 from bench.table import Job, Row, markdown, render
-from engine.screening import Screening
+from engine.batch.screening import Screening
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import inner_velocity_loop as inner
-from engine.measuring import measure
+from engine.analysis.measuring import measure
 
 
 def by_hand(kp: float, td1: float, td2: float, tf: float, kv: float) -> np.ndarray:

@@ -12,8 +12,8 @@ import httpx
 import pytest
 from sqlalchemy import select, update
 
-from api.services import ticking
-from api.services.installation import Installation
+from api.services.operation.installation import Installation
+from api.services.schedules import ticking
 from storage import Database
 from storage.clock import WALL, utc_now
 from storage.models import AcquisitionAttempt, Worker

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.diagram import Diagram, compile_system
+from engine.diagram.diagram import Diagram, compile_system
 from engine.signals import Signal, make
 from tests.support.event_driven import Automaton, Course, follow
 from tests.unit.engine.diagrams import block, document

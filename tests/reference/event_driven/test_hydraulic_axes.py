@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.nonlinear.integrate import Integration
-from engine.verdicts import Verdict
+from engine.exact.nonlinear.integrate import Integration
+from engine.model.verdicts import Verdict
 from tests.reference.event_driven._hydraulic import Hydraulic
 from tests.reference.event_driven._loop import Command
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.measuring import MetricRequest, measure
-from engine.nonlinear.integrate import Integration
-from engine.verdicts import Verdict
+from engine.analysis.measuring import MetricRequest, measure
+from engine.exact.nonlinear.integrate import Integration
+from engine.model.verdicts import Verdict
 from tests.reference.event_driven._hydraulic import Hydraulic
 from tests.reference.event_driven._loop import Loop
 from tests.reference.event_driven._mechanical import Mechanical

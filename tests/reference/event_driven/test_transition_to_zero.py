@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.influence import influence
-from engine.measuring import MetricRequest
-from engine.verdicts import Verdict
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.diagram.diagram import compile_system
+from engine.model.verdicts import Verdict
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from tests.reference.event_driven._loop import Command

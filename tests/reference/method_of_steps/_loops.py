@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.document import System
+from engine.model.document import System
 from tests.reference.method_of_steps import _blocks as b
 from tests.reference.method_of_steps._steps import Delay, Loop
 from tests.unit.engine.diagrams import block, document

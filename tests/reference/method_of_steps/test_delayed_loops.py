@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from engine.diagram import compile_system
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest, measure
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.reference.method_of_steps._loops import cases
 
 COUNT = 100

@@ -5,7 +5,7 @@ import pytest
 
 from bench.optimizers.cases_convex import Case, astrom_hagglund, cases
 from optimizers.methods import minimize
-from optimizers.result import Status
+from optimizers.search.result import Status
 
 # of the table every plant once; `make bench-optimizers` runs the rest
 CASES = [case for case in cases() if "Ms = 2" not in case.name]

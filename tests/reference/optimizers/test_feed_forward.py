@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from engine.analysis.study import simulate
 from engine.signals import make
-from engine.study import simulate
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 from tests.reference.systems import block, system
 
 MOVE = {"r": make("s_curve", {"distance": 1.0, "max_velocity": 1.0, "max_acceleration": 5.0, "max_jerk": 100.0})}

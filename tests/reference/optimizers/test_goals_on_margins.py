@@ -13,15 +13,15 @@ import control
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
-from optimizers.certificate import certify
-from optimizers.evaluate import Evaluator
+from optimizers.evaluation.certificate import certify
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Result, Status
+from optimizers.search.result import Result, Status
 from tests.reference.systems import block, system, unity_loop
 
 FEW = {"starts": 3, "seed": 1, "max_evaluations": 600}

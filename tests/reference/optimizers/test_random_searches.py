@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 
 from optimizers.methods import minimize
-from optimizers.result import Status
+from optimizers.search.result import Status
 from tests.reference.optimizers._searches import Search, search, solved
 
 SEEDS = range(200) if settings().max_examples > 1000 else range(4)

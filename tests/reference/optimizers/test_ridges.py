@@ -10,12 +10,12 @@ from scipy.optimize import minimize as scipy_minimize
 
 from engine.signals import make
 from optimizers import methods
-from optimizers.evaluate import Evaluator
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.proving import polish
-from optimizers.report import conclude
-from optimizers.result import Result, Status, Unwatched
-from optimizers.search import STATIONARY, Tracker
+from optimizers.search.proving import polish
+from optimizers.search.report import conclude
+from optimizers.search.result import Result, Status, Unwatched
+from optimizers.search.search import STATIONARY, Tracker
 from tests.reference.systems import block, system
 
 RESONANCES = (85.0, 100.0, 117.0)

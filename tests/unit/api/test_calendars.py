@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from api.problems import Problem
-from api.services.calendars import calendar, plan
+from api.services.schedules.calendars import calendar, plan
 
 
 def utc(text: str) -> datetime:

@@ -15,7 +15,7 @@ import pytest
 
 from api.errors import RecalledError
 from api.problems import Problem
-from api.services.computing import Computing, LargeError, Recall
+from api.services.jobs.computing import Computing, LargeError, Recall
 from api.settings import Settings
 
 

@@ -13,7 +13,7 @@ from api.convert.systems import diagram_from_wire, system_from_wire
 from api.convert.values import listed, measured_to_wire, numbers, overrides_from_wire
 from api.problems import Problem
 from api.schemas.systems import SystemDocument
-from engine.verdicts import Measured, Verdict
+from engine.model.verdicts import Measured, Verdict
 
 DOCUMENT = {
     "parameters": {

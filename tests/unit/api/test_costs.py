@@ -6,10 +6,10 @@ import copy
 
 import pytest
 
-from api.services import costs
-from api.services.systems import compiled
+from api.services.jobs import costs
+from api.services.systems.systems import compiled
 from api.settings import Settings
-from engine.diagram import Diagram
+from engine.diagram.diagram import Diagram
 from tests.integration.api.documents import LAG, PNEUMATIC, chain
 
 QUICK = Settings().quick_seconds

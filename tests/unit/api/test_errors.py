@@ -9,7 +9,7 @@ from sqlalchemy.exc import OperationalError
 from api.errors import problem_of
 from api.handlers import sentence
 from api.problems import Problem, at, invalid
-from engine.errors import DiagramError, ExpressionError, IllPosedError, SignalError
+from engine.model.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
 from storage import errors as storage
 

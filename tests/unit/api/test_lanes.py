@@ -9,8 +9,8 @@ import pytest
 
 from api.errors import RecalledError
 from api.problems import Problem
-from api.services.computing import Recall
-from api.services.lanes import Lane
+from api.services.jobs.computing import Recall
+from api.services.jobs.lanes import Lane
 
 
 class Callers:

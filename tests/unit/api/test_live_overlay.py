@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from api.services.live_overlay import at_instants, noise
+from api.services.studies.live_overlay import at_instants, noise
 
 
 def test_the_scatter_of_white_noise_is_found_beside_a_smooth_curve() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from api.problems import Problem
-from api.services.recordings import check_lengths
+from api.services.recordings.recordings import check_lengths
 
 
 def test_channels_of_different_length_do_not_belong_together() -> None:

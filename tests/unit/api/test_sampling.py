@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from api.formats import FormatError
-from api.services.sampling import TimeAxis
+from api.services.recordings.sampling import TimeAxis
 
 
 def followed(instants, pieces=3, **options):

@@ -9,7 +9,7 @@ import pytest
 
 from api.formats import FormatError
 from api.formats.text.clock import Clock, clock_for, is_stamp
-from api.services.importing import settle
+from api.services.recordings.importing import settle
 from tests.support.recorded import arrays, closed_files, opened  # noqa: F401 - a fixture for all tests here
 
 DAQ = b"""Header Size:  7\r

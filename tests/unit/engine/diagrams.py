@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from engine.diagram import Block, Connection, Parameter, System
-from engine.linear.system import LinearSystem
+from engine.diagram.diagram import Block, Connection, Parameter, System
+from engine.model.linear_system import LinearSystem
 
 
 def block(kind: str, **values: Any) -> Block:

@@ -11,13 +11,13 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 from scipy.stats import gamma
 
-from engine.diagram import Diagram, compile_system
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import Diagram, compile_system
 from engine.elements import catalogue
 from engine.elements._nonlinear import NonlinearElement
-from engine.errors import DiagramError
-from engine.parameters import Param
+from engine.model.errors import DiagramError
+from engine.model.parameters import Param
 from engine.signals import make
-from engine.study import frequency_response, simulate
 from tests.unit.engine.diagrams import block, document
 
 INSTEAD = {

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from engine.diagram import compile_system
-from engine.errors import DiagramError
-from engine.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import compile_system
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

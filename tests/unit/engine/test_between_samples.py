@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from engine.between_samples import BetweenSamples, polynomials
-from engine.linear.sampled import Drive, simulate_sampled
-from engine.linear.system import LaneSystem, LinearSystem
-from engine.linear.tangent import INFINITESIMAL
+from engine.exact.time.sampled import Drive, simulate_sampled
+from engine.model.between_samples import BetweenSamples, polynomials
+from engine.model.linear_system import LaneSystem, LinearSystem
+from engine.model.tangent import INFINITESIMAL
 
 H = 0.01
 HOLD, LINEAR, BAND_LIMITED = BetweenSamples.HOLD, BetweenSamples.LINEAR, BetweenSamples.BAND_LIMITED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from engine.circles import circles
+from engine.model.circles import circles
 
 
 @pytest.mark.parametrize("seed", range(20))

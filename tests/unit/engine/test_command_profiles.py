@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.errors import SignalError
+from engine.model.errors import SignalError
 from engine.signals import make
 from engine.signals._shapers import impulses
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from engine.commanded import CommandParameter
-from engine.diagram import compile_system
-from engine.errors import DiagramError, SignalError
-from engine.measuring import MetricRequest, measure
+from engine.analysis.commanded import CommandParameter
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import compile_system
+from engine.model.errors import DiagramError, SignalError
 from engine.signals import changed, make
 from tests.unit.engine.diagrams import block, document
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
+from engine.diagram.diagram import compile_system
 from engine.elements import Realization, catalogue
-from engine.errors import DiagramError
+from engine.model.errors import DiagramError
 from tests.unit.engine.diagrams import block, document, response, subsystem
 
 

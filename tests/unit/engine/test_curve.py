@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.linear.chebyshev import NODES
-from engine.linear.curve import Curve
-from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.exact.time.chebyshev import NODES
+from engine.exact.time.curve import Curve
+from engine.model.tangent import INFINITESIMAL, slopes
 
 
 def curve_of(function, edges: list[float], step: complex = 0.0) -> Curve:

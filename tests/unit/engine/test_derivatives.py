@@ -10,12 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from engine.diagram import Diagram, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.metric_options import Options
+from engine.model.verdicts import Measured, Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Measured, Verdict
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Variable
 from tests.unit.engine.diagrams import block, document

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from engine.analysis.describing_function import cycles, fourier_gain
 from engine.elements import catalogue
-from engine.nonlinear.describing_function import cycles, fourier_gain
 
 CASES = [
     ("saturation", {"lower": -1.0, "upper": 1.0}),

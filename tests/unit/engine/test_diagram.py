@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.errors import DiagramError, EngineError, ExpressionError, IllPosedError
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.model.errors import DiagramError, EngineError, ExpressionError, IllPosedError
 from tests.unit.engine.diagrams import block, document, subsystem
 
 

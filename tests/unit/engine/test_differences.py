@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.differences import HALVINGS, derivatives
+from engine.analysis.differences import HALVINGS, derivatives
 
 
 def derivative(function, at, scale=1.0):

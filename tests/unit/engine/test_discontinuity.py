@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.influence import influence
+from engine.analysis.influence import influence
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.metrics._loop import rivals
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
 from tests.reference.systems import unity_loop
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, dlsim, lfilter
 
-from engine.diagram import Diagram, compile_system
-from engine.errors import DiagramError
-from engine.evaluation import Evaluation
-from engine.measuring import MetricRequest, measure
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = 0.01

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import System, compile_system
+from engine.diagram.diagram import System, compile_system
 from engine.elements import Realization
-from engine.errors import DiagramError
+from engine.model.errors import DiagramError
 from tests.unit.engine import diagrams
 from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.realizations import member, ports, realized, response

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine.elements import Realization, catalogue
-from engine.errors import DiagramError
+from engine.model.errors import DiagramError
 from tests.unit.engine.realizations import realized, response
 
 S = (0.3j, 2.0 + 1.0j, 40.0j)

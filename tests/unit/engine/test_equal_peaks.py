@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from engine.diagram import Diagram
-from engine.study import MetricRequest, measure
+from engine.analysis.study import MetricRequest, measure
+from engine.diagram.diagram import Diagram
 from tests.reference.measuring import step
 from tests.reference.systems import block, system
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from engine.errors import ExpressionError
-from engine.expressions import parse
+from engine.model.errors import ExpressionError
+from engine.model.expressions import parse
 
 STEP = 1e-30
 

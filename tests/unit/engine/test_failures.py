@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.linalg import lu_factor
 
-from engine.diagram import compile_system
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
 from engine.elements.integrator import Integrator
 from engine.elements.multiplication import Multiplication
-from engine.errors import EngineError, UnresolvedError
-from engine.failures import numerical
-from engine.influence import influence
-from engine.measuring import MetricRequest, measure
+from engine.model.errors import EngineError, UnresolvedError
+from engine.model.failures import numerical
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from tests.unit.engine.diagrams import block, document

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.fit import baselines, compare, examine_residuals, passes, worst_interval
+from engine.recordings.fit import baselines, compare, examine_residuals, passes, worst_interval
 
 
 def test_each_measure_follows_its_own_definition():

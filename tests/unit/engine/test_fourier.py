@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from engine.diagram import compile_system
-from engine.errors import SignalError, SpectrumError, UnresolvedError
-from engine.evaluation import Evaluation
-from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.analysis.evaluation import Evaluation
+from engine.diagram.diagram import compile_system
+from engine.exact.frequency.energy import band_energy
+from engine.exact.frequency.fourier import transform
+from engine.model.errors import SignalError, SpectrumError, UnresolvedError
+from engine.model.tangent import INFINITESIMAL, slopes
+from engine.recordings.spectra.simulated import response_spectrum, steady_harmonics, transient, waterfall
 from engine.signals import changed, make
-from engine.spectra.energy import band_energy
-from engine.spectra.fourier import transform
-from engine.spectra.simulated import response_spectrum, steady_harmonics, transient, waterfall
 from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.test_curve import curve_of
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.linear.frequency import FrequencyResponse, imaginary_part, squared_magnitude, squared_sensitivity
-from engine.linear.system import LaneSystem
-from engine.linear.tangent import INFINITESIMAL, slopes
+from engine.exact.frequency.response import FrequencyResponse, imaginary_part, squared_magnitude, squared_sensitivity
 from engine.metrics._loop import delay_margins
+from engine.model.linear_system import LaneSystem
+from engine.model.tangent import INFINITESIMAL, slopes
 from tests.unit.engine.test_poles import companion, lanes
 from tests.unit.engine.test_trajectory import integrator_with_delay
 

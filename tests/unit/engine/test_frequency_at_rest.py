@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.frequency_study import frequency_response
-from engine.verdicts import Verdict
+from engine.analysis.frequency_study import frequency_response
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 ASKED = np.array([0.0, 0.5, 3.0])

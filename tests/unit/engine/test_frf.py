@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from engine.errors import SpectrumError
-from engine.spectra.averaged import averaged_frf
-from engine.spectra.comparison import compared
-from engine.spectra.frf import Frf, confidence
-from engine.spectra.motion import in_form
-from engine.spectra.multisine import multisine_frf
-from engine.spectra.sensors import Sensor, correction
-from engine.spectra.stepped_sine import SineStep, stepped_sine_frf
+from engine.model.errors import SpectrumError
+from engine.recordings.spectra.averaged import averaged_frf
+from engine.recordings.spectra.comparison import compared
+from engine.recordings.spectra.frf import Frf, confidence
+from engine.recordings.spectra.motion import in_form
+from engine.recordings.spectra.multisine import multisine_frf
+from engine.recordings.spectra.sensors import Sensor, correction
+from engine.recordings.spectra.stepped_sine import SineStep, stepped_sine_frf
 
 HZ = 2 * np.pi
 RATE = 2560.0

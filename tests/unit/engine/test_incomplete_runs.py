@@ -6,16 +6,16 @@ import math
 
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.masks import Envelope, Polyline
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.exact.nonlinear import bounds
 from engine.metrics import catalogue
 from engine.metrics._base import TimeMetric
-from engine.nonlinear import bounds
+from engine.model.masks import Envelope, Polyline
+from engine.model.metric_options import Options
+from engine.model.verdicts import Measured, Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Measured, Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = {"r": make("step", {})}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.influence import Influence, influence
-from engine.measuring import MetricRequest
+from engine.analysis.influence import Influence, influence
+from engine.analysis.measuring import MetricRequest
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bench.optimizers.cases_convex import PI, gain, loop
+from engine.analysis.study import MetricRequest, measure
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
 
 KI = 0.13
 

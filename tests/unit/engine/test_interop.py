@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.errors import DiagramError
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.interop.from_python_control import from_control
 from engine.interop.matlab import mat
 from engine.interop.matrices import Matrices, numbered, realized
 from engine.interop.python_control import to_state_space, to_transfer_function
-from engine.linear.system import LinearSystem
+from engine.model.errors import DiagramError
+from engine.model.linear_system import LinearSystem
 
 FREQUENCIES = np.logspace(-2, 3, 60)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.linear.chebyshev import DEGREE
-from engine.linear.curve import Curve
+from engine.analysis.study import Simulation, simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.exact.time.chebyshev import DEGREE
+from engine.exact.time.curve import Curve
 from engine.signals import make
-from engine.study import Simulation, simulate
 from tests.unit.engine.diagrams import block, document
 
 LAWS = {

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.errors import UnresolvedError
-from engine.linear.elimination import Elimination
-from engine.many_digits import CONTEXT, Formulas
-from engine.traced import Graph, Op
+from engine.exact.frequency.elimination import Elimination
+from engine.model.errors import UnresolvedError
+from engine.model.many_digits import CONTEXT, Formulas
+from engine.model.traced import Graph, Op
 from tests.reference.mpmath_oracle import mp
 
 

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.errors import MaskError
-from engine.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
+from engine.model.errors import MaskError
+from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
 from tests.unit.optimizers.drive import pid_loop
 from tests.unit.optimizers.oscillator import oscillator
 

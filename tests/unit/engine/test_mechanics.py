@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from engine.diagram import Parameter, compile_system
-from engine.errors import DiagramError
+from engine.diagram.diagram import Parameter, compile_system
+from engine.model.errors import DiagramError
 from tests.unit.engine import diagrams
 from tests.unit.engine.diagrams import block, document
 from tests.unit.engine.realizations import member, ports, realized, response

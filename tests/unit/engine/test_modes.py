@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from engine.errors import SpectrumError
-from engine.modal.modes import modes_of
-from engine.spectra.averaged import averaged_frf
-from engine.spectra.frf import Frf
+from engine.model.errors import SpectrumError
+from engine.recordings.modal.modes import modes_of
+from engine.recordings.spectra.averaged import averaged_frf
+from engine.recordings.spectra.frf import Frf
 
 HZ = 2 * np.pi
 TRUE = ((40.0, 0.02), (95.0, 0.01), (210.0, 0.015))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from engine.names import near, no_parameter
+from engine.model.names import near, no_parameter
 
 PATHS = ["kp", "ctrl.kp", "ctrl.ki", "inner.ctrl.kp", "motor.mass", "motor.J", "valve.natural_frequency", "w0"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.errors import UnresolvedError
-from engine.evaluation import Evaluation
-from engine.linear.neutral import neutral
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.study import simulate
+from engine.diagram.diagram import Diagram, compile_system
+from engine.exact.frequency.neutral import neutral
+from engine.model.errors import UnresolvedError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 
@@ -62,7 +62,7 @@ def test_what_has_died_within_a_delay_is_no_pole() -> None:
 
 def test_echoes_too_many_to_follow_are_refused_before_they_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     followed = []
-    monkeypatch.setattr("engine.linear.trajectory._Run.step", lambda *_: followed.append(1))
+    monkeypatch.setattr("engine.exact.time.trajectory._Run.step", lambda *_: followed.append(1))
     with pytest.raises(UnresolvedError, match="the echoes of its delays"):
         simulate(echoes((0.45, 0.1), (0.45, 0.1414)), signals={"r": make("step", {})}, outputs=["y"])
     assert not followed

@@ -10,12 +10,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.frequency_study import frequency_response
-from engine.linear import h2
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
-from engine.verdicts import Verdict
+from engine.analysis.frequency_study import frequency_response
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Diagram
+from engine.exact.frequency import h2
+from engine.model.metric_options import Options
+from engine.model.verdicts import Verdict
 from tests.reference.systems import block, system
 
 NORM = MetricRequest(metric="h2_norm", source="r", target="y")

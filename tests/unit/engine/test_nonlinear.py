@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Diagram, compile_system
-from engine.errors import IllPosedError
-from engine.influence import influence
-from engine.measuring import MetricRequest
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import Simulation, frequency_response, simulate
+from engine.diagram.diagram import Block, Diagram, compile_system
+from engine.model.errors import IllPosedError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import Simulation, frequency_response, simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = make("step", {})

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.evaluation import Evaluation
-from engine.influence import Method, influence
-from engine.measuring import MetricRequest, measure
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.influence import Method, influence
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from engine.commanded import CommandParameter
-from engine.diagram import compile_system
+from engine.analysis.commanded import CommandParameter
+from engine.analysis.influence import Method, influence
+from engine.analysis.measuring import MetricRequest
+from engine.diagram.diagram import compile_system
 from engine.elements import catalogue
 from engine.elements._nonlinear import NonlinearElement
-from engine.influence import Method, influence
-from engine.measuring import MetricRequest
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

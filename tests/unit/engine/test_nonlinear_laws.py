@@ -8,15 +8,15 @@ import pickle
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.influence import influence
-from engine.measuring import MetricRequest
-from engine.nonlinear.integrate import Integration
-from engine.nonlinear.operating_point import operating_point
-from engine.nonlinear.response import respond
+from engine.analysis.influence import influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import frequency_response, simulate
+from engine.diagram.diagram import compile_system
+from engine.exact.nonlinear.integrate import Integration
+from engine.exact.nonlinear.operating_point import operating_point
+from engine.exact.nonlinear.response import respond
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import frequency_response, simulate
-from engine.verdicts import Verdict
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from tests.unit.engine.diagrams import block, document, subsystem

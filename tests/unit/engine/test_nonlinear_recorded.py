@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.linear.tangent import INFINITESIMAL
-from engine.nonlinear import integrate
-from engine.nonlinear.recorded import simulate_recorded
+from engine.diagram.diagram import compile_system
+from engine.exact.nonlinear import integrate
+from engine.exact.nonlinear.recorded import simulate_recorded
+from engine.model.tangent import INFINITESIMAL
 from optimizers.identification import identify
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 from tests.unit.engine.diagrams import block, document
 
 H = 0.005

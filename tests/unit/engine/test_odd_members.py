@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.document import Block, System
-from engine.errors import DiagramError
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import compile_system
+from engine.model.document import Block, System
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import MetricRequest, measure
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = {"u": make("step", {})}

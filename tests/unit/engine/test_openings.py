@@ -6,12 +6,12 @@ import control
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.errors import DiagramError
-from engine.frequency_study import frequency_response
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
-from engine.verdicts import Verdict
+from engine.analysis.frequency_study import frequency_response
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from tests.reference.systems import block, system
 
 W = np.geomspace(0.1, 1000.0, 200)

@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.linear.path import path
-from engine.linear.system import LaneSystem
-from engine.study import frequency_response
+from engine.analysis.study import frequency_response
+from engine.diagram.diagram import compile_system
+from engine.exact.frequency.path import path
+from engine.model.linear_system import LaneSystem
 from tests.unit.engine.diagrams import block, document, response
 
 

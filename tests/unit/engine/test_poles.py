@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from engine.linear.path import path
-from engine.linear.poles import poles
-from engine.linear.rest import static_gain
-from engine.linear.system import LaneSystem, LinearSystem
-from engine.linear.tangent import INFINITESIMAL
-from engine.verdicts import Verdict
+from engine.exact.frequency.path import path
+from engine.exact.frequency.poles import poles
+from engine.exact.frequency.rest import static_gain
+from engine.model.linear_system import LaneSystem, LinearSystem
+from engine.model.tangent import INFINITESIMAL
+from engine.model.verdicts import Verdict
 from tests.unit.engine.test_trajectory import integrator_with_delay
 
 

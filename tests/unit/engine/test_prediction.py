@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from engine.diagram import Diagram
-from engine.errors import DiagramError
-from engine.prediction import Law, predict
-from engine.study import MetricRequest
-from engine.verdicts import Verdict
+from engine.analysis.prediction import Law, predict
+from engine.analysis.study import MetricRequest
+from engine.diagram.diagram import Diagram
+from engine.model.errors import DiagramError
+from engine.model.verdicts import Verdict
 from tests.reference.measuring import step
 from tests.reference.systems import block, system
 

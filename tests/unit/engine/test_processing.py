@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from engine.errors import ProcessingError
-from engine.processing.calibrate import Calibrate
-from engine.processing.cut import Cut
-from engine.processing.decimate import Decimate, decimated
-from engine.processing.detrend import Detrend
-from engine.processing.differentiate import Differentiate
-from engine.processing.fill import Fill
-from engine.processing.integrate import Integrate
-from engine.processing.merge import appended, side_by_side
-from engine.processing.record import Record, process
-from engine.processing.resample import Resample, resampled
-from engine.processing.select import Select
-from engine.processing.zero_phase import ZeroPhaseFilter
+from engine.model.errors import ProcessingError
+from engine.recordings.processing.calibrate import Calibrate
+from engine.recordings.processing.cut import Cut
+from engine.recordings.processing.decimate import Decimate, decimated
+from engine.recordings.processing.detrend import Detrend
+from engine.recordings.processing.differentiate import Differentiate
+from engine.recordings.processing.fill import Fill
+from engine.recordings.processing.integrate import Integrate
+from engine.recordings.processing.merge import appended, side_by_side
+from engine.recordings.processing.record import Record, process
+from engine.recordings.processing.resample import Resample, resampled
+from engine.recordings.processing.select import Select
+from engine.recordings.processing.zero_phase import ZeroPhaseFilter
 
 RATE = 1000.0
 HZ = 2 * np.pi

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.errors import DiagramError, ExpressionError, IllPosedError
+from engine.diagram.diagram import compile_system
+from engine.model.errors import DiagramError, ExpressionError, IllPosedError
 from tests.unit.engine.diagrams import block, document, response, subsystem
 
 S = (0.3j, 2.0 + 1.0j, 40.0j)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.commanded import CommandParameter
-from engine.diagram import Diagram
-from engine.errors import DiagramError
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
-from engine.screening import Screening
+from engine.analysis.commanded import CommandParameter
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
+from engine.model.errors import DiagramError
+from engine.model.metric_options import Options
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.reference.systems import block, system
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from engine.diagram import Diagram, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = make("step", {})

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
 from tests.reference.systems import block, system
 
 REQUEST = MetricRequest(metric="resonance_peak", source="r", target="y")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.linear.sampled import Drive, simulate_sampled
-from engine.linear.system import LaneSystem, LinearSystem
-from engine.linear.tangent import INFINITESIMAL
-from engine.linear.trajectory import respond
+from engine.exact.time.sampled import Drive, simulate_sampled
+from engine.exact.time.trajectory import respond
+from engine.model.linear_system import LaneSystem, LinearSystem
+from engine.model.tangent import INFINITESIMAL
 from engine.signals import make
 
 

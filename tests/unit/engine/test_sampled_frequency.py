@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, tf2ss
 
-from engine.between_samples import BetweenSamples
-from engine.errors import UnresolvedError
-from engine.linear.sampled_frequency import sampled_frequency_response
-from engine.linear.system import LaneSystem, LinearSystem
+from engine.exact.frequency.sampled_frequency import sampled_frequency_response
+from engine.model.between_samples import BetweenSamples
+from engine.model.errors import UnresolvedError
+from engine.model.linear_system import LaneSystem, LinearSystem
 
 H = 0.01
 W = np.geomspace(0.5, np.pi / H, 40)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.linear.sampling import frequency_response, step_response
-from engine.linear.system import LinearSystem
+from engine.exact.time.sampling import frequency_response, step_response
+from engine.model.linear_system import LinearSystem
 
 
 def lag(tau: float) -> LinearSystem:

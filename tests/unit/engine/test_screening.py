@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.linear.screening import Screening
-from engine.linear.screening_march import NODES, Mesh
-from engine.linear.screening_time import METRICS
-from engine.metric_options import Options
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.collocation.march import NODES, Mesh
+from engine.batch.collocation.screening import Screening
+from engine.batch.collocation.time import METRICS
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.metric_options import Options
 from engine.signals import make
-from engine.study import MetricRequest, measure
 from tests.unit.engine.diagrams import block, document
 
 STEP = {"u": make("step", {})}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.signal_quality import ChannelQuality, remarks
+from engine.recordings.signal_quality import ChannelQuality, remarks
 
 TIME = np.arange(50_000) / 5000
 SINE = np.sin(2 * np.pi * 3.3 * TIME)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.errors import SignalError
+from engine.model.errors import SignalError
 from engine.signals import make
 
 T = np.array([0.0, 0.5, 1.0, 1.5, 2.0])

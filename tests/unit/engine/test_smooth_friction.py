@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
+from engine.analysis.study import simulate
+from engine.diagram.diagram import compile_system
 from engine.signals import make
-from engine.study import simulate
 from tests.unit.engine.diagrams import block, document
 
 

@@ -8,9 +8,9 @@ import math
 import pytest
 from scipy.special import lambertw
 
-from engine.diagram import Diagram
-from engine.measuring import MetricRequest, measure
-from engine.verdicts import Verdict
+from engine.analysis.measuring import MetricRequest, measure
+from engine.diagram.diagram import Diagram
+from engine.model.verdicts import Verdict
 from tests.reference.systems import block, system
 
 REQUEST = MetricRequest(metric="spectral_abscissa")

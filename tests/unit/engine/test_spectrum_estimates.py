@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from engine.errors import SpectrumError
-from engine.spectra.harmonics import harmonics_of_samples
-from engine.spectra.sampled import averaged_spectrum, band_mean_square, spectrum, window_of
+from engine.exact.frequency.harmonics import harmonics_of_samples
+from engine.model.errors import SpectrumError
+from engine.recordings.spectra.sampled import averaged_spectrum, band_mean_square, spectrum, window_of
 
 RATE = 1000.0
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from engine.spectra.averaged import averaged_frf
-from engine.spectra.harmonics import harmonics_of_samples
-from engine.spectra.sampled import spectrum
+from engine.exact.frequency.harmonics import harmonics_of_samples
+from engine.recordings.spectra.averaged import averaged_frf
+from engine.recordings.spectra.sampled import spectrum
 
 RATE = 1000.0
 NAMES = {"flat_top": "flattop", "hann": "hann", "none": "boxcar"}

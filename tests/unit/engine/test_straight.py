@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
+from engine.diagram.diagram import compile_system
 from engine.elements import catalogue
 from engine.elements._nonlinear import Moment, NonlinearElement, slopes, stacked
-from engine.nonlinear.integrate import Integration
-from engine.nonlinear.straight import Maps
+from engine.exact.laws.straight import Maps
+from engine.exact.nonlinear.integrate import Integration
 from engine.signals import make
 from tests.unit.engine.diagrams import block, document
 

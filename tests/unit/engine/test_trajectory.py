@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from engine.linear.system import LaneSystem, LinearSystem
-from engine.linear.tangent import INFINITESIMAL, slopes
-from engine.linear.trajectory import Trajectory, respond
+from engine.exact.time.trajectory import Trajectory, respond
+from engine.model.linear_system import LaneSystem, LinearSystem
+from engine.model.tangent import INFINITESIMAL, slopes
 from engine.signals import make
 
 STEP = make("step", {})

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from engine.errors import ProcessingError
-from engine.processing.resample import Resample
-from engine.processing.uneven import evened
+from engine.model.errors import ProcessingError
+from engine.recordings.processing.resample import Resample
+from engine.recordings.processing.uneven import evened
 
 RNG = np.random.default_rng(3)
 TIME = (np.arange(2000) + RNG.uniform(-0.4, 0.4, 2000)) / 500

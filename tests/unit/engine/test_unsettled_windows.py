@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.study import simulate
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.verdicts import Measured, Verdict
 from engine.signals import make
-from engine.study import simulate
-from engine.verdicts import Measured, Verdict
 from tests.unit.engine.diagrams import block, document
 
 STEP = {"r": make("step", {})}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.metric_options import Options
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.metric_options import Options
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 LARGEST = ("peak", "max_velocity", "max_acceleration", "control_effort")

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.diagram import Block, Diagram, compile_system
-from engine.errors import EngineError
-from engine.influence import Method, influence
-from engine.measuring import MetricRequest
+from engine.analysis.influence import Method, influence
+from engine.analysis.measuring import MetricRequest
+from engine.analysis.study import Simulation, frequency_response, simulate
+from engine.diagram.diagram import Block, Diagram, compile_system
+from engine.model.errors import EngineError
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.study import Simulation, frequency_response, simulate
-from engine.verdicts import Verdict
 from tests.unit.engine.diagrams import block, document
 
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.evaluation import Evaluation
-from engine.frequency_study import frequency_response
-from engine.linear.zeros import zeros
+from engine.analysis.evaluation import Evaluation
+from engine.analysis.frequency_study import frequency_response
+from engine.diagram.diagram import Diagram
+from engine.exact.frequency.zeros import zeros
 from tests.reference.systems import block, system
 
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
-from optimizers.evaluate import Evaluator
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 
 
 def servo() -> Diagram:

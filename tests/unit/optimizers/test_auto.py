@@ -11,7 +11,7 @@ from bench.optimizers.cases_convex import first_order
 from optimizers.methods import minimize
 from optimizers.methods.auto import choose
 from optimizers.problem import Problem
-from optimizers.result import Status, Unwatched
+from optimizers.search.result import Status, Unwatched
 from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
 

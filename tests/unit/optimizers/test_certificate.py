@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.metric_options import Options
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.model.metric_options import Options
+from engine.model.verdicts import Measured, Verdict
 from engine.signals import make
-from engine.verdicts import Measured, Verdict
-from optimizers.certificate import certify, violation_of, worst_scenario
-from optimizers.excess import BROKEN
+from optimizers.evaluation.certificate import certify, violation_of, worst_scenario
+from optimizers.evaluation.excess import BROKEN
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
 from engine.signals import make
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 
 W, Z = 20.0, 0.1
 DAMPED = W * math.sqrt(1 - Z**2)

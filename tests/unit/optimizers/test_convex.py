@@ -6,15 +6,15 @@ import pytest
 from scipy import optimize
 
 from bench.optimizers.cases_convex import CHOSEN, LEAST_ERROR, LOAD, PI, gain, loop
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.masks import Corners, FrequencyBounds
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.masks import Corners, FrequencyBounds
 from engine.signals import make
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.convex.solvers import Solved, solve
 from optimizers.methods import minimize
 from optimizers.problem import Across, Experiment, Goal, Problem, ProblemError, Sense, Variable
-from optimizers.result import Result, Status, Unwatched
+from optimizers.search.result import Result, Status, Unwatched
 
 LAGS = np.poly([-1, -1, -1]).tolist()
 OMEGA = np.geomspace(1e-3, 1e3, 200_001)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from optimizers.methods import minimize
 from optimizers.problem import Goal, Problem, Sense, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 
 OMEGA = np.linspace(0.3, 2.0, 1201)
 STIFFNESS, MASSES = [1.0, 0.1, 0.05], [1.0, 0.1, 0.05]

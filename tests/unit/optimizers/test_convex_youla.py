@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench.optimizers.cases_convex import CHOSEN, LEAST_ERROR, LOAD, PI, gain, loop, tracking
-from engine.diagram import Block, Connection, System, compile_system
-from engine.masks import Corners, FrequencyBounds, Rational
+from engine.diagram.diagram import Block, Connection, System, compile_system
+from engine.model.masks import Corners, FrequencyBounds, Rational
 from optimizers.convex.linear_controller import linear_loops
 from optimizers.convex.ratios import ratios_of
 from optimizers.convex.youla import best_linear

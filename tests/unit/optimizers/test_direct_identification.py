@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from engine.between_samples import BetweenSamples
-from engine.diagram import Block, Connection, System, compile_system
-from engine.linear.sampled import simulate_sampled
+from engine.diagram.diagram import Block, Connection, System, compile_system
+from engine.exact.time.sampled import simulate_sampled
+from engine.model.between_samples import BetweenSamples
 from optimizers.black_box import black_box
 from optimizers.black_box.choice import _begun
 from optimizers.black_box.continuous import Discrete, continuous
 from optimizers.black_box.output_error import OutputError
-from optimizers.inverse_dynamics import DriveRecording, Treatment, drive_parameters
-from optimizers.noise import fitted
+from optimizers.estimation.inverse_dynamics import DriveRecording, Treatment, drive_parameters
+from optimizers.estimation.noise import fitted
+from optimizers.estimation.static_curve import static_curve
 from optimizers.problem import ProblemError
-from optimizers.recording import RecordedExperiment, Recording
-from optimizers.static_curve import static_curve
+from optimizers.recorded.recording import RecordedExperiment, Recording
 
 H = 0.02
 RNG = np.random.default_rng(11)

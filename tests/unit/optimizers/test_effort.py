@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from optimizers import effort
-from optimizers.effort import Stage, during, metered, seconds_of
+from optimizers.evaluation import effort
+from optimizers.evaluation.effort import Stage, during, metered, seconds_of
 from optimizers.problem import Uncertain
-from optimizers.solving import solve
+from optimizers.solving.solve import solve
 from tests.unit.optimizers.oscillator import problem
 
 

@@ -9,13 +9,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, freqz, lfilter
 
-from engine.between_samples import BetweenSamples
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.between_samples import BetweenSamples
 from optimizers.identification import Identified, identify
-from optimizers.measured_response import FrequencyExperiment, MeasuredResponse
 from optimizers.problem import ProblemError, Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status
+from optimizers.recorded.measured_response import FrequencyExperiment, MeasuredResponse
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 TRUTH = {"k": 2.0, "w": 30.0, "d": 0.2, "tau": 0.012}
 START = {"k": 1.5, "w": 24.0, "d": 0.4, "tau": 0.008}

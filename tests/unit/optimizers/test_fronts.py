@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optimizers.fronts import hypervolume, knee, scaled, undominated
+from optimizers.search.fronts import hypervolume, knee, scaled, undominated
 
 
 def test_dominated_rows_are_told_apart() -> None:

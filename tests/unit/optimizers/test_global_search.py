@@ -8,7 +8,7 @@ import pytest
 
 from optimizers.methods import minimize
 from optimizers.problem import Problem
-from optimizers.result import Status, Unwatched
+from optimizers.search.result import Status, Unwatched
 from tests.unit.optimizers.landscapes import landscape
 
 # L. A. Rastrigin's function, raised by 1: about a hundred valleys here, the lowest one is 1 at (0, 0).

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from engine.metric_options import Options
+from engine.model.metric_options import Options
 from engine.signals import make
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Variable

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from engine.masks import Corners, Envelope, FrequencyBounds, Polyline
-from optimizers.evaluate import Evaluator
+from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Across, Goal, ProblemError, Sense, Uncertain, Variable
-from optimizers.result import Status
+from optimizers.search.result import Status
 from tests.unit.optimizers.oscillator import STEP, damping_for, problem
 
 FAST = Goal(metric="bandwidth", source="force", target="x", sense=Sense.MAXIMIZE)

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from optimizers.blocks import in_blocks
-from optimizers.bundle import Polish
-from optimizers.cloud import search_around
-from optimizers.evaluate import Evaluator
+from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Problem
-from optimizers.result import Status, Unwatched
-from optimizers.search import Stopped, Tracker
+from optimizers.search.blocks import in_blocks
+from optimizers.search.bundle import Polish
+from optimizers.search.cloud import search_around
+from optimizers.search.result import Status, Unwatched
+from optimizers.search.search import Stopped, Tracker
 from tests.unit.optimizers.landscapes import landscape
 
 BOX = {"x": (-2.0, 3.0), "y": (-2.0, 3.0)}

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.linear.sampled import simulate_sampled
-from optimizers.confidence import correlations, covariance
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.exact.time.sampled import simulate_sampled
+from optimizers.estimation.confidence import correlations, covariance
 from optimizers.identification import identify
 from optimizers.methods.least_squares import minimize_squares
 from optimizers.problem import ProblemError, Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 H = 0.002
 TIME = H * np.arange(2000)

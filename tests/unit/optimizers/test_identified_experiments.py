@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from optimizers.identification import identify
 from optimizers.identification.exact import ExactModel
 from optimizers.identification.marched import MarchedModel, Structure
 from optimizers.problem import ProblemError, Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 H = 0.01
 TIME = H * np.arange(600)

@@ -10,14 +10,14 @@ import math
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.verdicts import Verdict
 from engine.signals import make
-from engine.verdicts import Verdict
-from optimizers.evaluate import Assessment, Evaluator
+from optimizers.evaluation.evaluate import Assessment, Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Status, Unwatched
-from optimizers.search import Tracker
+from optimizers.search.result import Status, Unwatched
+from optimizers.search.search import Tracker
 
 LONGEST = (math.pi / 6) ** 2
 WHOLE = 1 - math.exp(-3)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import pytest
 
-from engine.interruption import inside, interruptible, look
+from engine.model.interruption import inside, interruptible, look
 from engine.signals import make
-from optimizers.limits import Limited
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.result import Status, Unwatched
+from optimizers.search.limits import Limited
+from optimizers.search.result import Status, Unwatched
 from tests.reference.systems import block, system
 
 

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import compile_system
-from engine.document import Block, Connection, System
-from engine.linear.sampled import simulate_sampled
+from engine.diagram.diagram import compile_system
+from engine.exact.time.sampled import simulate_sampled
+from engine.model.document import Block, Connection, System
 from optimizers.identification import identify
 from optimizers.methods.least_squares import Reached, minimize_squares
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Share, Unwatched
-from optimizers.solving import solve
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Share, Unwatched
+from optimizers.solving.solve import solve
 from tests.unit.optimizers.landscapes import landscape
 
 VALLEYS = landscape(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optimizers.limits import Limited
 from optimizers.methods import minimize
 from optimizers.methods.grid import Grid
 from optimizers.problem import Goal, Sense, Uncertain, Variable
-from optimizers.result import Status, Unwatched
-from optimizers.sharding import look_at, looked_at
-from optimizers.solving import compare, solve
+from optimizers.search.limits import Limited
+from optimizers.search.result import Status, Unwatched
+from optimizers.solving.sharding import look_at, looked_at
+from optimizers.solving.solve import compare, solve
 from tests.unit.optimizers.oscillator import problem
 
 

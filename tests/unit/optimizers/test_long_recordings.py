@@ -11,10 +11,10 @@ from scipy.signal import cont2discrete, dlsim, lfilter
 from optimizers.black_box import black_box
 from optimizers.black_box.continuous import Discrete
 from optimizers.black_box.output_error import OutputError
+from optimizers.estimation.tall import solved, triangle
 from optimizers.problem import ProblemError
-from optimizers.recording import RecordedExperiment, Recording
-from optimizers.result import Status
-from optimizers.tall import solved, triangle
+from optimizers.recorded.recording import RecordedExperiment, Recording
+from optimizers.search.result import Status
 
 H = 0.002
 

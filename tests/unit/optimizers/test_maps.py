@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optimizers.maps import Combinations, around, joined, places, sample
 from optimizers.problem import Axis
-from optimizers.result import GridMap
+from optimizers.search.maps import Combinations, around, joined, places, sample
+from optimizers.search.result import GridMap
 
 CONTINUOUS = Axis(parameter="a", lower=0.0, upper=10.0, start=1.0, log=False)
 LEVELS = Axis(parameter="b", lower=1.0, upper=16.0, start=1.0, log=False, levels=(1.0, 2.0, 4.0, 8.0, 16.0))

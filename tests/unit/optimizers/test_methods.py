@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 from optimizers.methods import catalogue, minimize
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Scenario, Sense, Variable
-from optimizers.result import Status, Unwatched
+from optimizers.search.result import Status, Unwatched
 from tests.unit.optimizers.drive import SCENARIOS, fastest, pd2_loop
 
 STEP = Experiment(name="step", signals={"u": make("step", {})})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
 from engine.signals import make
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from optimizers.problem import Goal, Sense, Uncertain, Variable
-from optimizers.result import Unwatched
-from optimizers.solving import solve
+from optimizers.search.result import Unwatched
+from optimizers.solving.solve import solve
 from tests.unit.optimizers.oscillator import damping_for, problem
 
 FEW = {"starts": 2, "seed": 1, "max_evaluations": 1500}

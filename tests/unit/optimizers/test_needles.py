@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.masks import Corners, FrequencyBounds
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.model.masks import Corners, FrequencyBounds
 from engine.signals import make
-from optimizers.certificate import certify
+from optimizers.evaluation.certificate import certify
 from optimizers.methods import minimize
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 

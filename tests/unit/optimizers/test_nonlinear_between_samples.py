@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from engine.batch_nonlinear.march import Marcher
-from engine.between_samples import BetweenSamples
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.traced import UnsuitableError
+from engine.batch.nonlinear.march import Marcher
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.between_samples import BetweenSamples
+from engine.model.traced import UnsuitableError
 from optimizers.identification import identify, search
 from optimizers.identification.exact import ExactModel
 from optimizers.identification.marched import MarchedModel, Structure
 from optimizers.problem import Variable
-from optimizers.recording import Identification, RecordedExperiment, Recording
-from optimizers.result import Status, Unwatched
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
+from optimizers.search.result import Status, Unwatched
 
 H, SAMPLES = 0.02, 120
 U = np.random.default_rng(8).normal(size=SAMPLES)

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from engine.diagram import Diagram, compile_system
-from engine.masks import Envelope, Polyline
+from engine.diagram.diagram import Diagram, compile_system
+from engine.model.masks import Envelope, Polyline
 from engine.signals import make
-from optimizers.certificate import certificate_of, certify
-from optimizers.measuring import measured
+from optimizers.evaluation.certificate import certificate_of, certify
+from optimizers.evaluation.measuring import measured
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from optimizers.witness import Statement, witnessed
 from tests.unit.engine.diagrams import block, document

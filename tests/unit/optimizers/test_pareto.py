@@ -9,7 +9,7 @@ import pytest
 
 from optimizers.methods import minimize
 from optimizers.problem import Problem, ProblemError
-from optimizers.result import Status, Unwatched
+from optimizers.search.result import Status, Unwatched
 from tests.unit.optimizers.landscapes import landscape
 
 SMALL = {"points": 8, "population": 32, "generations": 10, "seed": 1}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
 from optimizers.problem import Axis, Experiment, Goal, Problem, ProblemError, Sense, Variable
 from tests.unit.optimizers.drive import STEP, pid_loop
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, cont2discrete, lfilter
 
-from engine.between_samples import BetweenSamples
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.between_samples import BetweenSamples
 from optimizers.black_box import black_box
 from optimizers.identification import Identified, identify
 from optimizers.problem import Variable
-from optimizers.recorded_data import doubted_data, made_by, one_step
-from optimizers.recording import Identification, RecordedExperiment, Recording
+from optimizers.recorded.recorded_data import doubted_data, made_by, one_step
+from optimizers.recorded.recording import Identification, RecordedExperiment, Recording
 
 H, COUNT = 0.01, 3000
 TIME = H * np.arange(COUNT)

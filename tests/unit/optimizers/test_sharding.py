@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optimizers import sharding
-from optimizers.expectation import together
 from optimizers.problem import Problem, Uncertain
-from optimizers.result import Unwatched
-from optimizers.solving import solve
+from optimizers.search.result import Unwatched
+from optimizers.solving import sharding
+from optimizers.solving.expectation import together
+from optimizers.solving.solve import solve
 from tests.unit.optimizers.drive import fastest, pid_loop
 from tests.unit.optimizers.landscapes import landscape
 

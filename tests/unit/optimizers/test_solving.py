@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
 from engine.signals import make
-from optimizers.expectation import expected, wilson
 from optimizers.problem import Experiment, Goal, Problem, ProblemError, Sense, Uncertain, Variable
-from optimizers.result import Status, Unwatched
-from optimizers.robust import adversary
-from optimizers.solving import check_applicable, compare, solve
+from optimizers.search.result import Status, Unwatched
+from optimizers.solving.expectation import expected, wilson
+from optimizers.solving.robust import adversary
+from optimizers.solving.solve import check_applicable, compare, solve
 from tests.unit.optimizers.oscillator import damping_for, oscillator, problem
 
 FEW = {"starts": 2, "seed": 1, "max_evaluations": 1500}

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
-from engine.metric_options import Options
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
+from engine.model.metric_options import Options
+from engine.model.verdicts import Measured
 from engine.signals import make
-from engine.verdicts import Measured
-from optimizers.certificate import certificate_of, certify
+from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 from optimizers.witness import witnessed
 from tests.unit.optimizers.oscillator import STEP, oscillator

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from engine.diagram import Block, Connection, System, compile_system
-from engine.linear.sampled import simulate_sampled
+from engine.diagram.diagram import Block, Connection, System, compile_system
+from engine.exact.time.sampled import simulate_sampled
 from rig_simulator.plant import Plant, PlantError
 from rig_simulator.sensors import Converter, HiddenMode, Sensor, SensorRun
 

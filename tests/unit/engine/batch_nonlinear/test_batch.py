@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.batch_nonlinear.batch import NonlinearBatch
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.measuring import MetricRequest, measure
-from engine.screening import Screening
+from engine.analysis.measuring import MetricRequest, measure
+from engine.batch.nonlinear.batch import NonlinearBatch
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.model.traced import UnsuitableError
 from engine.signals import make
-from engine.traced import UnsuitableError
 
 STEP = {"r": make("step", {"amplitude": 1.5})}
 TIMED = ["rise_time", "settling_time", "overshoot", "peak", "peak_time", "iae"]

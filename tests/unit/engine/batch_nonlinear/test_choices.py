@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.batch_nonlinear.arithmetic import evaluated
-from engine.batch_nonlinear.choices import Case, beyond, joined, selected
-from engine.batch_nonlinear.signals import SignalGraph
-from engine.traced import Op, Traced
+from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.choices import Case, beyond, joined, selected
+from engine.batch.nonlinear.signals import SignalGraph
+from engine.model.traced import Op, Traced
 
 SIZES = np.random.default_rng(5).normal(size=(3, 50))
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from bench import nonlinear_loop
-from engine.batch_nonlinear.arithmetic import evaluated
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.march import Marcher, Pieces, by_input
-from engine.batch_nonlinear.program import Compiled
-from engine.batch_nonlinear.signals import SignalGraph, choose, largest, least
-from engine.batch_nonlinear.slopes import slopes
-from engine.kernels.compiled import LANES, compiled
-from engine.kernels.functions import exp, tanh
-from engine.kernels.marching import interpret
-from engine.kernels.vector import load, store
+from engine.batch.kernels.compiled import LANES, compiled
+from engine.batch.kernels.functions import exp, tanh
+from engine.batch.kernels.marching import interpret
+from engine.batch.kernels.vector import load, store
+from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.march import Marcher, Pieces, by_input
+from engine.batch.nonlinear.program import Compiled
+from engine.batch.nonlinear.signals import SignalGraph, choose, largest, least
+from engine.batch.nonlinear.slopes import slopes
 from engine.signals import make
 
 STEP = {"reference": make("step", {"amplitude": nonlinear_loop.STEP})}

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import engine.elements
-from engine.batch_nonlinear.arithmetic import evaluated
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.signals import SignalGraph
-from engine.diagram import Block, Connection, Diagram, System, compile_system
+from engine.batch.nonlinear.arithmetic import evaluated
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.signals import SignalGraph
+from engine.diagram.diagram import Block, Connection, Diagram, System, compile_system
 from engine.elements._nonlinear import Moment, NonlinearElement
-from engine.traced import UnsuitableError
+from engine.model.traced import UnsuitableError
 
 NONLINEAR = {
     kind: element for kind, element in engine.elements.catalogue().items() if issubclass(element, NonlinearElement)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.batch_nonlinear.equations import Equations
-from engine.batch_nonlinear.rest import Rest
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.rest import Rest
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 
 
 def driven(plant: dict[str, object], law: Block, **parameters: float) -> Diagram:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from engine.diagram import Diagram
-from engine.kernels.assembly import Assembly, solve
-from engine.kernels.compiled import LANES
-from engine.kernels.tape import Registers, run
+from engine.batch.kernels.assembly import Assembly, solve
+from engine.batch.kernels.compiled import LANES
+from engine.batch.kernels.tape import Registers, run
+from engine.diagram.diagram import Diagram
 from tests.reference.systems import block, pneumatic_loop, system
 
 

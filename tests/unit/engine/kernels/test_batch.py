@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from engine.diagram import Block, Connection, Diagram, Parameter, System, compile_system
-from engine.kernels.batch import Batch, Results, UnsuitableError
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.kernels.batch import Batch, Results, UnsuitableError
+from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
-from engine.study import MetricRequest, measure
 from tests.reference.systems import block, pneumatic_loop, system, transfer_function
 
 STEP = {"r": make("step", {})}

@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.batch_nonlinear.look import METRIC_TOLERANCE
-from engine.diagram import Diagram
-from engine.kernels.batch import Batch, UnsuitableError
-from engine.linear.screening import Screening as Collocation
-from engine.screening import Screening
+from engine.analysis.study import MetricRequest, measure
+from engine.batch.collocation.screening import Screening as Collocation
+from engine.batch.kernels.batch import Batch, UnsuitableError
+from engine.batch.nonlinear.look import METRIC_TOLERANCE
+from engine.batch.screening import Screening
+from engine.diagram.diagram import Diagram
 from engine.signals import make
-from engine.study import MetricRequest, measure
 from tests.reference.systems import block, pneumatic_loop, system
 
 STEP = {"r": make("step", {})}

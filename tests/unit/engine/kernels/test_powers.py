@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from engine.kernels.compiled import LANES
-from engine.kernels.powers import LEVELS, raise_powers
+from engine.batch.kernels.compiled import LANES
+from engine.batch.kernels.powers import LEVELS, raise_powers
 
 
 class Raised(NamedTuple):

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.kernels.compiled import LANES
-from engine.kernels.tangents import run_tangents
-from engine.kernels.tape import Registers, run
-from engine.traced import Graph, Op
+from engine.batch.kernels.compiled import LANES
+from engine.batch.kernels.tangents import run_tangents
+from engine.batch.kernels.tape import Registers, run
+from engine.model.traced import Graph, Op
 
 # What each operation is, of two numbers; analytic in both, so that a complex step differentiates it.
 OPERATIONS: dict[Op, Any] = {

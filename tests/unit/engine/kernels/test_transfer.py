@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import LOOP, Diagram
-from engine.kernels.compiled import LANES
-from engine.kernels.curves import run_program
-from engine.kernels.frequency_program import program, reals, tabulated
-from engine.kernels.spectrum_program import CHUNK
-from engine.kernels.tape import Registers, run
-from engine.kernels.transfer import Curve, Curves, Network
+from engine.batch.kernels.compiled import LANES
+from engine.batch.kernels.curves import run_program
+from engine.batch.kernels.frequency_program import program, reals, tabulated
+from engine.batch.kernels.spectrum_program import CHUNK
+from engine.batch.kernels.tape import Registers, run
+from engine.batch.kernels.transfer import Curve, Curves, Network
+from engine.diagram.diagram import LOOP, Diagram
 from tests.reference.systems import block, pneumatic_loop, system, unity_loop
 from tests.unit.engine.kernels.test_assembly import algebraic
 

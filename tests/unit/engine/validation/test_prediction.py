@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.validation.comparison import Comparison
-from engine.validation.prediction import one_step
+from engine.recordings.validation.comparison import Comparison
+from engine.recordings.validation.prediction import one_step
 from tests.unit.engine.validation.lags import H, chirp, lag
 
 

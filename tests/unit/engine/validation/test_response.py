@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.errors import UnresolvedError
-from engine.validation.response import respond, tangents
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.model.errors import UnresolvedError
+from engine.recordings.validation.response import respond, tangents
 
 H = 0.01
 TIME = H * np.arange(300)

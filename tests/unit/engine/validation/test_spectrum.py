@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.validation.comparison import Comparison
-from engine.validation.spectrum import by_input, frequency_domain
+from engine.recordings.validation.comparison import Comparison
+from engine.recordings.validation.spectrum import by_input, frequency_domain
 from tests.unit.engine.validation.lags import H, lag
 
 RNG = np.random.default_rng(11)

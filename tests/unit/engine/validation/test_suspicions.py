@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.validation.comparison import Comparison, directions, rate
-from engine.validation.delay import delay
-from engine.validation.diagnosis import diagnose
-from engine.validation.direction import direction
-from engine.validation.friction import friction
-from engine.validation.gain import gain, unit_of
-from engine.validation.offset import offset
-from engine.validation.saturation import clipped, saturation
-from engine.validation.steps import Movable, steps
+from engine.recordings.validation.comparison import Comparison, directions, rate
+from engine.recordings.validation.delay import delay
+from engine.recordings.validation.diagnosis import diagnose
+from engine.recordings.validation.direction import direction
+from engine.recordings.validation.friction import friction
+from engine.recordings.validation.gain import gain, unit_of
+from engine.recordings.validation.offset import offset
+from engine.recordings.validation.saturation import clipped, saturation
+from engine.recordings.validation.steps import Movable, steps
 from tests.unit.engine.validation.lags import H, chirp, lag
 
 

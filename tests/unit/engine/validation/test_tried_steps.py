@@ -7,11 +7,11 @@ from itertools import count
 import numpy as np
 import pytest
 
-from engine.diagram import Block, Connection, Parameter, System, compile_system
-from engine.validation.diagnosis import diagnose
-from engine.validation.response import respond, tangents
-from engine.validation.steps import Movable
-from engine.validation.validate import Compared, Validated, validate
+from engine.diagram.diagram import Block, Connection, Parameter, System, compile_system
+from engine.recordings.validation.diagnosis import diagnose
+from engine.recordings.validation.response import respond, tangents
+from engine.recordings.validation.steps import Movable
+from engine.recordings.validation.validate import Compared, Validated, validate
 
 H = 0.01
 TIME = H * np.arange(400)

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.fit import baselines, compare
-from engine.validation.verdict import Grade, grade, remarks
+from engine.recordings.fit import baselines, compare
+from engine.recordings.validation.verdict import Grade, grade, remarks
 
 Y = np.array([3.0, 4.0])
 

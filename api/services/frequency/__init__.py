@@ -1,0 +1,1 @@
+"""Spectra and frequency response functions of recordings."""

@@ -1,0 +1,1 @@
+"""Identifications, by a worker."""

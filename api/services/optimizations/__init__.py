@@ -1,0 +1,1 @@
+"""Optimisations, by workers."""

@@ -1,0 +1,1 @@
+"""Recordings: imported, kept, processed, exported."""

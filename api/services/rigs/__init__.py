@@ -1,0 +1,1 @@
+"""Rigs, their agents and measurements."""

@@ -1,0 +1,208 @@
+"""Measurements as their users see them: asked for, followed, cancelled, tried again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Any
+
+from pydantic import ValidationError
+from sqlalchemy.orm import Session
+
+from api.convert.acquisitions import agent_request, check_against_rig
+from api.problems import invalid
+from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
+from api.services.operation.installation import Caller, Installation
+from api.services.recordings.datasets import channel_reader
+from storage.errors import NotFoundError
+from storage.models import Acquisition, AcquisitionAttempt, Rig
+from storage.models.base import utc_now
+from storage.repositories import (
+    AcquisitionRepository,
+    AcquisitionTemplateRepository,
+    AgentRepository,
+    JobRepository,
+)
+from storage.repositories.acquisitions import end_leases
+
+_SOON = timedelta(days=30)
+"""Before a calibration is due, measurements say so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A measurement that makes sense on its rig, and what the agent will be told."""
+
+    body: AcquisitionBody
+    document: dict[str, Any]
+    request: dict[str, Any]
+    rig: Rig
+
+
+def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) -> Prepared:
+    """Prove that a measurement can be made on its rig.
+
+    Raises
+    ------
+    Problem
+        422 with the place of what is wrong.
+    """
+    with service.database.session() as session:
+        document = _complete(session, caller, request)
+        try:
+            body = AcquisitionBody.model_validate(document)
+        except ValidationError as error:  # only what the template leaves open can be missing here
+            first = error.errors()[0]
+            raise invalid(f"{first['loc'][0]} must be given, here or in the template", *first["loc"]) from error
+        try:
+            rig = AgentRepository(session, caller.workspace).rig_named(body.rig)
+        except NotFoundError as error:
+            raise invalid(f"rig must be one that an agent has registered, got {body.rig!r}", "rig") from error
+    told = agent_request(body, read_channel=channel_reader(service, caller))
+    check_against_rig(body, told, rig.document)
+    _check_chain(body)
+    return Prepared(body=body, document=document, request=told, rig=rig)
+
+
+def _complete(session: Session, caller: Caller, request: AcquisitionRequest) -> dict[str, Any]:
+    given = request.model_dump(by_alias=True, exclude_unset=True, exclude={"template"}, mode="json")
+    given = {key: value for key, value in given.items() if value is not None}
+    if request.template is None:
+        return given
+    try:
+        template = AcquisitionTemplateRepository(session, caller.workspace).get(request.template)
+    except NotFoundError as error:
+        raise invalid(f"template must be one that exists, got {request.template!r}", "template") from error
+    return {**template.document, **given}
+
+
+def _check_chain(body: AcquisitionBody) -> None:
+    """Refuse a chain of which nobody could make sense; its bodies are checked when the recording is there."""
+    for i, step in enumerate(body.then):
+        if "dataset" in step.body:
+            raise invalid("body of a step must be without dataset: it is that of the recording", "then", i, "body")
+        if step.kind == "average" and (body.averages < 2 or i > 0):
+            raise invalid("average must be the first step, after at least 2 repetitions", "then", i, "kind")
+
+
+def submit(session: Session, caller: Caller, prepared: Prepared) -> dict[str, Any]:
+    """Write a measurement down for its rig's agent."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    row = repository.create(
+        prepared.rig,
+        name=prepared.body.name,
+        document={"request": prepared.document, "told": prepared.request},
+        follow_ups=[{"kind": step.kind, "body": step.body} for step in prepared.body.then],
+    )
+    return to_wire(session, repository, repository.get(row.id))
+
+
+def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return a measurement with its attempts."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    return to_wire(session, repository, repository.get(identifier))
+
+
+def page(
+    session: Session, caller: Caller, *, status: str | None, rig: str | None, cursor: str | None, limit: int
+) -> dict[str, Any]:
+    """Return one page of the measurements, newest first."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    rigs = AgentRepository(session, caller.workspace)
+    try:
+        rig_id = None if rig is None else rigs.rig_named(rig).id
+    except NotFoundError:
+        return {"items": [], "next_cursor": None}
+    found = repository.page(status=status, rig_id=rig_id, cursor=cursor, limit=limit)
+    items = [_head(row, rigs.rig(row.rig_id)) for row in found.items]
+    return {"items": items, "next_cursor": found.next_cursor}
+
+
+def cancel(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Cancel the latest attempt; the agent stops within seconds, what it has recorded still comes."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    row = repository.get(identifier)
+    JobRepository(session, caller.workspace).cancel(repository.attempt(identifier, row.attempt).job_id)
+    end_leases(session, only=identifier)
+    return get(session, caller, identifier)
+
+
+def retry(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Let a person try a measurement once more."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    return to_wire(session, repository, repository.retry(identifier))
+
+
+def job_of(session: Session, caller: Caller, identifier: str) -> str:
+    """Return the job of the latest attempt."""
+    repository = AcquisitionRepository(session, caller.workspace)
+    return repository.attempt(identifier, repository.get(identifier).attempt).job_id
+
+
+def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisition) -> dict[str, Any]:
+    """Return a measurement with its attempts and what follows them."""
+    attempts = repository.attempts(row.id)
+    rig = session.get(Rig, row.rig_id)
+    assert rig is not None
+    document = row.document["request"]
+    return {
+        **_head(row, rig),
+        "document": document,
+        "job": attempts[-1].job_id,
+        "dataset": attempts[-1].dataset_id,
+        "attempts": [_attempt(repository, attempt) for attempt in attempts],
+        "warnings": _warnings(document["channels"], rig.document),
+    }
+
+
+def _head(row: Acquisition, rig: Rig) -> dict[str, Any]:
+    return {
+        "id": row.id,
+        "name": row.name,
+        "rig": rig.name,
+        "status": str(row.status),
+        "attempt": row.attempt,
+        "created_at": row.created_at.isoformat(),
+    }
+
+
+def _attempt(repository: AcquisitionRepository, row: AcquisitionAttempt) -> dict[str, Any]:
+    return {
+        "number": row.number,
+        "status": str(row.status),
+        "job": row.job_id,
+        "agent": row.agent_id,
+        "dataset": row.dataset_id,
+        "late": row.late,
+        "claimed_at": row.claimed_at.isoformat() if row.claimed_at else None,
+        "ended_at": row.ended_at.isoformat() if row.ended_at else None,
+        "lease_until": row.lease_until.isoformat() if row.lease_until else None,
+        "facts": row.facts,
+        "error": row.error,
+        "then": [
+            {"kind": step.kind, "status": step.status, "job": step.job_id, "result": step.result, "detail": step.detail}
+            for step in repository.follow_ups(row.acquisition_id, row.number)
+        ],
+    }
+
+
+def _warnings(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Say which calibrations are over, and which soon will be."""
+    today = utc_now().date()
+    inputs = {entry["name"]: entry for entry in rig.get("inputs", ())}
+    found = []
+    for i, name in enumerate(channels):
+        due = inputs.get(name, {}).get("calibration", {}).get("due", "")
+        day = _date(due)
+        if day is not None and day < today + _SOON:
+            was = "was" if day < today else "is"
+            found.append({"pointer": f"/channels/{i}", "detail": f"calibration of {name} {was} due on {due}"})
+    return found
+
+
+def _date(text: str) -> date | None:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        return None

@@ -1,0 +1,132 @@
+"""Rigs and their agents: an agent takes its rig, says what is on it, and asks for work."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from api.convert.values import check_unit
+from api.pointers import Place
+from api.problems import invalid
+from api.schemas.acquisitions import AgentRequest, RigInputDocument
+from api.services.operation.installation import Caller
+from api.units import UnitError, to_si
+from storage.models import Agent, Rig
+from storage.models.base import utc_now
+from storage.repositories import AgentRepository
+
+LEASE = timedelta(seconds=30)
+"""How long a rig may move without a word from its agent."""
+_UNITS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s"}
+"""Kind of an input -> the SI unit of what its sensor measures; a voltage or a bridge may stand for anything."""
+
+
+def register(session: Session, caller: Caller, request: AgentRequest) -> dict[str, Any]:
+    """Give a rig to an agent."""
+    _check(request)
+    repository = AgentRepository(session, caller.workspace)
+    agent = repository.register(
+        rig_name=request.rig,
+        instance=request.instance,
+        name=request.name,
+        version=request.version,
+        document=request.document.model_dump(mode="json"),
+        alive_within=LEASE,
+    )
+    return agent_to_wire(agent, repository.rig(agent.rig_id))
+
+
+def _check(request: AgentRequest) -> None:
+    rig = request.document
+    _check_names("inputs", [entry.name for entry in rig.inputs])
+    _check_names("outputs", [entry.name for entry in rig.outputs])
+    for i, entry in enumerate(rig.inputs):
+        place = ("document", "inputs", i)
+        check_unit(entry.unit, name=f"unit of {entry.name}", place=(*place, "unit"))
+        _check_kind(entry, place=(*place, "unit"))
+        if entry.sensitivity == 0.0:
+            raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
+    for i, output in enumerate(rig.outputs):
+        if abs(output.safe) > output.amplitude:
+            raise invalid(
+                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} V, got {output.safe:g}",
+                *("document", "outputs", i, "safe"),
+            )
+
+
+def _check_kind(entry: RigInputDocument, *, place: Place) -> None:
+    """Refuse a sensor in a unit of something else; volts are what is left of one that nobody has calibrated."""
+    expected = _UNITS.get(entry.kind)
+    if expected is None or entry.unit == "V":
+        return
+    try:
+        to_si(1.0, entry.unit, expected)
+    except UnitError as error:
+        raise invalid(
+            f"unit of {entry.name} must be one of {entry.kind} ({expected}) or V, got {entry.unit!r}", *place
+        ) from error
+
+
+def _check_names(key: str, names: list[str]) -> None:
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise invalid(f"name must be different for each channel, got {name!r} twice", *("document", key, i, "name"))
+
+
+def get(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return an agent."""
+    repository = AgentRepository(session, caller.workspace)
+    agent = repository.get(identifier)
+    return agent_to_wire(agent, repository.rig(agent.rig_id))
+
+
+def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
+    """Return one page of the agents, newest first."""
+    repository = AgentRepository(session, caller.workspace)
+    found = repository.page(cursor=cursor, limit=limit)
+    items = [agent_to_wire(row, repository.rig(row.rig_id)) for row in found.items]
+    return {"items": items, "next_cursor": found.next_cursor}
+
+
+def get_rig(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
+    """Return a rig."""
+    repository = AgentRepository(session, caller.workspace)
+    return rig_to_wire(repository, repository.rig(identifier))
+
+
+def rigs(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
+    """Return one page of the rigs, newest first."""
+    repository = AgentRepository(session, caller.workspace)
+    found = repository.rigs(cursor=cursor, limit=limit)
+    return {"items": [rig_to_wire(repository, row) for row in found.items], "next_cursor": found.next_cursor}
+
+
+def agent_to_wire(row: Agent, rig: Rig) -> dict[str, Any]:
+    """Return an agent with what it must know of the service."""
+    return {
+        "id": row.id,
+        "name": row.name,
+        "version": row.version,
+        "rig": rig.name,
+        "rig_id": rig.id,
+        "has_rig": rig.agent_id == row.id,
+        "seen_at": row.seen_at.isoformat(),
+        "created_at": row.created_at.isoformat(),
+        "lease_seconds": LEASE.total_seconds(),
+        "time": utc_now().isoformat(),
+    }
+
+
+def rig_to_wire(repository: AgentRepository, row: Rig) -> dict[str, Any]:
+    """Return a rig as it was registered last."""
+    agent = repository.get(row.agent_id) if row.agent_id else None
+    return {
+        "id": row.id,
+        "name": row.name,
+        "agent": row.agent_id,
+        "seen_at": agent.seen_at.isoformat() if agent else None,
+        "created_at": row.created_at.isoformat(),
+        "document": row.document,
+    }

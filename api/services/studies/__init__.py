@@ -1,0 +1,1 @@
+"""Studies of a system: computed at once, kept, or live."""

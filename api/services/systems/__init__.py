@@ -1,0 +1,1 @@
+"""System documents, their exports, the catalogues."""

@@ -1,0 +1,1 @@
+"""Validations, at once or by a worker."""

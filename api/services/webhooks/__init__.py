@@ -1,0 +1,1 @@
+"""Webhooks and the alerts that they tell."""

@@ -1,0 +1,1 @@
+"""What is asked of one diagram: responses with their metrics, influence, prediction, limit cycles."""

@@ -1,0 +1,1 @@
+"""Many candidates of one diagram at once: what an optimiser looks at."""

@@ -1,0 +1,1 @@
+"""Many candidates of a linear diagram with delays, by collocation."""

@@ -1,0 +1,164 @@
+"""Runge and Kutta's method of fourth order on the tapes of a diagram, for many candidates at once.
+
+    k_1 = f(t, x),  k_2 = f(t + h/2, x + h k_1/2),  k_3 = f(t + h/2, x + h k_2/2),  k_4 = f(t + h, x + h k_3)
+    x(t + h) = x + h (k_1 + 2 k_2 + 2 k_3 + k_4)/6
+
+Registers are (register, group, lane): a row of a tape is done for all groups of eight candidates before the next, so that
+reading the tape costs little.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.kernels.compiled import LANES, allocating, compiled
+from engine.batch.kernels.functions import cos, exp, log, maximum, minimum, multiply_add, sin, tanh
+from engine.batch.kernels.vector import load2, root, select, spread, store2
+
+Real = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+@compiled
+def interpret(tape: Whole, registers: Real) -> None:
+    """Run a tape on registers (register, group, LANES)."""
+    groups = registers.shape[1]
+    for row in range(tape.shape[0]):
+        op, a, b, c, to = tape[row, 0], tape[row, 1], tape[row, 2], tape[row, 3], tape[row, 4]
+        if op == 15:
+            for j in range(groups):
+                x, y, z = load2(registers, a, j), load2(registers, b, j), load2(registers, c, j)
+                store2(registers, multiply_add(x, y, z), to, j)
+        elif op == 2:
+            for j in range(groups):
+                store2(registers, load2(registers, a, j) * load2(registers, b, j), to, j)
+        elif op == 0:
+            for j in range(groups):
+                store2(registers, load2(registers, a, j) + load2(registers, b, j), to, j)
+        elif op == 1:
+            for j in range(groups):
+                store2(registers, load2(registers, a, j) - load2(registers, b, j), to, j)
+        elif op == 16:
+            for j in range(groups):
+                x, y, z = load2(registers, a, j), load2(registers, b, j), load2(registers, c, j)
+                store2(registers, multiply_add(x, y, -z), to, j)
+        elif op == 17:
+            for j in range(groups):
+                x, y, z = load2(registers, a, j), load2(registers, b, j), load2(registers, c, j)
+                store2(registers, multiply_add(-x, y, z), to, j)
+        elif op == 14:
+            for j in range(groups):
+                yes, no = load2(registers, b, j), load2(registers, c, j)
+                store2(registers, select(load2(registers, a, j) > 0.0, yes, no), to, j)
+        elif op == 3:
+            for j in range(groups):
+                store2(registers, load2(registers, a, j) / load2(registers, b, j), to, j)
+        elif op == 4:
+            for j in range(groups):
+                store2(registers, -load2(registers, a, j), to, j)
+        elif op == 5:
+            for j in range(groups):
+                store2(registers, root(load2(registers, a, j)), to, j)
+        elif op == 6:
+            for j in range(groups):
+                store2(registers, exp(load2(registers, a, j)), to, j)
+        elif op == 11:
+            for j in range(groups):
+                store2(registers, tanh(load2(registers, a, j)), to, j)
+        elif op == 12:
+            for j in range(groups):
+                store2(registers, maximum(load2(registers, a, j), load2(registers, b, j)), to, j)
+        elif op == 13:
+            for j in range(groups):
+                store2(registers, minimum(load2(registers, a, j), load2(registers, b, j)), to, j)
+        elif op == 18:
+            for j in range(groups):
+                store2(registers, load2(registers, a, j), to, j)
+        elif op == 7:
+            for j in range(groups):
+                store2(registers, log(load2(registers, a, j)), to, j)
+        elif op == 8:
+            for j in range(groups):
+                store2(registers, sin(load2(registers, a, j)), to, j)
+        elif op == 9:
+            for j in range(groups):
+                store2(registers, cos(load2(registers, a, j)), to, j)
+        else:
+            for j in range(groups):
+                store2(registers, select(load2(registers, a, j) == 0.0, 1.0, 0.0), to, j)
+
+
+@allocating
+def march(
+    whole: Whole,
+    rates_only: Whole,
+    rates: Whole,
+    read: Whole,
+    registers: Real,
+    inputs: Real,
+    width: float,
+    stride: int,
+    record: Real,
+) -> None:
+    """March over equal steps.
+
+    Parameters
+    ----------
+    whole : ndarray of int, shape (K, 5)
+        The tape for the beginning of a step.
+    rates_only : ndarray of int, shape (K, 5)
+        That for the stages within it.
+    rates, read : ndarray of int
+        Registers of x', and of what is written down.
+    registers : ndarray, shape (registers, groups, LANES)
+        The first hold the states, which are at the end when the march is over; those behind hold the inputs.
+    inputs : ndarray, shape (3 steps + 1, inputs)
+        Inputs and their slopes at the beginning, in the middle and at the end of each step, and behind the last one: what
+        jumps between two steps has another value at the end of the first than at the beginning of the second.
+    width : float
+        Of a step, s.
+    stride : int
+        Every so many steps it is written down, at the beginning of the first and at the end of the last.
+    record : ndarray, shape (groups, steps / stride + 1, read, LANES)
+    """
+    states, groups, entering = rates.shape[0], registers.shape[1], inputs.shape[1]
+    steps = inputs.shape[0] // 3
+    half, third, sixth, full = spread(width * (1 / 2)), spread(width * (1 / 3)), spread(width * (1 / 6)), spread(width)
+    begin = np.empty((states, groups, LANES))
+    total = np.empty((states, groups, LANES))
+    for k in range(steps + 1):
+        for stage in range(4 if k < steps else 1):
+            for i in range(entering):
+                for j in range(groups):
+                    store2(registers, inputs[3 * k + (stage + 1) // 2, i], states + i, j)
+            if stage == 0:
+                interpret(whole, registers)
+                if k % stride == 0:
+                    for j in range(groups):
+                        line = record[j]
+                        for i in range(read.shape[0]):
+                            store2(line, load2(registers, read[i], j), k // stride, i)
+            else:
+                interpret(rates_only, registers)
+            if k == steps:
+                break
+            if stage == 0:
+                for i in range(states):
+                    for j in range(groups):
+                        x, slope = load2(registers, i, j), load2(registers, rates[i], j)
+                        store2(begin, x, i, j)
+                        store2(total, multiply_add(slope, sixth, x), i, j)
+                        store2(registers, multiply_add(slope, half, x), i, j)
+            elif stage < 3:
+                part = half if stage == 1 else full
+                for i in range(states):
+                    for j in range(groups):
+                        slope = load2(registers, rates[i], j)
+                        store2(total, multiply_add(slope, third, load2(total, i, j)), i, j)
+                        store2(registers, multiply_add(slope, part, load2(begin, i, j)), i, j)
+            else:
+                for i in range(states):
+                    for j in range(groups):
+                        slope = load2(registers, rates[i], j)
+                        store2(registers, multiply_add(slope, sixth, load2(total, i, j)), i, j)

@@ -1,0 +1,255 @@
+"""Marches of many candidates under given commands: equal steps between the breakpoints, inputs tabulated once for all.
+
+The tapes are interpreted until code has been generated for them; the results are the same to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.kernels.compiled import LANES
+from engine.batch.kernels.marching import march
+from engine.batch.nonlinear.generated import Generated, generated
+from engine.batch.nonlinear.program import Compiled
+from engine.exact.nonlinear.bounds import LARGEST
+from engine.model.interruption import look
+
+if TYPE_CHECKING:
+    from engine.signals import Signal
+
+Real = npt.NDArray[np.float64]
+
+_INSIDE: Final = 1e-9
+"""The ends of a piece are looked at so much inside it, in steps: commands jump there."""
+_INFINITESIMAL: Final = 1e-30
+_RATIO: Final = 4.0
+_OCTAVES: Final = 7
+_WITHIN: Final = 4
+"""The first step behind a breakpoint is cut at its part 4^-7, 4^-6, ... and each of these is cut into so many steps."""
+MOST_SAMPLES: Final = 8192
+"""A curve has about so many samples at most, however small its steps are; a cubic goes through them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pieces:
+    """The times between breakpoints of the commands, each cut into equal steps.
+
+    Attributes
+    ----------
+    edges : ndarray, shape (pieces + 1,)
+    samples : ndarray of int, shape (pieces,)
+        How often each piece is sampled besides its beginning.
+    stride : int
+        Steps from one sample to the next.
+    inputs : list of ndarray, each (3 steps + 1, 2 inputs)
+        Commands and their slopes at the beginning, in the middle and at the end of every step, and behind the last one.
+    """
+
+    edges: Real
+    samples: npt.NDArray[np.int64]
+    stride: int
+    inputs: list[Real]
+
+    @classmethod
+    def of(
+        cls,
+        signals: Sequence[Signal | None],
+        end: float,
+        steps: int,
+        doublings: int = 0,
+        *,
+        graded: bool = False,
+        most: int = MOST_SAMPLES,
+    ) -> Pieces:
+        """Return pieces until ``end`` (s).
+
+        Parameters
+        ----------
+        signals : sequence of Signal or None
+            One for each input, None for 0.
+        end : float
+        steps : int
+            At least so many steps altogether,
+        doublings : int
+            which are halved so often.
+        graded : bool
+            Whether steps are smaller behind every breakpoint, where what is fast moves: a limit may be reached in an instant.
+        most : int
+            About so many samples at most, but never fewer than ``steps``.
+        """
+        breaks = {t for signal in signals if signal is not None for t in signal.breaks(end) if 0 < t < end}
+        edges = np.array([0.0, *sorted(breaks), end])
+        counts = np.maximum(np.ceil(steps * np.diff(edges) / end).astype(int), 1)
+        if graded:
+            edges, counts = _graded(edges, counts)
+        fine = int(np.clip(np.floor(np.log2(most / counts.sum())), 0, doublings))
+        samples, stride = counts << fine, 1 << (doublings - fine)
+        tables = []
+        for first, last, count in zip(edges[:-1], edges[1:], samples * stride, strict=True):
+            times = np.linspace(first, last, 2 * count + 1)
+            margin = max(_INSIDE * (last - first) / count, 4 * np.spacing(last))
+            times[0], times[-1] = first + margin, last - margin
+            table = np.concatenate([_values(signals, times), _slopes(signals, times)], axis=1)
+            tables.append(np.ascontiguousarray(table[_rows(count)]))
+        return cls(edges=edges, samples=samples, stride=stride, inputs=tables)
+
+    @property
+    def words(self) -> int:
+        """How many samples there are altogether."""
+        return int((self.samples + 1).sum())
+
+    @property
+    def times(self) -> Real:
+        """Instants of the samples, s; breakpoints twice, (samples,)."""
+        return np.concatenate([
+            np.linspace(a, b, count + 1)
+            for a, b, count in zip(self.edges[:-1], self.edges[1:], self.samples, strict=True)
+        ])  # fmt: skip
+
+    @property
+    def commands(self) -> Real:
+        """Commands at `times` and in the middle of what follows them, (samples, 2, inputs)."""
+        found = []
+        for table in self.inputs:
+            count = table.shape[1] // 2
+            # a middle is that of the steps to the next sample: of one step, or the beginning of a later one
+            half = 1 if self.stride == 1 else 3 * (self.stride // 2)
+            ends, middles = table[:: 3 * self.stride, :count], table[half :: 3 * self.stride, :count]
+            found.append(np.stack([ends, np.concatenate([middles, ends[-1:]])], axis=1))
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Marched:
+    """Curves of B candidates at the instants ``times`` (samples,).
+
+    ``values`` and ``slopes`` are (watched, samples, B), ``states`` (states, B) those at the end; ``covered`` (B,) tells that
+    no law was left and no state grew beyond what is followed.
+    """
+
+    times: Real
+    values: Real
+    slopes: Real
+    states: Real
+    covered: npt.NDArray[np.bool_]
+
+
+class Marcher:
+    """What marches the candidates of a structure.
+
+    Parameters
+    ----------
+    compiled : Compiled
+    generate : bool
+        Whether code is generated; otherwise the tapes are interpreted for ever.
+    """
+
+    def __init__(self, compiled: Compiled, *, generate: bool = True) -> None:
+        self._compiled = compiled
+        self._code: Generated | None = None
+        self._generate = generate
+
+    def prepared(self) -> Marcher:
+        """Return the same when its code is ready."""
+        if self._generate:
+            self._code = generated(self._compiled.program)
+            self._code.wait()
+        return self
+
+    def __call__(self, start: Real, once: Real, pieces: Pieces) -> Marched:
+        """March from ``start`` (states, B), with ``once`` (once, B) from `Compiled.start`."""
+        program = self._compiled.program
+        if self._generate and self._code is None:
+            self._code = generated(program)
+        batch = start.shape[1]
+        groups = -(-batch // LANES)
+        registers = _aligned((program.registers, groups, LANES))
+        registers[...] = 0.0
+        _fill(registers[: program.states], start)
+        _fill(registers[program.first_once : program.first_once + len(once)], once)
+        read = len(program.read)
+        record = _aligned((read, pieces.words, groups, LANES))
+        code = None if self._code is None else self._code.march
+        following = 0
+        with np.errstate(all="ignore"):
+            for length, count, inputs in zip(
+                np.diff(pieces.edges), pieces.samples.tolist(), pieces.inputs, strict=True
+            ):
+                look()
+                own = record[:, following : following + count + 1]
+                following += count + 1
+                width = float(length) / max(1, count * pieces.stride)
+                if code is None:
+                    turned = _aligned((groups, count + 1, read, LANES))
+                    march(
+                        program.whole, program.rates_only, program.rates, program.read, registers, inputs, width,
+                        pieces.stride, turned,
+                    )  # fmt: skip
+                    own[...] = turned.transpose(2, 1, 0, 3)
+                else:
+                    code(registers, inputs, width, pieces.stride, own)
+        whole = record.reshape(read, pieces.words, -1)[:, :, :batch]
+        states = registers[: program.states].reshape(program.states, -1)[:, :batch]
+        # a state that nobody looks at ends a response as well
+        bounded = (np.abs(states) <= LARGEST).all(axis=0)
+        covered = (whole[-1] <= 0).all(axis=0) & np.isfinite(whole[:, -1]).all(axis=0) & bounded
+        return Marched(times=pieces.times, values=whole[:-1:2], slopes=whole[1:-1:2], states=states, covered=covered)
+
+
+def _rows(count: int) -> npt.NDArray[np.intp]:
+    """Return the places of beginning, middle and end of each of ``count`` steps among their ends and middles, and the last."""
+    return np.append((2 * np.arange(count)[:, None] + np.arange(3)).ravel(), 2 * count)
+
+
+def _graded(edges: Real, counts: npt.NDArray[np.int64]) -> tuple[Real, npt.NDArray[np.int64]]:
+    """Return pieces whose first step is cut geometrically."""
+    fractions = _RATIO ** -np.arange(_OCTAVES, -1.0, -1.0)
+    cut, steps = [float(edges[0])], []
+    for first, last, count in zip(edges[:-1], edges[1:], counts.tolist(), strict=True):
+        small = first + (last - first) / count * fractions
+        cut += [*small[:-1].tolist(), float(small[-1] if count > 1 else last)]
+        steps += [_WITHIN] * len(fractions)
+        if count > 1:
+            cut.append(float(last))
+            steps.append(count - 1)
+    return np.array(cut), np.array(steps)
+
+
+def _aligned(shape: tuple[int, ...]) -> Real:
+    """Return an array to be written whose vectors each lie in one line of the cache; numpy's own begin 16 bytes beyond one."""
+    count = math.prod(shape)
+    raw = np.empty(count + LANES - 1)
+    skip = -(raw.ctypes.data // raw.itemsize) % LANES
+    return raw[skip : skip + count].reshape(shape)
+
+
+def _fill(registers: Real, values: Real) -> None:
+    """Put values (n, B) into registers (n, groups, LANES); lanes that are left over repeat the last candidate."""
+    flat = registers.reshape(len(registers), registers.shape[1] * LANES)
+    flat[:, : values.shape[1]] = values
+    flat[:, values.shape[1] :] = values[:, -1:]
+
+
+def _values(signals: Sequence[Signal | None], times: Real) -> Real:
+    columns = [np.zeros_like(times) if signal is None else signal.value(times) for signal in signals]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def _slopes(signals: Sequence[Signal | None], times: Real) -> Real:
+    """Return the exact slopes of the commands, by the complex step."""
+    moved: npt.NDArray[Any] = times + 1j * _INFINITESIMAL
+    columns = [
+        np.zeros_like(times) if signal is None else np.imag(signal.value(moved)) / _INFINITESIMAL for signal in signals
+    ]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def by_input(inputs: Sequence[str], signals: Mapping[str, Signal]) -> list[Signal | None]:
+    """Return the signal of each input, None for those that stay 0."""
+    return [signals.get(name) for name in inputs]

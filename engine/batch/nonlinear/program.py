@@ -1,0 +1,207 @@
+"""Equations as programs: what is the same at all instants is computed once for a candidate, the rest is a tape.
+
+A row of a tape is (operation, three operands, result), all but the first being registers. Registers are the states, the inputs with
+their slopes, the numbers computed once, then temporaries, which are used again as soon as their last reader is done, so that
+a tape works in the processor's nearest memory. Constants are numbers computed once: two diagrams of one structure have the same tape.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.nonlinear.arithmetic import Code, evaluated
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.signals import SignalGraph
+from engine.model.traced import Op, nodes_of
+
+Real = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Program:
+    """What a march runs.
+
+    Attributes
+    ----------
+    whole : ndarray of int, shape (K, 5)
+        The tape at the beginning of a step, with everything that is read off there.
+    rates_only : ndarray of int, shape (K, 5)
+        The tape of the other stages.
+    rates : ndarray of int, shape (states,)
+        Registers of x' after either of them.
+    read : ndarray of int
+        Registers of what is read off: y and y' of each output watched, and what tells that a law has been left.
+    states, inputs, once, registers : int
+        How many there are, inputs counted with their slopes, of what is computed once, of registers altogether.
+    """
+
+    whole: Whole
+    rates_only: Whole
+    rates: Whole
+    read: Whole
+    states: int
+    inputs: int
+    once: int
+    registers: int
+
+    @property
+    def first_once(self) -> int:
+        """The first register of what is computed once."""
+        return self.states + self.inputs
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        """What two programs of the same structure have in common."""
+        arrays = (self.whole, self.rates_only, self.rates, self.read)
+        return (*(array.tobytes() for array in arrays), self.states, self.inputs, self.once, self.registers)
+
+
+class Compiled:
+    """A program with the formulas of what is computed once for a candidate.
+
+    Parameters
+    ----------
+    equations : Equations
+    watched : sequence of int
+        Outputs of the diagram whose curves are wanted.
+    """
+
+    def __init__(self, equations: Equations, watched: Sequence[int]) -> None:
+        self._equations = equations
+        graph = equations.graph
+        slopes = equations.output_slopes
+        read = [number for output in watched for number in (equations.outputs[output], slopes[output])]
+        read.append(-1.0 if equations.outside is None else equations.outside)
+        states, inputs = len(equations.states), 2 * len(equations.inputs)
+        signals = [*equations.states, *equations.inputs, *equations.input_slopes]
+        register = {signal.node: k for k, signal in enumerate(signals)}
+        rates, reads = nodes_of(graph, equations.rates), nodes_of(graph, read)
+        once = [node for node in _leaves(equations, [*rates, *reads]) if node not in register]
+        register.update({node: states + inputs + k for k, node in enumerate(once)})
+        first = states + inputs + len(once)
+        self._once = [graph.number(node) for node in once]
+        # The rates come first in both tapes and end up in the same registers.
+        rate_rows, rate_places, after = _tape(equations, rates, register, first)
+        rows, places, last = _tape(equations, [*rates, *reads], register, first)
+        self.program = Program(
+            whole=rows, rates_only=rate_rows, rates=np.array(places[: len(rates)]), read=np.array(places[len(rates) :]),
+            states=states, inputs=inputs, once=len(once), registers=max(after, last),
+        )  # fmt: skip
+        assert rate_places == places[: len(rates)]
+
+    def start(self, points: Real) -> tuple[Real, Real, Real, Real]:
+        """Return the states at t = 0, what is computed once, the values with bounds and the pivots, each (·, B), of (B, varied)."""
+        equations = self._equations
+        bounded = [value for _, value in equations.bounds]
+        parts = [equations.start, self._once, bounded, list(equations.pivots)]
+        with np.errstate(all="ignore"):
+            found = evaluated(equations.graph, [entry for part in parts for entry in part], points.T)
+        cuts = np.cumsum([len(part) for part in parts])[:-1]
+        first, second, third, fourth = np.split(found, cuts)
+        return first, second, third, fourth
+
+
+def _leaves(equations: Equations, targets: Sequence[int]) -> list[int]:
+    """Return the nodes that do not move and that something moving, or a target, is made of."""
+    graph = equations.graph
+    found: dict[int, None] = {}
+    for node in _needed(equations, targets):
+        op = graph.nodes[node][0]
+        if op is Op.PAIR or not graph.moves(node):
+            continue
+        if op not in {Op.CONSTANT, Op.PARAMETER}:
+            found.update({k: None for k in _operands(graph, node) if not graph.moves(k)})
+    found.update({node: None for node in targets if not graph.moves(node)})
+    return sorted(found)
+
+
+def _needed(equations: Equations, targets: Sequence[int]) -> list[int]:
+    """Return all moving nodes that the targets are made of, operands first."""
+    graph = equations.graph
+    needed: set[int] = set()
+    pending = [node for node in targets if graph.moves(node)]
+    while pending:
+        node = pending.pop()
+        if node in needed or node < 0 or not (graph.nodes[node][0] is Op.PAIR or graph.moves(node)):
+            continue
+        needed.add(node)
+        op, first, second = graph.nodes[node]
+        if op not in {Op.CONSTANT, Op.PARAMETER}:
+            pending += (first, second)
+    return sorted(needed)
+
+
+def _tape(
+    equations: Equations, targets: Sequence[int], register: dict[int, int], first: int
+) -> tuple[Whole, list[int], int]:
+    """Return the rows that compute ``targets``, the register of each of them, and how many registers there are."""
+    graph = equations.graph
+    order = [k for k in _needed(equations, targets) if k not in register and graph.nodes[k][0] is not Op.PAIR]
+    asked = set(targets)
+    rows = _fused(graph, order, asked)
+    readers: dict[int, int] = {}
+    for number, (_, operands, _) in enumerate(rows):
+        readers.update(dict.fromkeys(operands, number))
+    place = dict(register)
+    # Targets keep registers of their own, in the order in which they are asked for, whatever else is computed.
+    kept: list[int] = []
+    following = first
+    copies = []
+    for number, node in enumerate(targets):
+        # the march overwrites the states while it reads the rates: a rate that is a state is copied
+        if node not in place or (number < len(equations.states) and place[node] < len(equations.states)):
+            if node in place:
+                copies.append((int(Code.COPY), place[node], following))
+            else:
+                place[node] = following
+            kept.append(following)
+            following += 1
+        else:
+            kept.append(place[node])
+    free: list[int] = []
+    found: list[list[int]] = []
+    for number, (code, operands, node) in enumerate(rows):
+        sources = [place[k] for k in operands]
+        free += [place[k] for k in set(operands) if readers[k] == number and k not in register and k not in asked]
+        if node not in place:
+            if not free:
+                free.append(following)
+                following += 1
+            place[node] = free.pop()
+        found.append([int(code), *sources, *[sources[0]] * (3 - len(sources)), place[node]])
+    found += [[code, source, source, source, to] for code, source, to in copies]
+    return np.array(found, dtype=np.int64).reshape(-1, 5), kept, following
+
+
+def _fused(graph: SignalGraph, order: Sequence[int], asked: set[int]) -> list[tuple[Code, tuple[int, ...], int]]:
+    """Return (operation, operands, node) of each row; a product that is only added to something is one row with the sum."""
+    made = {node: (Code(int(graph.nodes[node][0])), _operands(graph, node)) for node in order}
+    uses = Counter(k for _, operands in made.values() for k in operands)
+    alone = {k for k, (code, _) in made.items() if code == Code.MUL and uses[k] == 1 and k not in asked}
+    swallowed: set[int] = set()
+    for node, (code, operands) in made.items():
+        if code not in {Code.ADD, Code.SUB}:
+            continue
+        a, b = operands
+        if a in alone:
+            made[node] = (Code.MULTIPLY_ADD if code == Code.ADD else Code.MULTIPLY_SUBTRACT, (*made[a][1], b))
+            swallowed.add(a)
+        elif b in alone:
+            made[node] = (Code.MULTIPLY_ADD if code == Code.ADD else Code.SUBTRACT_PRODUCT, (*made[b][1], a))
+            swallowed.add(b)
+    return [(code, operands, node) for node, (code, operands) in made.items() if node not in swallowed]
+
+
+def _operands(graph: SignalGraph, node: int) -> tuple[int, ...]:
+    op, first, second = graph.nodes[node]
+    if op is Op.CHOOSE:
+        return (first, *graph.nodes[second][1:])
+    return (first, second) if second >= 0 else (first,)

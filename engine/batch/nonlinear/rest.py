@@ -1,0 +1,141 @@
+"""Where candidates come to rest under constant inputs: Newton's method from where their responses have come to.
+
+    x ← x - (∂f/∂x)⁺ f(x, u),   for all candidates at once
+
+The slopes are written into the graph by the same rules as the slopes in time. Directions in which the state may lie anywhere stay where
+they are, as on the exact path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import matrix_balance
+
+from engine.batch.nonlinear.arithmetic import evaluated, operands
+from engine.batch.nonlinear.equations import Equations
+from engine.batch.nonlinear.slopes import slopes
+from engine.model.traced import Op, nodes_of
+
+Real = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+_ITERATIONS: Final = 20
+_STILL: Final = 1e-9
+"""A state rests when the correction is this part of it."""
+_MOVES: Final = 1e-3
+"""A state that moves by more than this part of it, in the time simulated, may change what stands still;"""
+_NOTHING: Final = 1e-9
+"""one that moves by less than this does not."""
+_REACHED: Final = 1e-8
+"""Part of the rates that no correction may leave."""
+_SINGULAR: Final = 1e-10
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rested:
+    """Outputs at rest (watched, B), NaN where none was found; ``single`` (B,): there is no other rest nearby."""
+
+    outputs: Real
+    single: Flags
+
+
+def reaching(equations: Equations, output: int) -> Flags:
+    """Return which states (states,) an output of the diagram follows, at once or by way of other states."""
+    graph = equations.graph
+    rates = nodes_of(graph, equations.rates)
+    found = np.zeros(len(rates), dtype=bool)
+    seen: set[int] = set()
+    pending = nodes_of(graph, [equations.outputs[output]])
+    while pending:
+        seen |= operands(graph, pending)
+        new = [k for k, state in enumerate(equations.states) if state.node in seen and not found[k]]
+        found[new] = True
+        pending = [rates[k] for k in new]
+    return found
+
+
+def moving(equations: Equations, points: Real, states: Real, inputs: Sequence[float], elapsed: float) -> Flags:
+    """Return which states (states, B) go on moving under constant inputs, by what they would in ``elapsed`` s."""
+    graph = equations.graph
+    values = np.zeros((sum(op is Op.PARAMETER for op, _, _ in graph.nodes), len(points)))
+    values[: len(equations.varied)] = points.T
+    values[[graph.nodes[signal.node][1] for signal in equations.states]] = states
+    values[[graph.nodes[signal.node][1] for signal in equations.inputs]] = np.asarray(inputs, dtype=float)[:, None]
+    with np.errstate(all="ignore"):
+        rates = evaluated(graph, equations.rates, values)
+        return np.asarray(~(elapsed * np.abs(rates) <= _MOVES * np.abs(states) + _NOTHING))
+
+
+class Rest:
+    """The search for rest of one structure.
+
+    Parameters
+    ----------
+    equations : Equations
+    watched : sequence of int
+        Outputs of the diagram that are asked for.
+    """
+
+    def __init__(self, equations: Equations, watched: Sequence[int]) -> None:
+        self._graph = equations.graph
+        self._varied = len(equations.varied)
+        self._place = {
+            "states": [self._graph.nodes[signal.node][1] for signal in equations.states],
+            "inputs": [self._graph.nodes[signal.node][1] for signal in equations.inputs],
+        }
+        self._parameters = sum(op is Op.PARAMETER for op, _, _ in self._graph.nodes)
+        signals = [*equations.states, *equations.inputs, *equations.input_slopes]
+        self._outputs = [equations.outputs[output] for output in watched]
+        self._outside = -1.0 if equations.outside is None else equations.outside
+        with np.errstate(all="ignore"):
+            columns = [
+                slopes(self._graph, equations.rates, {s.node: float(s is state) for s in signals})
+                for state in equations.states
+            ]
+        self._wanted: list[Any] = [*equations.rates, *(entry for column in columns for entry in column)]
+
+    def __call__(self, points: Real, states: Real, inputs: Sequence[float]) -> Rested:
+        """Return the rest near ``states`` (states, B) of candidates ``points`` (B, varied)."""
+        n, batch = states.shape
+        values = np.zeros((self._parameters, batch))
+        values[: self._varied] = points.T
+        values[self._place["inputs"]] = np.asarray(inputs, dtype=float)[:, None]
+        x = states.copy()
+        open_: Flags = np.asarray(np.isfinite(states).all(axis=0))
+        found, single = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
+        scale = np.ones(n)
+        with np.errstate(all="ignore"):
+            for iteration in range(_ITERATIONS):
+                values[self._place["states"]] = x
+                both = evaluated(self._graph, self._wanted, values)
+                f, slope = both[:n].T, both[n:].reshape(n, n, batch).transpose(2, 1, 0)
+                open_ = np.asarray(open_ & np.isfinite(f).all(axis=1) & np.isfinite(slope).all(axis=(1, 2)))
+                if not open_.any():
+                    break
+                if iteration == 0:
+                    scale = np.diag(matrix_balance(slope[np.argmax(open_)], permute=False)[1])
+                balanced = np.where(open_[:, None, None], slope * scale / scale[:, None], np.eye(n))
+                try:
+                    u, s, v = np.linalg.svd(balanced)
+                except np.linalg.LinAlgError:
+                    break
+                inverse = np.where(s > 1e-12 * s[:, :1], 1 / s, 0.0)
+                rate = np.where(open_[:, None], f / scale, 0.0)
+                step = -np.einsum("bji,bj,bkj,bk->bi", v, inverse, u, rate)
+                left = np.linalg.norm(np.einsum("bij,bj->bi", balanced, step) + rate, axis=1)
+                open_ = np.asarray(open_ & (left <= _REACHED * np.linalg.norm(rate, axis=1)))
+                step = np.where(open_[:, None], step * scale, 0.0)
+                x = x + step.T
+                done = open_ & (np.abs(step.T) <= _STILL * np.maximum(np.abs(x), 1e-6)).all(axis=0)
+                found |= done
+                single = np.where(done, s[:, -1] > _SINGULAR * s[:, 0], single)
+                open_ = np.asarray(open_ & ~done)
+            values[self._place["states"]] = x
+            outputs = evaluated(self._graph, [*self._outputs, self._outside], values)
+        found &= outputs[-1] <= 0
+        return Rested(outputs=np.where(found, outputs[:-1], np.nan), single=np.asarray(single & found))

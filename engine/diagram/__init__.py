@@ -1,0 +1,1 @@
+"""A document as a checked diagram: flattened, connected, realised at any values."""

@@ -1,0 +1,1 @@
+"""Poles, zeros, gains at rest, frequency responses and margins of linear systems."""

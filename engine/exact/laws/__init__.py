@@ -1,0 +1,1 @@
+"""Nonlinear laws and the linear system around them."""

@@ -1,0 +1,79 @@
+"""What ends a simulation before its time: too many steps, too long a computation, events without end, growth without bound."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.exact.nonlinear.switching import StoppedError
+from engine.model.interruption import look
+from engine.model.verdicts import Verdict
+
+Array = npt.NDArray[Any]
+
+MAX_STEPS: Final = 200_000
+CROWDS: Final = ((100, 1e-6), (1000, 2e-3))
+"""So many events within this part of the time simulated are an accumulation: at this pace no simulation comes to its end."""
+
+LARGEST: Final = 1e100
+"""Beyond this a growing response is not followed."""
+
+_EXPLODED: Final = 1e8
+"""A state that has grown so much when its steps vanish goes to infinity in finite time."""
+
+
+class Bounds:
+    """Steps and events of one simulation, counted; each method raises `StoppedError`, with the verdict, at a bound.
+
+    Parameters
+    ----------
+    clock : callable, optional
+        Seconds; with ``wall_limit`` (s) it bounds the time spent.
+    """
+
+    def __init__(self, clock: Callable[[], float] | None, wall_limit: float) -> None:
+        self._clock, self._wall = clock, wall_limit
+        self._began = clock() if clock is not None else 0.0
+        self._recent: deque[float] = deque(maxlen=CROWDS[-1][0])
+        self.steps = self.events = 0
+
+    def step(self, now: float, count: int = 1) -> None:
+        """Count steps that are tried at the instant ``now`` (s)."""
+        look()
+        self.steps += count
+        if self.steps > MAX_STEPS:
+            self._late(now, f"after {MAX_STEPS} steps")
+        if self._clock is not None and self._clock() - self._began > self._wall:
+            self._late(now, f"after {self._wall:g} s of computing")
+
+    def event(self, now: float, horizon: float, label: str) -> None:
+        """Count an event of the law ``label`` in a simulation up to ``horizon`` (s)."""
+        self.events += 1
+        self._recent.append(now)
+        if any(len(self._recent) >= count and now - self._recent[-count] <= part * horizon for count, part in CROWDS):
+            raise StoppedError(
+                Verdict.DOUBTFUL,
+                f"events of {label} accumulate at t = {now:.6g} s: "
+                "the model switches without end (give it hysteresis, a lag or more damping)",
+            )
+
+    def state(self, now: float, last: Array) -> None:
+        """Look at the state (lanes, n) at the end of a step."""
+        if not np.isfinite(last).all() or float(np.abs(last[0].real).max(initial=0.0)) > LARGEST:
+            raise StoppedError(Verdict.UNSTABLE, f"the response grows beyond {LARGEST:g} at t = {now:.6g} s")
+
+    def stuck(self, now: float, state: Array, first: Array, cause: str) -> NoReturn:
+        """Say why steps vanish, from the state (n,), how large it was at first, and the ``cause`` of the last failure, if known."""
+        size = np.abs(state) / np.where(first > 0, first, np.inf)
+        if float(size.max(initial=0.0)) > _EXPLODED:
+            raise StoppedError(Verdict.UNSTABLE, f"the response grows without bound near t = {now:.6g} s")
+        msg = f"the equations have no solution that can be followed beyond t = {now:.6g} s" + (cause and f": {cause}")
+        raise StoppedError(Verdict.DOUBTFUL, msg)
+
+    def _late(self, now: float, why: str) -> NoReturn:
+        msg = f"the simulation stops at t = {now:.6g} s {why}: shorten its duration"
+        raise StoppedError(Verdict.TOO_SHORT, msg)

@@ -1,0 +1,465 @@
+"""The response of a system with nonlinear laws: steps of high order between instants at which something changes.
+
+The instants are breakpoints of the commands, their echoes through the delays, samples, and the events of the laws: the
+roots of their guards on the polynomial of a step, found to rounding. At each of them the laws settle into modes that
+agree with each other. Parameters with infinitesimals travel along as lanes: each accepted step is linearised exactly,
+and an event's instant moves by dt = -(∂h/∂p) / ḣ, so that derivatives pass through events.
+
+References
+----------
+L. F. Shampine, S. Thompson, "Event location for ordinary differential equations", Comput. Math. Appl. 39 (2000) 43-54;
+A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer 1988, chapter 2 (held inputs).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.elements._nonlinear import Mode
+from engine.exact.laws.straight import until
+from engine.exact.nonlinear.agenda import SMOOTH, Agenda, Stop
+from engine.exact.nonlinear.bounds import Bounds
+from engine.exact.nonlinear.driving import Driving
+from engine.exact.nonlinear.guards import Crossing, first_crossing, touches
+from engine.exact.nonlinear.outcome import Outcome
+from engine.exact.nonlinear.pieces import Command, Record
+from engine.exact.nonlinear.steps import Step, Stepper
+from engine.exact.nonlinear.switching import StoppedError, Switchboard
+from engine.exact.nonlinear.windows import Chain
+from engine.exact.nonlinear.windows import solve as solve_chain
+from engine.exact.time.chebyshev import NODES, tail
+from engine.model.errors import EngineError
+from engine.model.failures import numerical
+from engine.model.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from engine.exact.laws.straight import Straight
+    from engine.exact.laws.system import NonlinearSystem
+    from engine.signals import Signal
+
+Array = npt.NDArray[Any]
+Real = npt.NDArray[np.float64]
+
+TOLERANCE: Final = 1e-11
+"""What the polynomial of a step may miss, relative to the largest value of each state so far."""
+
+_FEWEST, _MOST, _PAUSE = 8, 64, 4  # how many short steps are taken at once; after a failure single ones follow
+_ALMOST_NOTHING, _PATIENCE = 1e-3, 8  # what a step must miss of the tolerance to be doubled, and how often it is tried
+_RESOLVED = 2e-14  # the shortest step that is looked for, in parts of the time simulated
+_EARLY = 1e-3
+_PUNCTUAL, _ROUNDED = 1e-12, 1e-14
+"""By how much the polynomial of a guard may move an event, in parts of the time simulated; what it misses by rounding alone."""
+
+
+class Integration:
+    """A response under way.
+
+    Parameters
+    ----------
+    system : NonlinearSystem
+    signals : mapping of input name to Signal
+        Inputs left out are 0.
+    constants : ndarray, shape (inputs,), optional
+        Added to the commands.
+    state : ndarray, shape (lanes, n), optional
+        Begin here in place of the initial state.
+    modes : sequence of int, optional
+        Begin with these, which the guards then correct; chosen by the laws where absent.
+    clock : callable, optional
+        Seconds; with ``wall_limit`` (s) it bounds the time spent.
+    tolerance : float, optional
+    """
+
+    def __init__(
+        self,
+        system: NonlinearSystem,
+        signals: Mapping[str, Signal],
+        *,
+        constants: Real | None = None,
+        state: Array | None = None,
+        modes: Sequence[Mode] | None = None,
+        clock: Callable[[], float] | None = None,
+        wall_limit: float = math.inf,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        self.system = system
+        self._board = Switchboard(system, system.start if state is None else state, modes, self._around)
+        self.record = Record(edges=[self._board.t])
+        self._driving = Driving(system, signals, constants, self.record)
+        self._stepper = Stepper(system, self.record, tolerance)
+        self._bounds = Bounds(clock, wall_limit)
+        self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
+        self.error = 0.0
+        self._agenda = Agenda()
+        self._first_scale = np.zeros(system.states)
+        self._width = math.inf
+        self._chain, self._pause = _FEWEST, 0
+        self._refused = self._vague = 0
+        self._horizon = 0.0
+        self._noted = -math.inf
+        for number, law in enumerate(system.laws):
+            if law.element.period(law.values) is not None:
+                self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
+
+    @property
+    def now(self) -> float:
+        """The present instant, s."""
+        return float(self._board.t[0].real)
+
+    def rest(self) -> tuple[Mode, ...]:
+        """Return the modes at the present instant, all laws in agreement.
+
+        Raises
+        ------
+        StoppedError
+            If they do not come to agree.
+        EngineError
+            If the equations have no solution at this instant.
+        """
+        with np.errstate(all="ignore"), numerical("the laws"):
+            if not self._board.started:
+                self._board.begin()
+            self._board.settle()
+        return tuple(self._board.modes)
+
+    def outputs(self) -> Array:
+        """Return the outputs just after the present instant, (lanes, outputs)."""
+        at = self._board.instant()
+        return self.system.read(at, self.system.flow(at).v)[0][:, 0]
+
+    def advance(self, horizon: float) -> Outcome:
+        """Return the response up to ``horizon`` (s); may be called again with a later one."""
+        verdict, advice = Verdict.OK, ""
+        self._horizon = max(self._horizon, horizon)
+        try:
+            self._note_breaks(horizon)
+            # what overflows is found at the end of each step, as a state that is not finite
+            with np.errstate(all="ignore"), numerical("the response"):
+                self._advance(horizon)
+        except StoppedError as stop:
+            verdict, advice = stop.verdict, stop.advice
+        except EngineError as error:
+            verdict, advice = Verdict.DOUBTFUL, f"at t = {self.now:.6g} s {error.message}"
+        if not self.record.y:
+            self._stand()
+        after = self.outputs() if verdict is Verdict.OK else None
+        return Outcome(
+            record=self.record, after=after, state=self._board.x, modes=tuple(self._board.modes), verdict=verdict, advice=advice,
+            error=self.error, events=self._bounds.events, steps=self._bounds.steps,
+            smooth=self.smooth, limits=self.system.limits,
+        )  # fmt: skip
+
+    def _stand(self) -> None:
+        """Record the beginning as a piece of its own, where the response could not be followed from there at all."""
+        at = self._board.instant()
+        with contextlib.suppress(EngineError), numerical("the response"):
+            y, z = self.system.read(at, self.system.channels(at)[1])
+            nodes = [np.repeat(part, len(NODES), axis=1) for part in (y, at.u, z)]
+            self.record.append(self._board.t + 1e-12 * max(self._horizon, 1e-300), *nodes)
+
+    def _advance(self, horizon: float) -> None:
+        while True:
+            due = self._agenda.due(self.now, horizon)
+            if due or not self._board.started:
+                self._arrive(due)
+            if self.now >= horizon * (1 - 1e-14):
+                return
+            stop = self._agenda.following(horizon)
+            self._step(horizon if stop is None else stop.time, None if stop is None else stop.lanes)
+
+    # instants known beforehand
+
+    def _note_breaks(self, horizon: float) -> None:
+        """Note where the commands break up to ``horizon`` (s), each once."""
+        found = [t for t in self._driving.breaks(horizon) if t > self._noted]
+        for t in found:
+            self._note(t, generation=0)
+        self._noted = max([self._noted, *found])
+
+    def _note(self, time: Any, **what: Any) -> None:
+        """Note a stop at ``time``, a number or (lanes,)."""
+        self._agenda.note(np.broadcast_to(np.ravel(np.asarray(time)), (self.system.lanes,)) + 0 * self._board.t, **what)
+
+    def _arrive(self, due: Sequence[Stop]) -> None:
+        """Do what is due at this instant, and let the laws settle."""
+        if not self._board.started:
+            self._board.begin()
+        for stop in due:
+            if stop.law is not None:
+                self._board.sample(stop.law, updates=stop.updates)
+                if not stop.updates:
+                    self._sample_again(stop.law)
+        self._board.switches = 0
+        if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
+            self._board.settle()
+        generation = min((stop.generation if stop.law is None else 0 for stop in due), default=0)
+        jumps = self._board.switches > 0 or self.record.jumps(self._board.t, self.system.delays)
+        self._echo(0 if jumps else generation)
+
+    def _sample_again(self, number: int) -> None:
+        """Note when a law that has taken a sample updates its output, and when it takes the next."""
+        law = self.system.laws[number]
+        period = np.ravel(np.asarray(law.element.period(law.values)))
+        latency = np.ravel(np.asarray(law.element.latency(law.values)))
+        offset = np.ravel(np.asarray(law.element.offset(law.values)))
+        count = round((self.now - float(offset[0].real)) / float(period[0].real))
+        self._note(offset + period * (count + 1), law=number)
+        if np.any(latency != 0):
+            self._note(offset + period * count + latency, law=number, updates=True)
+
+    def _echo(self, generation: int) -> None:
+        """Note that what changes now comes back through every delay."""
+        if generation < SMOOTH:
+            for i in range(self.system.delays.shape[-1]):
+                self._note(self._board.t + self.system.delays[:, i], generation=generation + 1)
+
+    def _around(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
+        # what is due now has been taken from the list
+        following = self._agenda.following()
+        ahead = min(self._width, 1.0, math.inf if following is None else following.time - self.now)
+        ahead = ahead if ahead > 0 else min(self._width, 1.0)
+        return self._driving.around(t, self.now, ahead)
+
+    def _command(self, width: float) -> Command:
+        return self._driving.command(self.now, width)
+
+    # steps
+
+    def _step(self, target: float, lanes: Array | None) -> None:
+        """Go on to ``target``, or as far as accuracy or an event allow."""
+        gap = target - self.now
+        longest = float(self.system.delays[0].real.min()) if self.system.delays.shape[-1] else math.inf
+        width = min(self._width, gap, longest)
+        if not math.isfinite(self._width):
+            width = min(width, self._first_width())
+        if 0.5 * gap < width < gap:
+            width = 0.5 * gap if width < 0.99 * gap else gap
+        if width == gap and self._many():
+            return
+        step, width = self._solved(width, gap)
+        whole = width >= gap
+        grown = width * self._growth(step)
+        # a step cut short by a stop says nothing about those after it, unless it was hard all the same
+        self._width = max(self._width, grown) if whole and grown > width and self._width < math.inf else grown
+        tolerances = [self._board.tolerance(number, guard, values) for number, guard, values in step.guards]
+        crossing = first_crossing(step.guards, tolerances)
+        if crossing is not None and crossing.theta * width <= gap:
+            event = self._placed(step, crossing)
+            if event is not None:
+                self._vague = 0
+                self._note_guards(step, until(event.theta) if event.theta <= _EARLY else None)
+                self._event(step, event)
+            return
+        self._note_guards(step)
+        if whole:
+            part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
+            self._accept(part, target, lanes)
+        else:
+            self._accept(step, self.now + width, None)
+
+    def _note_guards(self, step: Step, part: Real | None = None) -> None:
+        """Remember how large the guards are on a step, or on a part of it that these weights give."""
+        for number, guard, values in step.guards:
+            self._board.note(number, guard, values if part is None else part @ values)
+
+    def _placed(self, step: Step, event: Crossing) -> Crossing | None:
+        """Return an event of a step; None where a shorter one has to follow.
+
+        That is where the step went so far beyond that its rounding is seen there, and where its polynomials do not tell the time of the
+        event. An event that comes sooner than steps can be short happens at once.
+        """
+        if self._vague < _PATIENCE and not self._punctual(step, event):
+            self._vague += 1
+            self._width = step.width * min(0.5, 1.5 * max(event.theta, _EARLY))
+            self._stepper.forget()
+            return None
+        if event.theta > _EARLY or not self._stepper.blown(step, event.theta):
+            return event
+        width = 1.5 * event.theta * step.width
+        if width <= _RESOLVED * max(self._horizon, self.now):
+            return Crossing(index=event.index, theta=0.0)
+        self._width = width
+        self._stepper.forget()
+        return None
+
+    def _punctual(self, step: Step, event: Crossing) -> bool:
+        """Return whether what the polynomial of a guard misses moves the event by no more than its time may be wrong."""
+        values = step.guards[event.index][2]
+        missed = float(tail(values))
+        if missed <= _ROUNDED * float(np.abs(values).max()):
+            return True
+        return missed <= _PUNCTUAL * max(self._horizon, self.now) * abs(step.slope_of(event.index, event.theta))
+
+    def _growth(self, step: Step) -> float:
+        """Return by how much the next step may be longer."""
+        if step.straight is None:
+            return min(4.0, max(0.3, float(0.85 * max(step.miss, 1e-12) ** (-1 / self._stepper.order))))
+        # widths are powers of two, and what is missed may be no more than rounding: try, but not after each refusal
+        self._refused -= 1
+        return 2.0 if step.miss <= _ALMOST_NOTHING and self._refused < 0 else 1.0
+
+    def _solved(self, width: float, gap: float) -> tuple[Step, float]:
+        """Return an accurate step and its width: about ``width``, beyond ``gap`` where that is as good."""
+        straight, cause = self._straight(), ""
+        longest = self._width
+        while True:
+            if width < 1e-14 * max(self._horizon, self.now):
+                self._bounds.stuck(self.now, self._board.x[0].real, self._first_scale, cause or self._without_value())
+            self._bounds.step(self.now)
+            step: Step | None = None
+            if straight is not None:
+                width = _binary(width, longest)
+            try:
+                with numerical("a step"):
+                    step = self._attempt(width, gap, straight)
+                cause = f"{step.singular} leaps or goes to infinity" if step is not None and step.singular else ""
+            except EngineError as error:  # where a shorter one may stay away from
+                cause = error.message
+            if step is not None and step.miss <= 1.0:
+                return step, width
+            width *= 0.25 if step is None else min(0.7, max(0.2, 0.8 * step.miss ** (-1 / self._stepper.order)))
+            longest = width
+            self._refused = _PATIENCE
+            self._stepper.forget()
+
+    def _without_value(self) -> str:
+        """Name the law that gives no number here, though it is given some."""
+        flow = self.system.value.flow(self._board.instant().real)
+        for law in self.system.value.laws:
+            given, found = flow.e[..., law.inputs], (flow.v[..., law.outputs], flow.f[..., law.states])
+            if np.isfinite(given).all() and not all(np.isfinite(part).all() for part in found):
+                return f"{law.label} has no value (a root or logarithm of a negative number, or a division by 0)"
+        return ""
+
+    def _attempt(self, width: float, gap: float, straight: Straight | None) -> Step | None:
+        start, modes = self._board.x[0].real, self._board.modes
+        if straight is None:
+            return self._stepper.attempt(start, self._command(width), modes)
+        return self._stepper.leap(start, self._command(gap).extended(width), modes, straight)
+
+    def _straight(self) -> Straight | None:
+        """Return the system as linear maps where it is one now, and nothing but straight lines drives it."""
+        if not self._driving.straight or self.system.delays.shape[-1] or not self.system.states:
+            return None
+        found = self.system.value.straight(self._board.modes)
+        return found if found is not None and found.map.solved else None
+
+    def _many(self) -> bool:
+        """Take the steps between many kinks of the commands at once; return whether that has led on."""
+        if self.system.delays.shape[-1] or len(self._agenda) < self._chain or not self.system.states:
+            return False
+        self._pause -= 1
+        ahead = self._agenda.ahead(self._chain)
+        inside = ahead[-1].time < self._horizon and all(stop.law is None for stop in ahead)
+        if not inside or self._pause > 0 or np.any(self._board.t.imag):
+            return False
+        times = np.array([self.now, *(stop.time for stop in ahead)])
+        straight = self._driving.lines(times)
+        chain = None if straight is None else solve_chain(self._stepper, self._board, straight)
+        if chain is None:
+            self._chain, self._pause = max(_FEWEST, self._chain // 2), _PAUSE
+            return False
+        taken = len(chain.path)
+        self._agenda.drop(taken - 1)
+        if taken == self._chain:
+            self._chain = min(2 * self._chain, _MOST)
+        self._take(chain)
+        return True
+
+    def _take(self, chain: Chain) -> None:
+        """Append a chain of steps to the record and move to its end."""
+        self._bounds.step(self.now, len(chain.path))
+        lanes, board = self.system.lanes, self._board
+        linear = chain.x[None, :, :, : self.system.linear_states]
+        parts = np.concatenate([linear[0], chain.u[0], chain.v[0]], axis=2).real
+        sums = np.concatenate([chain.y[0], chain.e[0], chain.v[0]], axis=2).real
+        self._stepper.remember(*(np.concatenate(part) for part in (chain.x, parts, sums)))
+        self._stepper.forget()
+        self.error = max(self.error, chain.error)
+        self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
+        board.t, board.x = self.record.edges[-1].astype(board.t.dtype), chain.end.copy()
+        e, v = chain.e[:, -1], chain.v[:, -1]
+        slope = self._stepper.quiet_slope(e, float(chain.lines.widths[-1]))
+        board.arrived(e, v, slope, noise=self._stepper.noise(), states=self._stepper.scale)
+
+    def _first_width(self) -> float:
+        """Return a first step from the fastest mode at this instant."""
+        if not self.system.states:
+            return math.inf
+        slope = self.system.tangent(self._board.instant().real).fx[0]
+        fastest = float(np.abs(np.linalg.eigvals(slope)).max()) if np.isfinite(slope).all() else 0.0
+        return 4.0 / fastest if fastest > 0 else math.inf
+
+    def _accept(self, step: Step, end: float, lanes: Array | None, event: tuple[Step, Crossing] | None = None) -> None:
+        """Append a step to the record and move to its end; ``event`` is what ends it, on the step that it is a part of."""
+        self._stepper.accept(step, whole=event is None)
+        if not self._first_scale.any():
+            self._first_scale = self._stepper.scale
+        self.error = max(self.error, step.error)
+        board = self._board
+        nodes = step.nodes
+        if self.system.complex:
+            self.smooth = self.smooth and not any(
+                touches(values, board.tolerance(number, guard, values)) for number, guard, values in step.guards
+            )
+            ends = np.full(self.system.lanes, end, dtype=complex) if lanes is None else lanes
+            path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
+            if event is not None:
+                ends = ends - 1j * self._moved(*event, nodes)
+                path, nodes = self._stepper.lanes(step, board.x, board.t, ends)
+            board.t, last = ends, path[:, -1]
+        else:
+            board.t, last = np.full(1, end), step.path[-1:]
+        board.x = last.copy()
+        self.record.append(board.t, nodes.y, nodes.at.u, nodes.z)
+        noise, states = self._stepper.noise(), self._stepper.scale
+        board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope, noise=noise, states=states)
+        self._bounds.state(end, last)
+
+    def _moved(self, step: Step, event: Crossing, nodes: Any) -> Real:
+        """Return how much earlier an event comes for the infinitesimals of its guard, (lanes,).
+
+        Its rate is that of the whole ``step``: the part before the event may be so short that rounding is all of it.
+        """
+        number, guard, _ = step.guards[event.index]
+        law = self.system.laws[number]
+        seen = self.system.seen(number, nodes.at, nodes.flow.e, nodes.flow.v, nodes.slope)
+        values = law.element.guards(seen, self._board.modes[number], law.values)[guard]
+        shape = nodes.at.t.shape
+        moved = np.asarray(np.broadcast_to(values, shape)[:, -1].imag)
+        rate = step.slope_of(event.index, event.theta)
+        if rate <= 0.0:
+            self.smooth = self.smooth and not np.any(moved)
+            return np.zeros_like(moved)
+        return np.asarray(moved / rate)
+
+    def _event(self, step: Step, crossing: Crossing) -> None:
+        """Cut the step at its first event, and change the mode there."""
+        number, guard, _ = step.guards[crossing.index]
+        self.error = max(self.error, step.error)  # the part before the event is no better than the whole
+        width = step.width * crossing.theta
+        slope = None
+        if width > 1e-13 * max(self.now, 1e-3 * self._horizon):
+            part = self._stepper.cut(step, crossing.theta, self._command(width))
+            self._accept(part, self.now + width, None, event=(step, crossing))
+            self._board.switches = 0
+        else:
+            slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))
+            self._stepper.forget()
+        self._bounds.event(self.now, self._horizon, self.system.laws[number].label)
+        self._board.switch(number, guard, slope)
+        self._echo(0)
+        self._board.settle()
+
+
+def _binary(width: float, limit: float) -> float:
+    """Return the next larger power of two, or the one below where that is beyond ``limit``: few widths, met again."""
+    above = 2.0 ** math.ceil(math.log2(width))
+    return above if above <= limit else 0.5 * above

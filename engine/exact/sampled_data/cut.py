@@ -1,0 +1,95 @@
+"""Loops cut open beside a pure delay: the same loop cut on the other side of it, where all signals are known.
+
+A pure delay and the gain, phase or delay that a margin puts into the cut change places, and the loop stays the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.exact.sampled_data.transport import held_channels
+
+if TYPE_CHECKING:
+    from engine.model.linear_system import Array
+
+_ENTER = {"b1": "b2", "d11": "d12", "d21": "d22", "d31": "d32"}
+"""What an input enters by, and what a channel enters by."""
+_SAY = {"c1": "c2", "d11": "d21", "d12": "d22", "d13": "d23"}
+"""What an output is made of, and what a channel takes."""
+
+
+def cut_beside_delays(m: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the matrices of an opened loop, its cut out of the way of pure delays.
+
+    Parameters
+    ----------
+    m : mapping
+        Matrices of the fractional form; the last input and output are the ends of the cut.
+    """
+    moved = {name: np.array(matrix) for name, matrix in m.items()}
+    for _ in range(moved["delays"].shape[-1]):
+        channel = _behind(moved)
+        if channel is not None:
+            _put_behind(moved, channel)
+    for _ in range(moved["delays"].shape[-1]):
+        channel = _in_front(moved)
+        if channel is not None:
+            moved = _put_in_front(moved, channel)
+    return moved
+
+
+def _behind(m: Mapping[str, Array]) -> int | None:
+    """Return the channel that alone takes the last input, and nothing else, and goes on to what is no sampler."""
+    taken = np.flatnonzero(np.any(m["d21"][:, :, -1] != 0, axis=0))
+    if len(taken) != 1 or any(np.any(m[name][..., -1]) for name in ("b1", "d11", "d31")):
+        return None
+    j = int(taken[0])
+    others = np.any(m["d21"][:, j, :-1]) or any(np.any(m[name][:, j]) for name in ("c2", "d22", "d23"))
+    goes_on = np.any(m["b2"][..., j]) or np.any(m["d22"][..., j])
+    return j if goes_on and not others else None
+
+
+def _put_behind(m: dict[str, Array], j: int) -> None:
+    """Let the last input enter where a channel did, and the channel carry what the last output says."""
+    factor = m["d21"][:, j, -1, None].copy()
+    m["d21"][:, j] = 0.0
+    for enters, channel in _ENTER.items():
+        m[enters] = m[enters].astype(np.result_type(m[enters], m[channel], factor))
+        m[enters][..., -1] = factor * m[channel][..., j]
+        m[channel][..., j] = 0.0
+    for output, channel in _SAY.items():
+        m[channel] = m[channel].astype(np.result_type(m[channel], m[output]))
+        m[channel][:, j] = m[output][:, -1]
+        m[output][:, -1] = 0.0
+    m["d12"][:, -1, j] = 1.0
+
+
+def _in_front(m: Mapping[str, Array]) -> int | None:
+    """Return the channel that the last output is, one that flows; other inputs do not matter to a loop."""
+    seen = np.flatnonzero(np.any(m["d12"][:, -1] != 0, axis=0))
+    if len(seen) != 1 or any(np.any(m[name][:, -1]) for name in ("c1", "d13")) or np.any(m["d11"][:, -1, -1]):
+        return None
+    j = int(seen[0])
+    return j if j not in held_channels(m) else None
+
+
+def _put_in_front(m: Mapping[str, Array], j: int) -> dict[str, Array]:
+    """Let the last output be what a channel takes, and the last input enter through a channel of its own, as late."""
+    factor = m["d12"][:, -1, j, None].copy()
+    grown = dict(m)
+    grown["delays"] = np.concatenate([m["delays"], m["delays"][:, j : j + 1]], axis=1)
+    for output, channel in _SAY.items():
+        row = m[channel][:, j : j + 1]
+        kept = m[output].astype(np.result_type(m[output], row, factor))
+        kept[:, -1] = factor * row[:, 0]
+        grown[output] = kept
+        grown[channel] = np.concatenate([m[channel], np.zeros_like(row)], axis=1)
+    for enters, channel in _ENTER.items():
+        column = grown[enters][..., -1:]
+        grown[channel] = np.concatenate([grown[channel], column], axis=2)
+        grown[enters] = np.concatenate([grown[enters][..., :-1], np.zeros_like(column)], axis=2)
+    grown["d21"][:, -1, -1] = 1.0
+    return grown

@@ -1,0 +1,184 @@
+"""Margins of a loop with samplers: what gain or phase brings an eigenvalue of the map over the common period to the unit circle.
+
+gain:  |z(Φ(k))| = 1, k > 0;   phase:  |z(Φ(e^{-jφ}))| = 1, -π < φ <= π
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.exact.sampled_data.crossings import Crossing, crossings
+from engine.exact.sampled_data.delayed import Begun, delay_margins
+from engine.exact.sampled_data.period import Period
+from engine.model.circles import circles
+from engine.model.tangent import INFINITESIMAL
+
+if TYPE_CHECKING:
+    from engine.exact.sampled_data.system import SampledSystem
+    from engine.model.linear_system import Array
+
+Margin = tuple["Array", "Array"]
+"""(frequency in rad/s, margin), each of shape (lanes,)."""
+
+_GAINS: Final = (-6.0, 3.0, 9.0)
+"""Powers of ten: where the scan of the gain begins, where it ends, and where it ends if nothing has bounded the gain by then."""
+_PER_DECADE: Final = 24
+_ANGLES: Final = 96
+_AT_ONE: Final = 0.00137
+"""The grid of the gain does not hold 1 itself, where a loop on the stability limit has its crossing."""
+_AT_NONE: Final = 1e-7
+"""Nor does that of the phase hold 0."""
+_LOOKS: Final = 8
+_STILL: Final = 1e-10
+"""A crossing whose eigenvalue hardly moves with the gain is that of a mode that the loop does not reach."""
+
+
+class SampledLoop:
+    """A system cut open at one place.
+
+    Parameters
+    ----------
+    system : SampledSystem
+        The last input feeds what reads the place, the last output is what is written there; closed by u = y.
+    """
+
+    def __init__(self, system: SampledSystem) -> None:
+        self.whole = system
+        states = _in_circle(system)
+        ends = [len(system.inputs) - 1], [len(system.outputs) - 1]
+        self.part = system.part(states).between(*ends)
+        self.lanes = system.lanes
+
+    @property
+    def closes(self) -> bool:
+        """Whether what leaves the cut comes back to it through a sampler."""
+        return bool(self.part.samplings)
+
+    @cached_property
+    def period(self) -> Period:
+        """The common period of the rates in the loop."""
+        return Period(self.part)
+
+    @cached_property
+    def gain_margins(self) -> tuple[list[Margin], float]:
+        """Every gain margin, and the loop gain that those beyond the scan fall below."""
+        first, last, further = _GAINS
+        found = self._gains(first, last)
+        if any(float(margin[0].real) >= 1 - 1e-9 for _, margin in found):
+            return found, 10**-last
+        return [*found, *self._gains(last, further)], 10**-further
+
+    def _gains(self, low: float, high: float) -> list[Margin]:
+        count = round((high - low) * _PER_DECADE) + 1
+        grid = np.log(10.0) * np.linspace(low, high, count) + _AT_ONE
+        found = []
+        for crossing in crossings(lambda q: self.period.maps(np.exp(q)), grid):
+            gain = float(np.exp(crossing.at))
+            step = self._step(crossing, np.array([gain + 1j * INFINITESIMAL]), np.zeros(1))
+            if abs(step.real) * gain > _STILL:
+                found.append(self._margin(crossing, gain, complex(gain), step))
+        return _single(found)
+
+    @cached_property
+    def _phases(self) -> list[tuple[Crossing, Margin]]:
+        """Every crossing of the phase with its margin, at positive frequencies."""
+        found = []
+        grid = np.linspace(0.0, np.pi, _ANGLES + 1) + _AT_NONE
+        for crossing in crossings(lambda q: self.period.maps(np.exp(-1j * q)), grid):
+            gain = complex(np.exp(-1j * crossing.at))
+            turned = -1j * gain * INFINITESIMAL
+            step = self._step(
+                crossing, np.array([gain.real + 1j * turned.real]), np.array([gain.imag + 1j * turned.imag])
+            )
+            if abs(step.real) > _STILL:
+                frequency, margin = self._margin(crossing, crossing.at, gain, step)
+                if float(frequency[0].real) >= 0:
+                    found.append((crossing, (frequency, margin)))
+                else:
+                    found.append((crossing.mirrored(), (-frequency, -margin)))
+        return sorted(found, key=lambda one: float(one[1][0][0].real))
+
+    @property
+    def phase_margins(self) -> list[Margin]:
+        """Every phase margin in (-π, π], of the crossings at positive frequencies."""
+        return [margin for _, margin in self._phases]
+
+    @cached_property
+    def delay_margins(self) -> list[Margin]:
+        """The delay margin of every crossing at a positive frequency; :func:`delay_margins` tells what is raised."""
+        length = float(self.period.length[0].real)
+        begun = [
+            Begun(phase=float(margin[0].real) % (2 * np.pi), angle=float(frequency[0].real) * length, crossing=crossing)
+            for crossing, (frequency, margin) in self._phases
+        ]
+        return delay_margins(self.part, begun)
+
+    def _step(self, crossing: Crossing, re: Array, im: Array) -> complex:
+        """Return d ln z for the infinitesimal of the gain κ."""
+        return complex(crossing.rate(self._value.motion(re, im))[0])
+
+    @cached_property
+    def _value(self) -> Period:
+        return Period(self.part.value)
+
+    def _margin(self, crossing: Crossing, value: float, gain: complex, step: complex) -> Margin:
+        """Return frequency and margin with their infinitesimals; ``step`` is d ln z for a step of the margin."""
+        length = self.period.length
+        angle = np.angle(crossing.eigenvalue) + 2 * np.pi * self._alias(crossing, gain)
+        if not self.part.moves:
+            return np.full(self.lanes, angle / length.real), np.full(self.lanes, value)
+        moved = crossing.rate(self.period.motion(np.array([gain.real]), np.array([gain.imag])))
+        slope = -moved.real / step.real
+        turned = moved.imag + step.imag * slope
+        frequency = (angle + 1j * INFINITESIMAL * turned) / length
+        return np.asarray(frequency), np.asarray(value + 1j * INFINITESIMAL * slope)
+
+    def _alias(self, crossing: Crossing, gain: complex) -> int:
+        """Return how many turns per common period the signal at the cut mostly makes more than ln z says."""
+        if len(self.part.samplings) == 1:
+            return 0
+        length = float(self.period.length[0].real)
+        count = _LOOKS * (len(self.period.events) + 1)
+        marked = Period(self.part, np.arange(count) * (length / count))
+        turns = np.arange(-count // 4, count // 4 + 1)
+        times, states = marked.passage(crossing.right, gain)
+        signal = states @ self.part.read[0, -1].real
+        weights = np.diff(np.append(times, length))
+        angle = np.angle(crossing.eigenvalue)
+        parts = np.exp(-1j * np.outer(angle + 2 * np.pi * turns, times) / length) @ (weights * signal)
+        best = np.flatnonzero(np.abs(parts) >= np.abs(parts).max() * (1 - 1e-9))
+        return int(turns[best[np.argmin(np.abs(angle + 2 * np.pi * turns[best]))]])
+
+
+def _in_circle(system: SampledSystem) -> npt.NDArray[np.int64]:
+    """Return the states that what leaves the cut passes on its way back to it."""
+    n = system.n
+    acts = np.zeros((n + 1, n + 1), dtype=bool)
+    acts[:n, :n] = system.pattern
+    acts[:n, n] = np.any(system.driven[:, :, -1] != 0, axis=0)
+    for sampling in system.samplings:
+        acts[:n, n] |= np.any(sampling.entering[:, :, -1] != 0, axis=0)
+    acts[n, :n] = np.any(system.read[:, -1] != 0, axis=0)
+    for circle in circles([np.flatnonzero(row).tolist() for row in acts]):
+        if n in circle:
+            return np.array([state for state in circle if state != n], dtype=np.int64)
+    raise AssertionError("every node is in a group")
+
+
+def _single(found: list[Margin]) -> list[Margin]:
+    """Return each margin once, at its positive frequency: a complex pair passes the circle together."""
+    kept: list[Margin] = []
+    for frequency, margin in found:
+        sign = 1.0 if float(frequency[0].real) >= 0 else -1.0
+        value = float(margin[0].real)
+        if not any(
+            abs(float(m[0].real) - value) <= 1e-9 * value
+            and abs(float(w[0].real) - sign * float(frequency[0].real)) <= 1e-6 * max(abs(float(w[0].real)), 1e-9)
+            for w, m in kept
+        ):
+            kept.append((sign * frequency, margin))
+    return sorted(kept, key=lambda one: float(one[0][0].real))

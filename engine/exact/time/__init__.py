@@ -1,0 +1,1 @@
+"""Exact responses of linear systems in time, by pieces of polynomials."""

@@ -1,1 +1,0 @@
-"""Exact responses of linear systems with internal delays."""

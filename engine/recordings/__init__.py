@@ -1,0 +1,1 @@
+"""What is measured: spectra, modes, processing, validation of models."""

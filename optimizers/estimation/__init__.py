@@ -1,0 +1,1 @@
+"""Regressions and the colour of residuals: estimates that need no simulation."""

@@ -1,0 +1,1 @@
+"""What methods are made of: descents, clouds, fronts, maps, budgets, reports."""

@@ -1,0 +1,78 @@
+"""Points of a design of experiments: full grids, even samples, the cells around good points, and maps in parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from optimizers.problem import Axis, Vector
+from optimizers.search.evenly import latin_hypercubes, sobol_sequence
+from optimizers.search.result import GridMap
+
+Matrix = npt.NDArray[np.float64]
+
+
+def places(axis: Axis, count: int) -> Vector:
+    """Return ``count`` positions from one end of an axis to the other; of a discrete one as many levels as there are."""
+    if not axis.discrete:
+        return np.linspace(0.0, 1.0, count)
+    last = len(axis.levels) - 1
+    return np.unique(np.rint(np.linspace(0.0, last, min(count, last + 1)))) / last
+
+
+def around(axis: Axis, centre: float, width: float, count: int) -> Vector:
+    """Return positions within ``width`` of a place; of a discrete axis the levels there, its neighbours at least."""
+    if not axis.discrete:
+        return np.clip(np.linspace(centre - width, centre + width, count), 0.0, 1.0)
+    last = len(axis.levels) - 1
+    reach = max(1, int(width * last))
+    near = np.arange(round(centre * last) - reach, round(centre * last) + reach + 1)
+    near = near[(near >= 0) & (near <= last)]
+    return np.unique(near[np.rint(np.linspace(0, len(near) - 1, min(count, len(near)))).astype(int)]) / last
+
+
+class Combinations:
+    """Every combination of positions on each axis, made row by row when asked for: first axis slowest."""
+
+    def __init__(self, axes: Sequence[Vector]) -> None:
+        self.axes = tuple(axes)
+        self.shape = tuple(len(axis) for axis in axes)
+
+    def __len__(self) -> int:
+        return math.prod(self.shape)
+
+    def rows(self, first: int, last: int) -> Matrix:
+        """Return the combinations number ``first`` up to ``last``, shape (last - first, V)."""
+        indices = np.unravel_index(np.arange(first, last), self.shape)
+        return np.stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)], axis=1)
+
+
+def sample(kind: str, total: int, dimensions: int, rng: np.random.Generator) -> Matrix:
+    """Return ``total`` evenly spread points of the unit cube: a scrambled Sobol sequence or a Latin hypercube."""
+    if kind == "sobol":
+        return np.asarray(sobol_sequence(dimensions, rng).random_base2(math.ceil(math.log2(total)))[:total])
+    return np.asarray(latin_hypercubes(dimensions, rng).random(total))
+
+
+def joined(parts: Sequence[GridMap]) -> GridMap:
+    """Return one map of the parts of a grid that was cut along its first variable, in their order.
+
+    Raises
+    ------
+    ValueError
+        If the parts do not have the same other axes.
+    """
+    first, *others = parts[0].axes
+    for part in parts[1:]:
+        if list(part.axes) != [first, *others] or any(
+            not np.array_equal(part.axes[name], parts[0].axes[name]) for name in others
+        ):
+            raise ValueError(f"parts must share the axes {', '.join(others) or '(none)'}, got other values of one")
+    return GridMap(
+        axes={first: np.concatenate([part.axes[first] for part in parts])} | {n: parts[0].axes[n] for n in others},
+        objective=np.concatenate([part.objective for part in parts]),
+        violation=np.concatenate([part.violation for part in parts]),
+    )

@@ -1,0 +1,1 @@
+"""Everything around a method: ranges, yield, neighbours, parts for several processes."""
