@@ -15,10 +15,12 @@ from api.formats import (
     Values,
     hdf5,
     mat,
+    mcap,
     mdf,
     parquet,
     tdms,
     uff,
+    wav,
 )
 from api.formats.text import lvm, tables
 from api.formats.text.tables import TableOptions
@@ -32,7 +34,7 @@ TABLES = ("csv", "txt")
 _TITLES: Mapping[str, str] = MappingProxyType(
     {
         "tdms": "a TDMS", "mat": "a MATLAB", "hdf5": "an HDF5", "parquet": "a Parquet", "uff": "a universal", "mdf": "an MDF",
-        "lvm": "a LabVIEW",
+        "lvm": "a LabVIEW", "wav": "a WAV", "mcap": "an MCAP",
     }
 )  # fmt: skip
 
@@ -53,6 +55,8 @@ _READERS: Mapping[str, Callable[[BinaryIO], Recording]] = MappingProxyType(
         "parquet": parquet.open_file,
         "uff": uff.open_file,
         "mdf": mdf.open_file,
+        "wav": wav.open_file,
+        "mcap": mcap.open_file,
     }
 )
 

@@ -23,11 +23,12 @@ _TEXTS = {3: {11, 12}, 4: {7, 8, 11}}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Place:
-    """Where a channel is; ``index`` is None for the master of its group."""
+    """Where a channel is; ``index`` is None for the master of its group, ``element`` a field of an array and a place in it."""
 
     group: int
     index: int | None
     raw: bool = False
+    element: tuple[str, int] | None = None
 
 
 def open_file(file: BinaryIO) -> Recording:
@@ -72,9 +73,11 @@ def _values(source: Any, place: _Place, start: int, count: int) -> Values:
         samples_only=True,
         ignore_invalidation_bits=True,  # they are handed over instead of being left out, which would shift the rest
     )
-    if samples.ndim != 1 or samples.dtype.names:
-        raise ValueError(f"{samples.dtype} of shape {samples.shape}")
-    values = np.array(samples, dtype=np.float64)
+    if place.element is not None:
+        name, number = place.element
+        values = np.array((samples[name] if name else samples).reshape(count, -1)[:, number], dtype=np.float64)
+    else:
+        values = np.array(samples, dtype=np.float64)
     if invalid is not None:
         values[np.asarray(invalid, dtype=bool)] = np.nan
     return values
@@ -101,6 +104,23 @@ def _channels(source: Any) -> tuple[list[_Place], list[Series], dict[str, str]]:
             if channel.data_type not in _NUMBERS[version]:
                 refused[name] = "its values are no plain numbers"
                 continue
+            if source.groups[group].channel_dependencies[index]:
+                elements = _elements(source, group, index)
+                if not elements:
+                    refused[name] = "it is a structure: its parts are channels of their own"
+                for label_of, element in elements.items():
+                    series.append(
+                        Series(
+                            name=f"{name}{label_of}",
+                            index=len(series),
+                            count=count,
+                            unit=str(getattr(channel, "unit", "") or "")[:64],
+                            start_time=start,
+                            group=label,
+                        )
+                    )
+                    places.append(_Place(group=group, index=index, element=element))
+                continue
             timed = index == master
             if timed and known:
                 continue  # the same instants once more
@@ -120,6 +140,22 @@ def _channels(source: Any) -> tuple[list[_Place], list[Series], dict[str, str]]:
                 _Place(group=group, index=None if timed else index, raw=not timed and kind in _TEXTS[version])
             )
     return places, series, refused
+
+
+def _elements(source: Any, group: int, index: int) -> dict[str, tuple[str, int]]:
+    """Return the numbers of an array by what is added to its name: [1][0]; its axes are arrays of their own."""
+    samples = source.get(group=group, index=index, record_offset=0, record_count=1, samples_only=True)[0]
+    fields = samples.dtype.names or ("",)
+    name = source.groups[group].channels[index].name
+    found = {}
+    for field in fields:
+        part = samples[field] if field else samples
+        if part.dtype.kind not in "iufb" or part.ndim < 2:
+            continue
+        for number, place in enumerate(np.ndindex(*part.shape[1:])):
+            axis = "" if field in {"", name} else f" {field}"
+            found[f"{axis}{''.join(f'[{i}]' for i in place)}"] = (field, number)
+    return found
 
 
 def _label(source: Any, group: int) -> str:

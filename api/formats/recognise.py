@@ -23,7 +23,7 @@ _ENDINGS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "csv": "csv", "tsv": "csv", "asc": "csv", "dat": "csv", "txt": "txt", "lvm": "lvm", "tdms": "tdms", "mat": "mat",
         "h5": "hdf5", "hdf5": "hdf5", "hdf": "hdf5", "parquet": "parquet", "uff": "uff", "unv": "uff", "mdf": "mdf",
-        "mf4": "mdf",
+        "mf4": "mdf", "wav": "wav", "wave": "wav", "rf64": "wav", "mcap": "mcap",
     }
 )  # fmt: skip
 
@@ -37,6 +37,8 @@ _TELLING: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("hdf5", _is_hdf5),
     ("tdms", lambda head: head.startswith(b"TDSm")),
     ("mdf", lambda head: head.startswith((b"MDF  ", b"UnFinMF"))),
+    ("wav", lambda head: head[:4] in {b"RIFF", b"RF64"} and head[8:12] == b"WAVE"),
+    ("mcap", lambda head: head.startswith(b"\x89MCAP")),
     ("parquet", lambda head: head.startswith(b"PAR1")),
     ("lvm", lambda head: head.removeprefix(codecs.BOM_UTF8).startswith(b"LabVIEW Measurement")),
     ("uff", lambda head: re.match(rb"    -1[ \t]*\r?\n\s*\d{1,5}b?\b", head) is not None),
@@ -44,7 +46,10 @@ _TELLING: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
 """First the more special: a MATLAB 7.3 file is an HDF5 file."""
 
 _OTHERS: Final[tuple[tuple[bytes, str], ...]] = (
-    (b"PK\x03\x04", "an archive or a spreadsheet: send what is in it, saved as CSV"),
+    (
+        b"PK\x03\x04",
+        "an archive or a spreadsheet: send what is in it, saved as CSV (TIA exports a measurement, .ttrecx, as CSV, too)",
+    ),
     (b"\xd0\xcf\x11\xe0", "a document of an office program: save its table as CSV"),
     (b"\x1f\x8b", "compressed by gzip: send what is in it"),
     (b"%PDF", "a PDF document"),

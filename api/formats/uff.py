@@ -7,6 +7,7 @@ Time responses become channels, functions of frequency (responses, coherences, s
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ _DELIMITER = b"    -1"
 _LINES = 11
 _SPECTRAL = {2, 3, 4, 5, 6, 9, 10, 12}
 """Types of functions that are of frequency where the file does not say what its abscissa is."""
+_OVER_TIME = {0, 1, 7, 8}
 FUNCTIONS = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
     5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation",
@@ -69,9 +71,11 @@ def open_file(file: BinaryIO) -> Recording:
         For another file, a header that is damaged or claims more ordinates than there are, or a file that ends early.
     """
     found, others = _functions(file)
-    refused = {f"dataset {number}": "only datasets 58 hold recordings" for number in others}
-    series: list[Series] = []
-    usable: list[_Function] = []
+    refused = {
+        f"dataset {number}": "only datasets 58 hold recordings and functions: what else is in the file is not needed for them"
+        for number in others
+    }
+    channels = _Channels(file)
     spectral: list[SpectralFunction] = []
     names: set[str] = set()
     for number, function in enumerate(found, start=1):
@@ -81,38 +85,76 @@ def open_file(file: BinaryIO) -> Recording:
         names.add(name)
         if over_frequency:
             spectral.append(_spectral(file, function, name))
-            continue
-        reason = _reason(function)
-        if reason:
+        elif reason := _reason(function):
             refused[name] = reason
-            continue
-        series.append(
-            Series(
-                name=name,
-                index=len(series),
-                count=function.count,
-                unit=function.unit,
-                quantity=function.quantity,
-                sample_rate=1.0 / function.step,
-                start_time=function.recorded,
-            )
-        )
-        usable.append(function)
+        else:
+            channels.add(function, name)
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         for position, one in enumerate(wanted):
-            function = usable[one]
-            for piece in _binary(file, function) if function.binary else _text(file, function):
-                yield position, piece
+            function, column = channels.places[one]
+            for points in _points(file, function):
+                yield position, np.ascontiguousarray(points[:, column])
 
     remarks = ["the file states the time step with six digits: the sample rate is known to about 3e-6 of itself"]
     return Recording(
-        series=series,
+        series=channels.series,
         read=read,
         refused=refused,
-        remarks=remarks if usable else [],
+        remarks=remarks if any(one.sample_rate for one in channels.series) else [],
         functions=spectral,
     )
+
+
+class _Channels:
+    """The responses over time: those at uneven instants stand behind these, once for all that have the same."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.series: list[Series] = []
+        self.places: list[tuple[_Function, int]] = []
+        self._groups: dict[bytes, str] = {}
+
+    def add(self, function: _Function, name: str) -> None:
+        """Append the channels of a function: one, or its real and imaginary part."""
+        group = "" if function.even else self._instants(function, name)
+        first = 0 if function.even else 1
+        for column, part in enumerate((" (real)", " (imaginary)") if function.is_complex else ("",), start=first):
+            self.places.append((function, column))
+            self.series.append(
+                Series(
+                    name=f"{name}{part}",
+                    index=len(self.series),
+                    count=function.count,
+                    unit=function.unit,
+                    quantity=function.quantity,
+                    sample_rate=1.0 / function.step if function.even else None,
+                    start_time=function.recorded,
+                    group=group,
+                )
+            )
+
+    def _instants(self, function: _Function, name: str) -> str:
+        """Return the group of those that have the instants of a function."""
+        digest = hashlib.sha256()
+        for points in _points(self._file, function):
+            digest.update(np.ascontiguousarray(points[:, 0]).tobytes())
+        known = self._groups.get(digest.digest())
+        if known is not None:
+            return known
+        self._groups[digest.digest()] = name
+        self.places.append((function, 0))
+        self.series.append(
+            Series(
+                name=f"time of {name}",
+                index=len(self.series),
+                count=function.count,
+                unit="s",
+                role="time",
+                group=name,
+            )
+        )
+        return name
 
 
 def _spectral_name(function: _Function) -> str:
@@ -121,8 +163,7 @@ def _spectral_name(function: _Function) -> str:
 
 def _spectral(file: BinaryIO, function: _Function, name: str) -> SpectralFunction:
     def read() -> tuple[Values, npt.NDArray[np.complex128]]:
-        pieces = list(_binary(file, function) if function.binary else _text(file, function))
-        points = np.concatenate(pieces).reshape(function.count, -1)
+        points = np.concatenate(list(_points(file, function)))
         first = 0 if function.even else 1
         values = points[:, first].astype(np.complex128)
         if function.is_complex:
@@ -143,15 +184,22 @@ def _spectral(file: BinaryIO, function: _Function, name: str) -> SpectralFunctio
 
 
 def _reason(function: _Function) -> str | None:
-    if function.kind not in {0, 1}:
-        return f"it is a {FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), not a recording over time"
-    if function.is_complex:
-        return "its ordinates are complex"
-    if not function.even:
-        return "its abscissa is uneven"
-    if not function.step > 0.0:
-        return f"its time step must be > 0 s, got {function.step:g}"
+    if function.kind not in _OVER_TIME:
+        return f"it is a {FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), neither over time nor over frequency"
+    if function.even and not function.step > 0.0:
+        return f"its time step must be > 0 s, got {function.step:g}: write it anew with its step, or with its abscissa"
     return None
+
+
+def _points(file: BinaryIO, function: _Function) -> Iterator[Values]:
+    """Yield the numbers of whole points, shape (points, numbers of each)."""
+    width = len(_widths(function))
+    rest = np.empty(0)
+    for piece in _binary(file, function) if function.binary else _text(file, function):
+        flat = np.concatenate([rest, piece]) if rest.size else piece
+        whole = flat.size // width * width
+        rest = flat[whole:]
+        yield flat[:whole].reshape(-1, width)
 
 
 def _functions(file: BinaryIO) -> tuple[list[_Function], list[int]]:
@@ -217,6 +265,7 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
             raise FormatError(f"binary ordinates must be in the format of IEEE 754 (2), got {form}")
         if length > size - offset:
             raise FormatError(f"the ordinates must be {length} bytes, got {size - offset} before the file ends")
+        length = _length(file, offset, stated=length, needed=count * per_point * (8 if double else 4))
         claimed(f"ordinates of {head[0].strip()!r}", count * per_point, size=length, itemsize=8 if double else 4)
         file.seek(offset + length)
     else:
@@ -244,6 +293,15 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
         offset=offset,
         size=length,
     )
+
+
+def _length(file: BinaryIO, offset: int, *, stated: int, needed: int) -> int:
+    """Return the bytes of binary ordinates: some programs state those of real ones for complex or uneven ones, too."""
+    if stated < needed:
+        file.seek(offset + needed)
+        if file.readline(80).strip() in {b"", b"-1"}:
+            return needed
+    return stated
 
 
 def _point(entity: str, node: str, direction: str) -> str:

@@ -119,7 +119,7 @@ class ImportDocument(Document):
     )
 
 
-Format = Literal["raw", "txt", "csv", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf"]
+Format = Literal["raw", "txt", "csv", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf", "wav", "mcap"]
 
 
 class DatasetRequest(Document):

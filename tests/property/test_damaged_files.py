@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import scipy.io
+import scipy.io.wavfile
 from hypothesis import settings
+from mcap.writer import CompressionType, Writer
 from nptdms import ChannelObject, TdmsWriter
 
 from api.formats import FormatError
@@ -80,13 +82,30 @@ def _lvm() -> bytes:
     return (DATA / "lvm_labview" / "short.lvm").read_bytes()
 
 
+def _wav() -> bytes:
+    target = io.BytesIO()
+    scipy.io.wavfile.write(target, 1000, (X * 5000).astype("i2"))
+    return target.getvalue()
+
+
+def _mcap() -> bytes:
+    target = io.BytesIO()
+    writer = Writer(target, compression=CompressionType.LZ4)
+    writer.start()
+    channel = writer.register_channel("/x", "json", 0)
+    for i, x in enumerate(X):
+        writer.add_message(channel, i * 10_000_000, json.dumps({"x": x}).encode(), i * 10_000_000)
+    writer.finish()
+    return target.getvalue()
+
+
 def _csv() -> bytes:
     return ("time [s],x [mm]\n" + "".join(f"{t:.2f},{x:.6f}\n" for t, x in zip(TIME, X, strict=True))).encode()
 
 
 FILES: dict[str, Callable[[], bytes]] = {
     "tdms": _tdms, "mat": _matlab, "hdf5": _hdf5, "parquet": _parquet, "mdf": _mdf, "uff": _uff, "lvm": _lvm, "csv": _csv,
-    "txt": lambda: _csv().replace(b",", b"\t"),
+    "wav": _wav, "mcap": _mcap, "txt": lambda: _csv().replace(b",", b"\t"),
 }  # fmt: skip
 
 

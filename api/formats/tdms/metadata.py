@@ -114,7 +114,7 @@ class Parser:
                 self._at, self._end = position + _LEAD_IN, data
                 listed = self._metadata([] if mask & _NEW_LIST else listed)
             if mask & _RAW:
-                self._values(mask, listed, data, end)
+                self._values(mask, listed, data, end, closed=following != _UNFINISHED)
             position = end
             segments += 1
             if segments > _MOST_SEGMENTS:
@@ -185,8 +185,8 @@ class Parser:
             reason=reason,
         )
 
-    def _values(self, mask: int, listed: Sequence[str], data: int, end: int) -> None:
-        """Find the values of a segment; the last chunk may be shorter in a file that was not closed."""
+    def _values(self, mask: int, listed: Sequence[str], data: int, end: int, *, closed: bool) -> None:
+        """Find the values of a segment, whose last chunk may be shorter."""
         described = [(self.objects[path], index) for path in listed if (index := self.objects[path].index) is not None]
         for found, index in described:
             found.reason = found.reason or index.reason
@@ -206,21 +206,31 @@ class Parser:
                     found.add(Run(offset=offset, chunks=1, chunk=0, count=rows, stride=row, dtype=dtype))
                 offset += index.size
         else:
-            self._one_by_one(described, data, end)
+            self._one_by_one(described, data, end, closed=closed)
 
-    def _one_by_one(self, described: Sequence[tuple[TdmsObject, _Index]], data: int, end: int) -> None:
+    def _one_by_one(self, described: Sequence[tuple[TdmsObject, _Index]], data: int, end: int, *, closed: bool) -> None:
+        """Find values that lie channel after channel in each chunk.
+
+        A shorter last chunk of a segment that was closed has fewer values of each channel, in the same proportion; one that
+        was not closed ends somewhere in a whole chunk.
+        """
         chunk = sum(index.total for _, index in described)
         if not chunk:
             return
         chunks, rest = divmod(end - data, chunk)
-        offset, left = data, rest
+        offset, left, at = data, rest, data + chunks * chunk
         for found, index in described:
+            if closed and index.size:
+                remaining = index.count * rest // chunk
+                following = at + remaining * index.size
+            else:
+                remaining = min(max(left, 0) // index.size, index.count) if index.size else 0
+                following = at + index.total
             if index.dtype:
                 dtype, width = self._order + index.dtype, index.size
                 found.add(Run(offset=offset, chunks=chunks, chunk=chunk, count=index.count, stride=width, dtype=dtype))
-                remaining = min(max(left, 0) // width, index.count)
-                at = offset + chunks * chunk
                 found.add(Run(offset=at, chunks=1, chunk=0, count=remaining, stride=width, dtype=dtype))
+            at = following
             offset += index.total
             left -= index.total
 

@@ -90,10 +90,10 @@ def test_labview_tables_that_follow_each_other_are_joined(tmp_path):
         (LVM[: LVM.index("\t1\t2")], "must hold a table with rows"),
         (LVM.replace("Channels\t2", "Channels\tmany"), "Channels must be 1 ... 500, got 'many'"),
         (LVM.replace("Delta_X\t0.5", "Delta_X\tfast"), "Delta_X must be a finite number, got 'fast'"),
-        (LVM.replace("\t3\t4", "\t3\tx"), "lines 17 ... 18 must hold a number for every channel"),
+        (LVM.replace("\t3\t4", "\t3\tx"), "line 18, column 2 must be a number or empty, got 'x'"),
         (LVM.replace("Decimal_Separator\t.", "Decimal_Separator\t;"), 'Decimal_Separator must be "." or ","'),
         (LVM.replace("\t3\t4\n", "\t3"), "its last line is cut"),
-        (LVM.replace("X_Columns\tNo", "X_Columns\tMulti"), "X_Columns must be No or One, got Multi"),
+        (LVM.replace("X_Columns\tNo", "X_Columns\tMulti"), "must hold samples, got none in its rows"),
     ],
 )
 def test_damaged_labview_files_are_refused(tmp_path, content, message):
@@ -179,10 +179,9 @@ def test_damaged_universal_files_are_refused(tmp_path, content, message):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"type_": 4, "ordinate": 5}, r"it is a frequency response \(type 4\), not a recording over time"),
-        ({"ordinate": 5, "count": 3}, "its ordinates are complex"),
-        ({"spacing": 0, "count": 3}, "its abscissa is uneven"),
-        ({"step": "0.00000E+00"}, "its time step must be > 0 s, got 0"),
+        ({"type_": 4, "ordinate": 5}, r"it is a frequency response \(type 4\), neither over time nor over frequency"),
+        ({"type_": 11}, r"it is a probability density \(type 11\), neither over time nor over frequency"),
+        ({"step": "0.00000E+00"}, "its time step must be > 0 s, got 0: write it anew .*"),
     ],
 )
 def test_functions_that_are_no_recordings_are_refused_by_name(tmp_path, changes, reason):
