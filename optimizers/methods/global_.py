@@ -216,7 +216,7 @@ def _evolve(
         },
     )  # fmt: skip
     best = (math.inf, math.inf)
-    waited, generation, steps = 0, 0, _STEP
+    waited, generation, steps, done = 0, 0, _STEP, 0.0
     while waited < patience and steps > _FINE:
         asked = strategy.ask()
         fresh = generation == len(run.told)
@@ -230,9 +230,10 @@ def _evolve(
         if fresh and isinstance(tracker.monitor, Keeper):
             tracker.monitor.keep(run.document(tracker, ends))
         steps = float(strategy.sigma) * float(np.max(strategy.sm.variances[:variables]) ** 0.5)
-        # Steps shrink by orders of magnitude at a steady rate: the measure of how far the run has come.
-        done = max(math.log(_STEP / max(steps, _FINE)) / math.log(_STEP / _FINE), waited / patience)
-        tracker.monitor.progress(share[0] + share[1] * min(max(done, 0.0), 1.0), f"generation {generation} of {size}")
+        # Steps shrink by orders of magnitude at a steady rate: the measure of how far the run has come. It never goes back,
+        # though a step grows now and then and a better point ends the waiting.
+        done = max(done, math.log(_STEP / max(steps, _FINE)) / math.log(_STEP / _FINE), waited / patience)
+        tracker.monitor.progress(share[0] + share[1] * min(done, 1.0), f"generation {generation} of {size}")
     return best
 
 
