@@ -7,13 +7,13 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from dbos import DBOS
 from sqlalchemy.orm import Session
 
 from storage import models
 from storage.errors import UNAVAILABLE
 from storage.jobs import reconciliation
 from storage.jobs.claims import Claims
+from storage.jobs.private_calls import recover
 from storage.jobs.pulse import Pulse
 from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor, overdue_detail
@@ -128,16 +128,6 @@ class Keeper:
             self._queue.carry(session, lost)
         for job in lost:
             _log.warning("job %s was carried by nobody and is in the queue again", job.id)
-
-
-def recover(dead: Sequence[str]) -> None:
-    """Put the unfinished jobs of dead workers back into the queue, where any worker takes them.
-
-    The engine does this for an executor that starts again under its old name; for one that does not it offers a
-    private call only (or a commercial service), which is used here and nowhere else, and held by a test.
-    """
-    if dead:
-        DBOS._recover_pending_workflows(list(dead))  # noqa: SLF001 - no public call; held by a test
 
 
 def _end_overdue(session: Session) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dbos import DBOS, DBOSClient
-from dbos._error import DBOSInitializationError
+from dbos import DBOS
 from sqlalchemy import Engine
+
+from storage.jobs import private_calls
 
 
 def upgrade(url: str) -> None:
@@ -14,11 +15,4 @@ def upgrade(url: str) -> None:
 
 def is_current(engine: Engine) -> bool:
     """Return whether the job engine's tables are as this version of it needs them."""
-    client = DBOSClient(system_database_engine=engine, lazy=True, retry_connection_errors=False)
-    try:
-        client._sys_db.verify_migrations()  # noqa: SLF001 - there is no public question; held by a test
-    except DBOSInitializationError:
-        return False
-    finally:
-        client.destroy()
-    return True
+    return private_calls.tables_are_current(engine)

@@ -11,13 +11,14 @@ import time
 from contextlib import ExitStack
 from datetime import datetime
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from dbos import DBOS, DBOSClient, DBOSConfig
 
 from storage import models, processes
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE, StateError
+from storage.jobs import private_calls
 from storage.jobs.children import Zygote
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.keeping import Keeper
@@ -184,7 +185,7 @@ class Worker:
         engine = self._database.engine
         client = DBOSClient(system_database_engine=engine, serializer=SERIALIZER, application_name=APPLICATION)
         # Before the launch, which would notice a new queue a second later. A limit for each partition is what makes the
-        # engine ask them in turn; with no slots for anybody nothing is taken before `_use_own_slots`.
+        # engine ask them in turn; with no slots for anybody nothing is taken before `limit_claims`.
         client.register_queue(
             QUEUE, worker_concurrency=0, partition_concurrency=_NO_LIMIT, polling_interval_sec=_POLLING_INTERVAL
         )
@@ -201,7 +202,9 @@ class Worker:
         engine_instance = DBOS(config=config)
         DBOS.listen_queues([QUEUE])
         DBOS.launch()
-        _use_own_slots(engine_instance, self._slots, zygote)
+        # Workers have different numbers of slots. One that has just been started, perhaps in place of one that died, would keep a
+        # job waiting for as long as it loads, while another one could go on with it at once.
+        private_calls.limit_claims(engine_instance, QUEUE, lambda: self._slots if zygote.settled(0.0) else 0)
         return engine_instance
 
     def _retire(self) -> None:
@@ -238,31 +241,9 @@ def _wait_for_ended(engine: DBOS) -> None:
     Without its database it could not, and the workflow of a job that has ended would count as unfinished until a worker of
     the same name begins. The engine's own wait takes a second at least.
     """
-    running = engine._active_workflows_set.count_for_queue  # noqa: SLF001 - no public call; held by a test
     give_up_at = time.monotonic() + _STOP_TIMEOUT
-    while running(QUEUE) and time.monotonic() < give_up_at:
+    while private_calls.running_workflows(engine, QUEUE) and time.monotonic() < give_up_at:
         time.sleep(0.01)
-
-
-def _use_own_slots(engine: DBOS, slots: int, zygote: Zygote) -> None:
-    """Let this process take as many jobs as it has slots, and none before it has loaded what computes.
-
-    The engine keeps one number for all workers in the database (0, until this is called), and reads it before it takes a
-    job; but workers have different numbers of slots. One that has just been started, perhaps in place of one that died,
-    would keep a job waiting for as long as it loads, while another one could go on with it at once.
-    """
-    database = engine._sys_db  # noqa: SLF001 - no public call; held by a test
-    read = database.get_queue
-
-    def get_queue(name: str, **more: Any) -> Any:
-        queue = read(name, **more)
-        if queue is not None and name == QUEUE:
-            free = slots if zygote.settled(0.0) else 0
-            queue._worker_concurrency = queue._partition_worker_concurrency = free  # noqa: SLF001 - as above
-            queue._partition_concurrency = None  # noqa: SLF001 - as above
-        return queue
-
-    database.get_queue = get_queue  # type: ignore[method-assign] # what the engine asks is answered here
 
 
 def _claim_name(database: Database, token: str, slots: int, *, lost: str) -> str:
