@@ -19,9 +19,11 @@ from api.formats import (
     mdf,
     parquet,
     tdms,
+    touchstone,
     uff,
     wav,
 )
+from api.formats.spectral.columns import spectral
 from api.formats.text import lvm, tables
 from api.formats.text.tables import TableOptions
 
@@ -35,6 +37,7 @@ _TITLES: Mapping[str, str] = MappingProxyType(
     {
         "tdms": "a TDMS", "mat": "a MATLAB", "hdf5": "an HDF5", "parquet": "a Parquet", "uff": "a universal", "mdf": "an MDF",
         "lvm": "a LabVIEW", "wav": "a WAV", "mcap": "an MCAP",
+        "touchstone": "a Touchstone", "frd": "an FRD",
     }
 )  # fmt: skip
 
@@ -57,6 +60,8 @@ _READERS: Mapping[str, Callable[[BinaryIO], Recording]] = MappingProxyType(
         "mdf": mdf.open_file,
         "wav": wav.open_file,
         "mcap": mcap.open_file,
+        "touchstone": touchstone.open_file,
+        "frd": touchstone.open_frd,
     }
 )
 
@@ -92,7 +97,10 @@ def _opened(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     file.seek(0)
     if format_ == "lvm":
         return lvm.open_file(file, allow_truncated=options.allow_truncated)
-    return tables.open_file(file, options) if format_ in TABLES else _READERS[format_](file)
+    if format_ in TABLES:
+        return tables.open_file(file, options)
+    found = _READERS[format_](file)
+    return found if options.over_time else spectral(found)
 
 
 def _guarded(format_: str, function: SpectralFunction) -> SpectralFunction:

@@ -15,13 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError, Recording, bounded, by_channel
-from api.formats.arrays import Part, parts_of, series_of, stated_rate
+from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
 _LARGEST_CHUNK = 256 << 20
 _MOST_ARRAYS = 100_000
+_LONGEST_TEXT = 200
 _UNIT = ("unit", "units", "Unit", "Units", "unit_string", "y_unit")
 _STEP = ("dt", "delta_t", "sample_time", "wf_increment", "increment", "TimeStep")
 _RATE = ("sample_rate", "fs", "Fs", "sampling_rate", "SampleRate", "samplerate")
+_COMPLEX = {("real", "imag"), ("r", "i"), ("re", "im")}
 _CLASSES = {"char": "a text", "cell": "a cell array", "function_handle": "a function"}
 
 
@@ -40,6 +42,7 @@ def open_file(file: BinaryIO) -> Recording:
     arrays: list[Any] = []
     names: list[str] = []
     refused: dict[str, str] = {}
+    texts: dict[str, str] = {}
 
     def visit(path: str, item: Any) -> None:
         if len(arrays) + len(refused) > _MOST_ARRAYS:
@@ -54,13 +57,14 @@ def open_file(file: BinaryIO) -> Recording:
         reason = _reason(item)
         if reason:
             refused[name] = reason
+            texts[name] = _short_text(item)
         else:
             arrays.append(item)
             names.append(name)
 
     try:
         source.visititems(visit)
-        found = _recording(arrays, names, refused, dict(source.attrs), matlab=matlab)
+        found = _recording(arrays, names, refused, texts, dict(source.attrs), matlab=matlab)
     except BaseException:
         source.close()
         raise
@@ -68,35 +72,46 @@ def open_file(file: BinaryIO) -> Recording:
 
 
 def _recording(
-    arrays: list[Any], names: list[str], refused: dict[str, str], attributes: Mapping[str, Any], *, matlab: bool
+    arrays: list[Any],
+    names: list[str],
+    refused: dict[str, str],
+    texts: Mapping[str, str],
+    attributes: Mapping[str, Any],
+    *,
+    matlab: bool,
 ) -> Recording:
     parts: list[Part] = []
     scalars: dict[str, float] = {}
-    for i, (array, name) in enumerate(zip(arrays, names, strict=True)):
-        # MATLAB's columns are the rows of HDF5
-        shape = array.shape[::-1] if matlab else array.shape
+    # MATLAB's columns are the rows of HDF5
+    shapes = [array.shape[::-1] if matlab else array.shape for array in arrays]
+    lines = line_counts(zip(names, shapes, strict=True))
+    for i, (array, name, shape) in enumerate(zip(arrays, names, shapes, strict=True)):
         if all(n == 1 for n in shape):
-            scalars[name] = float(np.asarray(array[()]).reshape(-1)[0])
+            if _is_complex(array):
+                refused[name] = "it is a single complex number"
+            else:
+                scalars[name] = float(np.asarray(array[()]).reshape(-1)[0])
             continue
         bounded(f"the values of {name}", math.prod(shape))
-        more, reason = parts_of(name, shape, array=i)
+        more, reason = parts_of(name, shape, array=i, is_complex=_is_complex(array), lines=lines)
         parts += more
         if reason:
             refused[name] = reason
     rates = [_rate(array.attrs) for array in arrays]
+    units = [
+        _text(array.attrs, _UNIT) or frequency_unit(name, names, texts)
+        for array, name in zip(arrays, names, strict=True)
+    ]
     series = [
-        replace(one, sample_rate=rates[part.array])
-        for one, part in zip(series_of(parts, [_text(array.attrs, _UNIT) for array in arrays]), parts, strict=True)
+        replace(one, sample_rate=rates[part.array]) for one, part in zip(series_of(parts, units), parts, strict=True)
     ]
 
     def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
         one = parts[channel]
         array = arrays[one.array]
-        axes = range(array.ndim)
-        long = [axis for axis in axes if array.shape[axis] > 1]
-        along = array.ndim - 1 - one.along if matlab else one.along
-        where = tuple(slice(start, stop) if axis == along else one.across if axis in long else 0 for axis in axes)
-        return np.asarray(array[where])
+        place = [slice(start, stop) if axis == one.along else i for axis, i in enumerate(one.place)]
+        values = np.asarray(array[tuple(reversed(place) if matlab else place)])
+        return _component(values, imaginary=one.imaginary)
 
     rate = _rate(attributes)
     remarks: list[str] = []
@@ -112,6 +127,28 @@ def _recording(
     )
 
 
+def _short_text(item: Any) -> str:
+    """Return a text that may be a unit: letters of MATLAB are numbers; "" for anything else."""
+    if item.shape is not None and 0 < math.prod(item.shape) <= _LONGEST_TEXT and not item.external:
+        if item.dtype == np.uint16:
+            return np.asarray(item[()]).reshape(-1).astype("<u2").tobytes().decode("utf-16-le", errors="replace")
+        if item.dtype.kind in "SO" and item.shape == ():
+            value = item[()]
+            return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+    return ""
+
+
+def _is_complex(item: Any) -> bool:
+    """Whether each number has two parts: as numpy and h5py have them, or as MATLAB has."""
+    return item.dtype.kind == "c" or item.dtype.names in _COMPLEX
+
+
+def _component(values: npt.NDArray[Any], *, imaginary: bool) -> npt.NDArray[Any]:
+    if values.dtype.kind == "c":
+        return np.asarray(values.imag if imaginary else values.real)
+    return values if values.dtype.names is None else np.asarray(values[values.dtype.names[1 if imaginary else 0]])
+
+
 def _reason(item: Any) -> str:
     """Return why an array cannot be a channel, "" when it can."""
     class_ = _text(item.attrs, ("MATLAB_class",))
@@ -121,7 +158,7 @@ def _reason(item: Any) -> str:
         return f"it is {_CLASSES[class_]}"
     if "MATLAB_empty" in item.attrs or item.shape is None or 0 in item.shape:
         return "it is empty"
-    if item.dtype.kind not in "iufb":
+    if item.dtype.kind not in "iufb" and not _is_complex(item):
         return f"its values are no plain numbers ({item.dtype})"
     return _storage_reason(item)
 

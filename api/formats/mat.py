@@ -8,6 +8,7 @@ of a megabyte cannot become one of a gigabyte. Version 7.3 is HDF5, see there.
 
 from __future__ import annotations
 
+import math
 import struct
 import tempfile
 import zlib
@@ -20,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import PIECE, FormatError, Recording, by_channel, claimed
-from api.formats.arrays import Part, parts_of, series_of, stated_rate
+from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
 _HEAD = 128
 _CHUNK = 1 << 20
@@ -32,6 +33,7 @@ _NUMERIC = set(range(6, 16))
 _COMPLEX, _LOGICAL = 0x08, 0x02
 _DEEPEST = 32
 _MOST_VARIABLES = 100_000
+_LONGEST_TEXT = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +45,14 @@ class _Array:
     file: BinaryIO
     offset: int
     dtype: str
+    imaginary: tuple[int, str] | None = None
+    """Where the imaginary parts are, and their type."""
 
 
 @dataclass(slots=True)
 class _Found:
     arrays: list[_Array] = field(default_factory=list)
+    texts: dict[str, str] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     unpacked: int = 0
 
@@ -97,11 +102,16 @@ def _found(file: BinaryIO, size: int, order: str, bound: int, undo: ExitStack) -
 def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     parts: list[Part] = []
     scalars: dict[str, float] = {}
+    names = [array.name for array in found.arrays]
+    lines = line_counts((array.name, array.shape) for array in found.arrays)
     for i, array in enumerate(found.arrays):
         if array.shape and all(n == 1 for n in array.shape):
-            scalars[array.name] = float(_values(array, 0, 1)[0])
+            if array.imaginary is None:
+                scalars[array.name] = float(_values(array, 0, 1)[0])
+            else:
+                found.refused[array.name] = "it is a single complex number"
             continue
-        more, reason = parts_of(array.name, array.shape, array=i)
+        more, reason = parts_of(array.name, array.shape, array=i, is_complex=array.imaginary is not None, lines=lines)
         parts += more
         if reason:
             found.refused[array.name] = reason
@@ -109,17 +119,22 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     def part(channel: int, start: int, stop: int) -> npt.NDArray[np.float64]:
         one = parts[channel]
         array = found.arrays[one.array]
-        if one.along == next(axis for axis, n in enumerate(array.shape) if n > 1):
-            begin = one.across * one.count
-            return _values(array, begin + start, begin + stop)
-        across = int(np.prod(array.shape)) // one.count
-        rows = max(PIECE // across, 1)
+        # column after column
+        strides = [math.prod(array.shape[:axis]) for axis in range(len(array.shape))]
+        first = sum(i * stride for i, stride in zip(one.place, strides, strict=True))
+        stride = strides[one.along]
+        rows = max(PIECE // stride, 1)
         cuts = [(i, min(i + rows, stop)) for i in range(start, stop, rows)]
-        return np.concatenate([_values(array, i * across, j * across)[one.across :: across] for i, j in cuts])
+        return np.concatenate(
+            [
+                _values(array, first + i * stride, first + (j - 1) * stride + 1, imaginary=one.imaginary)[::stride]
+                for i, j in cuts
+            ]
+        )
 
     rate, remarks = stated_rate(scalars)
     return Recording(
-        series=series_of(parts),
+        series=series_of(parts, [frequency_unit(name, names, found.texts) for name in names]),
         read=by_channel([one.count for one in parts], part),
         refused=found.refused,
         scalars=scalars,
@@ -129,11 +144,11 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
     )
 
 
-def _values(array: _Array, start: int, stop: int) -> npt.NDArray[np.float64]:
-    width = np.dtype(array.dtype).itemsize
-    array.file.seek(array.offset + start * width)
-    data = array.file.read((stop - start) * width)
-    return np.frombuffer(data, dtype=array.dtype).astype(np.float64)
+def _values(array: _Array, start: int, stop: int, *, imaginary: bool = False) -> npt.NDArray[np.float64]:
+    offset, dtype = array.imaginary if imaginary and array.imaginary else (array.offset, array.dtype)
+    width = np.dtype(dtype).itemsize
+    array.file.seek(offset + start * width)
+    return np.frombuffer(array.file.read((stop - start) * width), dtype=dtype).astype(np.float64)
 
 
 def _tag(file: BinaryIO, order: str, position: int, end: int) -> tuple[int, int, int, int]:
@@ -207,6 +222,9 @@ class _Variables:
             return  # what MATLAB keeps of its own behind the variables
         if kind in _NUMERIC:
             self._array(position, end, path, dims, bits)
+        elif kind == _TEXT:
+            self._letters(position, end, path)
+            self._found.refused[path] = "it is a text"
         elif kind == _STRUCT:
             self._struct(position, end, path, dims, depth)
         elif kind == _CELL:
@@ -214,7 +232,6 @@ class _Variables:
         else:
             what = {
                 _OBJECT: "an object of a MATLAB class",
-                _TEXT: "a text",
                 _SPARSE: "a sparse matrix",
                 _FUNCTION: "a function",
             }
@@ -233,20 +250,31 @@ class _Variables:
         )
 
     def _array(self, position: int, end: int, path: str, shape: tuple[int, ...], bits: int) -> None:
-        if bits & _COMPLEX:
-            self._found.refused[path] = "it is complex"
-            return
-        kind, length, data, _ = _tag(self._file, self._order, position, end)
+        if min(shape, default=0) < 0:
+            raise FormatError(f"the size of {path} must not be negative, got {shape}")
+        offset, dtype, position = self._part(position, end, path, shape)
+        imaginary = self._part(position, end, path, shape)[:2] if bits & _COMPLEX else None
+        self._found.arrays.append(
+            _Array(name=path, shape=shape, file=self._file, offset=offset, dtype=dtype, imaginary=imaginary)
+        )
+
+    def _part(self, position: int, end: int, path: str, shape: tuple[int, ...]) -> tuple[int, str, int]:
+        """Return where the real or imaginary parts of an array are, their type, and where the next element is."""
+        kind, length, data, following = _tag(self._file, self._order, position, end)
         if kind not in _NUMBERS:
             raise FormatError(f"the values of {path} must be of a type of numbers, got {kind}")
         dtype = self._order + _NUMBERS[kind]
-        count = 1
-        for n in shape:
-            count *= n
-        if min(shape, default=0) < 0:
-            raise FormatError(f"the size of {path} must not be negative, got {shape}")
-        claimed(f"the values of {path}", count, size=length, itemsize=np.dtype(dtype).itemsize)
-        self._found.arrays.append(_Array(name=path, shape=shape, file=self._file, offset=data, dtype=dtype))
+        claimed(f"the values of {path}", math.prod(shape), size=length, itemsize=np.dtype(dtype).itemsize)
+        return data, dtype, following
+
+    def _letters(self, position: int, end: int, path: str) -> None:
+        """Keep a short text, which may be a unit."""
+        kind, length, data, _ = _tag(self._file, self._order, position, end)
+        if length <= _LONGEST_TEXT:
+            self._file.seek(data)
+            raw = self._file.read(length)
+            wide = {4: "utf-16-le" if self._order == "<" else "utf-16-be", 18: "utf-32"}
+            self._found.texts[path] = raw.decode(wide.get(kind, "utf-8"), errors="replace").strip("\0 ")
 
     def _struct(self, position: int, end: int, path: str, shape: tuple[int, ...], depth: int) -> None:
         width, position = self._numbers(position, end)

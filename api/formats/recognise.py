@@ -23,9 +23,15 @@ _ENDINGS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "csv": "csv", "tsv": "csv", "asc": "csv", "dat": "csv", "txt": "txt", "lvm": "lvm", "tdms": "tdms", "mat": "mat",
         "h5": "hdf5", "hdf5": "hdf5", "hdf": "hdf5", "parquet": "parquet", "uff": "uff", "unv": "uff", "mdf": "mdf",
-        "mf4": "mdf", "wav": "wav", "wave": "wav", "rf64": "wav", "mcap": "mcap",
+        "mf4": "mdf", "wav": "wav", "wave": "wav", "rf64": "wav", "mcap": "mcap", "frd": "frd",
+        "ts": "touchstone",
     }
 )  # fmt: skip
+
+
+_PORTS: Final = re.compile(r"s\d+p")
+_TEXTS: Final = frozenset({"csv", "txt", "touchstone", "frd"})
+"""Formats that only the name tells from other text."""
 
 
 def _is_hdf5(head: bytes) -> bool:
@@ -79,18 +85,19 @@ def recognised(head: bytes, name: str = "") -> tuple[str, str]:
     >>> recognised(b"t;x\n0;1,5\n", "run 7.txt")
     ('txt', 'its first bytes, which are text, and its name')
     """
-    ending = _ENDINGS.get(PurePath(name).suffix.lower().removeprefix("."))
+    suffix = PurePath(name).suffix.lower().removeprefix(".")
+    ending = "touchstone" if _PORTS.fullmatch(suffix) else _ENDINGS.get(suffix)
     for format_, tells in _TELLING:
         if tells(head):
             if format_ == "hdf5" and ending == "mat":
                 return "mat", "its first bytes and its name"
             return format_, "its first bytes"
-    known = ", ".join(sorted({*_ENDINGS.values()}))
+    known = ", ".join(sorted({*_ENDINGS.values(), "touchstone"}))
     for magic, what in _OTHERS:
         if head.startswith(magic):
             raise FormatError(f"file must be of one of the formats {known}, it is {what}")
     if _is_text(head):
-        text = ending if ending in {"csv", "txt"} else "csv"
+        text = ending if ending in _TEXTS else "csv"
         return text, f"its first bytes, which are text{', and its name' if text == ending else ''}"
     if ending == "mat":
         return "mat", "its name"  # MATLAB 4 has no mark

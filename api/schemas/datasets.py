@@ -119,7 +119,9 @@ class ImportDocument(Document):
     )
 
 
-Format = Literal["raw", "txt", "csv", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf", "wav", "mcap"]
+Format = Literal[
+    "raw", "txt", "csv", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf", "wav", "mcap", "touchstone", "frd"
+]
 
 
 class DatasetRequest(Document):

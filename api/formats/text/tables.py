@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from typing import BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 
-from api.formats import TIME_OF_DAY, FormatError, Recording, Series, Values
+from api.formats import TIME_OF_DAY, FormatError, Read, Recording, Series, SpectralFunction, Values
+from api.formats.spectral import Vector, over_frequency
+from api.formats.spectral.cells import is_complex, number_of
 from api.formats.text.cells import Marks, cut
 from api.formats.text.clock import Clock, is_stamp
 from api.formats.text.endings import Rows
 from api.formats.text.guess import Guess, Known, guess
-from api.formats.text.txt import Lines, TextLayout, read
+from api.formats.text.txt import Lines, TextLayout, lines_of, read
 
 _HEAD = 1 << 18
+_LOOKED_AT = 50
 _CHUNK = 1 << 20
 
 
@@ -28,6 +34,8 @@ class TableOptions:
     missing: Sequence[str] | None = None
     time: int | None = None
     allow_truncated: bool = False
+    over_time: bool = False
+    """Whether it is known that the rows are samples in time."""
 
 
 def open_file(file: BinaryIO, options: TableOptions) -> Recording:
@@ -86,15 +94,64 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         **({"allow_truncated": True} if options.allow_truncated else {}),
     }
     there = {one.index for one in series}
-    refused = {found.names.get(i, f"column {i}"): why for i, why in found.refused.items() if i not in there}
+    functions, noted, used = _functions(file, found, options, series, rows)
+    refused = {
+        found.names.get(i, f"column {i}"): why for i, why in found.refused.items() if i not in there and i not in used
+    }
     return Recording(
-        series=series,
+        series=[] if functions else series,
+        functions=functions,
         read=rows,
         refused=refused,
         layout=layout,
-        remarks=(*found.remarks, *said),
+        remarks=(*found.remarks, *said, *noted),
         stated_count=found.count,
     )
+
+
+def _functions(
+    file: BinaryIO, found: Guess, options: TableOptions, series: Sequence[Series], rows: Read
+) -> tuple[list[SpectralFunction], list[str], set[int]]:
+    """Return the functions of frequency that a table holds, remarks, and the columns of complex numbers among them."""
+    if options.over_time or options.columns or found.time is not None:
+        return [], [], set()
+    shown = [cut(line, found.delimiter) for line in _body(file, found, most=_LOOKED_AT)]
+    texts = {
+        i
+        for i in found.refused
+        if is_complex([row[i] for row in shown if i < len(row) and row[i]], found.marks.decimal)
+    }
+    columns = {
+        one.index: Vector(name=one.name, unit=one.unit, is_complex=False, read=partial(_values, rows, place))
+        for place, one in enumerate(series)
+        if one.role == "channel"
+    }
+    for i in texts:
+        columns[i] = Vector(
+            name=found.names.get(i, f"column {i}"),
+            unit=found.units.get(i, ""),
+            is_complex=True,
+            read=partial(_complex, file, found, i),
+        )
+    functions, remarks = over_frequency([columns[i] for i in sorted(columns)])
+    return functions, remarks, texts if functions else set()
+
+
+def _values(rows: Read, place: int) -> Values:
+    return np.concatenate([*(values for _, values in rows([place])), np.empty(0)])
+
+
+def _complex(file: BinaryIO, found: Guess, column: int) -> npt.NDArray[np.complex128]:
+    rows = (cut(line, found.delimiter) for line in _body(file, found))
+    return np.array([number_of(row[column] if column < len(row) else "", found.marks.decimal) for row in rows])
+
+
+def _body(file: BinaryIO, found: Guess, *, most: int | None = None) -> Iterator[str]:
+    """Yield the lines of the rows."""
+    file.seek(0)
+    lines = lines_of(iter(lambda: file.read(_CHUNK), b""))
+    rows = (line for line in islice(lines, found.header_lines, None) if line.strip())
+    return islice((line for line in rows if not (found.comment and line.lstrip().startswith(found.comment))), most)
 
 
 def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[Series]:

@@ -12,11 +12,11 @@ import numpy as np
 from api.convert.recordings import in_si
 from api.convert.values import numbers
 from api.formats import SpectralFunction, catalogue
-from api.formats.text.tables import TableOptions
 from api.pointers import Place
 from api.problems import Problem, invalid
 from api.services.frequency.measured_parts import Part
 from api.services.operation.installation import Caller, Installation
+from api.services.recordings.importing import options, stated
 from api.services.recordings.spooling import refusing, spooled
 from api.units import UnitError, known
 from engine.recordings.spectra.frf import Doubt, Frf
@@ -159,6 +159,7 @@ def _open(database: Database, workspace: str, identifier: str) -> Iterator[Seque
         row = DatasetRepository(session, workspace).get(identifier)
         format_, size, segments = row.format, row.size or 0, list(row.manifest or ())
         there = bool((row.report or {}).get("functions"))
+        given = stated((row.description or {}).get("import"))
     if not there:
         raise Problem(
             409, "conflict", f"dataset {identifier!r} must be a file with functions of frequency, it has none"
@@ -166,7 +167,7 @@ def _open(database: Database, workspace: str, identifier: str) -> Iterator[Seque
     if size > _LARGEST:
         raise Problem(413, "too-large", f"a file must be at most {_LARGEST} bytes to be read at once, got {size}")
     with refusing(), spooled(database, workspace, identifier, segments, _silent) as file:
-        recording = catalogue.open_file(format_, file, TableOptions())
+        recording = catalogue.open_file(format_, file, options(format_, given))
         try:
             yield recording.functions
         finally:

@@ -48,6 +48,11 @@ class Plan:
     remarks: list[str]
 
 
+def stated(given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return what an import description says, without what it leaves open."""
+    return {key: value for key, value in (given or {}).items() if value is not None}
+
+
 def options(format_: str, given: Mapping[str, Any]) -> TableOptions:
     """Return what an import description says of the layout of a text table.
 
@@ -71,6 +76,7 @@ def options(format_: str, given: Mapping[str, Any]) -> TableOptions:
         missing=given.get("missing", () if settled else None),
         time=time.get("index"),
         allow_truncated=given.get("allow_truncated", False),
+        over_time="sample_rate" in given or "time" in given,
     )
 
 

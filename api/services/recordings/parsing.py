@@ -15,7 +15,7 @@ from api.formats.text.txt import lines_of
 from api.services.recordings import raw_samples
 from api.services.recordings.functions import described
 from api.services.recordings.groups import parts_of
-from api.services.recordings.importing import Plan, options
+from api.services.recordings.importing import Plan, options, stated
 from api.services.recordings.spooling import Progress, refusing, spooled
 from api.services.recordings.timing import Timing, axis_of, said_of_uneven, timing_of
 from engine.recordings.signal_quality import ChannelQuality, remarks
@@ -29,6 +29,9 @@ _HEADER_LINES = 50
 _HEAD = 1 << 18
 _WHOLE = 64 << 20
 """Bytes of a file that is looked at as a whole."""
+_NO_CHANNELS = (
+    "the file holds functions of frequency and no channels: `functions` lists them, POST /v1/frfs takes responses"
+)
 
 
 def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress: Progress) -> dict[str, Any]:
@@ -44,7 +47,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
     with database.session() as session:
         repository = DatasetRepository(session, workspace)
         row = repository.get(identifier)
-        given = _said((row.description or {}).get("import"))
+        given = stated((row.description or {}).get("import"))
         told = _recognition(row.description)
         format_, size, stated_start = row.format, row.size or 1, row.start_time
         segments = list(row.manifest or ())
@@ -54,7 +57,7 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
         file = undo.enter_context(spooled(database, workspace, identifier, segments, progress))
         recording = catalogue.open_file(format_, file, options(format_, given))
         undo.callback(recording.close)
-        if recording.functions and not any(one.role == "channel" for one in recording.series):
+        if _without_channels(recording):
             with Import(database, workspace, identifier) as writing:
                 writing.finish(channels=[], report=_report_of_functions(recording, told))
             return {"dataset": identifier, "sample_count": 0}
@@ -90,16 +93,18 @@ def run(body: Mapping[str, Any], *, database: Database, workspace: str, progress
     return {"dataset": identifier, "sample_count": groups[0]["sample_count"]}
 
 
+def _without_channels(recording: Recording) -> bool:
+    """Whether a file holds functions of frequency alone."""
+    return bool(recording.functions) and not any(one.role == "channel" for one in recording.series)
+
+
 def _report_of_functions(recording: Recording, told: Sequence[str]) -> dict[str, Any]:
     """Return what is known of a file without channels, which holds functions of frequency alone."""
-    said = (
-        "the file holds functions of frequency and no channels: `functions` lists them, POST /v1/frfs takes responses"
-    )
     return {
         "functions": described(recording.functions),
         "channels": {},
         "refused": dict(islice(recording.refused.items(), _MOST_SHOWN)),
-        "remarks": [*told, *recording.remarks, said],
+        "remarks": [*told, *recording.remarks, _NO_CHANNELS],
     }
 
 
@@ -116,7 +121,7 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
     Problem
         422 that says why nothing can be taken.
     """
-    identifier, given = str(body["dataset"]), _said(body.get("import"))
+    identifier, given = str(body["dataset"]), stated(body.get("import"))
     with database.session() as session:
         row = DatasetRepository(session, workspace).get(identifier)
         format_, told = row.format, _recognition(row.description)
@@ -136,13 +141,20 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             }
             for one in recording.series[:_MOST_SHOWN]
         ]
-        found: dict[str, Any] = {"dataset": identifier, "format": format_, "series": there, "refused": refused}
+        found: dict[str, Any] = {
+            "dataset": identifier,
+            "format": format_,
+            "series": there,
+            "functions": described(recording.functions),
+            "refused": refused,
+        }
+        if _without_channels(recording):
+            return _without_plan(found, recording, [*told, *recording.remarks, _NO_CHANNELS])
         try:
             parts = parts_of(format_, recording, given)
         except FormatError as error:
             # what there is to choose from is what helps now
-            return {**found, "import": None, "header": [], "channels": [], "sample_rate": None, "sample_count": None, "uneven": None, "start_time": None,
-                    "scalars": dict(recording.scalars), "remarks": [*told, *recording.remarks, error.message]}  # fmt: skip
+            return _without_plan(found, recording, [*told, *recording.remarks, error.message])
         recording, plan = parts[0].recording, parts[0].plan
         refused |= islice(recording.refused.items(), _MOST_SHOWN)
         first = [_first(recording, place) for place in plan.places]
@@ -165,6 +177,12 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
             "scalars": dict(recording.scalars),
             "remarks": said,
         }
+
+
+def _without_plan(found: dict[str, Any], recording: Recording, remarks: Sequence[str]) -> dict[str, Any]:
+    """Return a look at a file of which no channel is taken."""
+    nothing = dict.fromkeys(("import", "sample_rate", "sample_count", "uneven", "start_time"))
+    return {**found, **nothing, "header": [], "channels": [], "scalars": dict(recording.scalars), "remarks": [*remarks]}
 
 
 def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
@@ -202,10 +220,6 @@ def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:
         "uneven": uneven,
         "remarks": said,
     }
-
-
-def _said(given: Mapping[str, Any] | None) -> dict[str, Any]:
-    return {key: value for key, value in (given or {}).items() if value is not None}
 
 
 def _header(file: BinaryIO, count: int) -> list[str]:

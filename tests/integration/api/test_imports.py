@@ -137,7 +137,7 @@ def test_a_file_whose_format_nothing_tells_is_refused_before_it_is_committed(cli
     for asked in ("preview", "commit"):
         reply = client.post(f"{where}/{asked}", json=body | ({"sha256": sha256(content)} if asked == "commit" else {}))
         assert reply.status_code == 422, reply.text
-        assert "csv, hdf5, lvm, mat, mdf, parquet, tdms, txt, uff" in reply.json()["detail"]
+        assert "csv, frd, hdf5, lvm, mat, mcap, mdf, parquet, tdms, touchstone, txt, uff, wav" in reply.json()["detail"]
         assert "a spreadsheet: send what is in it, saved as CSV" in reply.json()["detail"]
     assert client.get(where).json()["status"] == "open"
     for field in ("channels", "sample_rate"):

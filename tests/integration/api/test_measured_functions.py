@@ -1,14 +1,18 @@
-"""Functions of frequency in universal files: listed, read, taken as measured responses by all that takes computed ones."""
+"""Functions of frequency in files: listed, read, taken as measured responses by all that takes computed ones."""
 
 from __future__ import annotations
 
 import copy
+import io
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 import api.schemas.frfs as schemas
 from tests.integration.api.conftest import finished
+from tests.integration.api.documents import sha256
 from tests.integration.api.test_frfs import MASS, MODEL, W0, ZETA
 from tests.integration.api.test_imports import imported
 
@@ -51,8 +55,8 @@ def dataset58(values, *, kind, double=True, uneven=False, binary=False, units=("
     return "\n".join(["    -1", "    58", *head, *lines, "    -1", ""]).encode()
 
 
-def measured(client, content):
-    dataset = imported(client, "uff", content)
+def measured(client, content, format_="uff"):
+    dataset = imported(client, format_, content)
     assert dataset["status"] == "ready", dataset["error"]
     return dataset
 
@@ -107,6 +111,77 @@ def test_a_measured_response_is_compared_with_a_model_and_has_modes(client, file
     assert [one["kind"] for one in back["functions"]] == ["frequency response", "coherence"]
     lineage = client.get(f"/v1/lineage/{kept['id']}").json()
     assert file in {node["id"] for node in lineage["nodes"]}
+
+
+def _table():
+    head = "Frequency [Hz];Re(tip/hammer) [mm/kN];Im(tip/hammer) [mm/kN];Coherence tip/hammer\n"
+    rows = (
+        f"{hz!r};{value.real!r};{value.imag!r};{coherence!r}\n"
+        for hz, value, coherence in zip(HZ.tolist(), (RECEPTANCE * 1e6).tolist(), COHERENCE.tolist(), strict=True)
+    )
+    return (head + "".join(rows)).replace(".", ",").encode()
+
+
+def _matlab():
+    target = io.BytesIO()
+    scipy.io.savemat(target, {"g": {"f": HZ, "H": RECEPTANCE, "coh": COHERENCE}})
+    return target.getvalue()
+
+
+def _hdf5():
+    target = io.BytesIO()
+    with h5py.File(target, "w") as file:
+        file["run/omega"], file["run/H"], file["run/coherence"] = 2 * np.pi * HZ, RECEPTANCE, COHERENCE
+        file["run/H"].attrs["unit"] = "mm/kN"
+        file["run/H"][:] = RECEPTANCE * 1e6
+    return target.getvalue()
+
+
+def _touchstone():
+    rows = (
+        f"{hz!r} {value.real!r} {value.imag!r}\n" for hz, value in zip(HZ.tolist(), RECEPTANCE.tolist(), strict=True)
+    )
+    return ("# Hz S RI R 1\n" + "".join(rows)).encode()
+
+
+OTHERS = {
+    "csv": ("csv", _table, "hammer", "tip", True), "mat": ("mat", _matlab, "reference", "H", True),
+    "hdf5": ("hdf5", _hdf5, "reference", "H", True), "touchstone": ("touchstone", _touchstone, "1", "1", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_responses_of_other_files_are_taken_as_those_of_universal_ones(client, kind):
+    format_, write, source, target, coherent = OTHERS[kind]
+    dataset = measured(client, write(), format_)
+    assert (dataset["channels"], dataset["sample_count"]) == ([], 0)
+    one = next(one for one in dataset["functions"] if one["kind"] == "frequency response")
+    assert (one["response"], one["reference"], one["lines"]) == (target, source, 400)
+    scale = 1e6 if one["response_unit"] == "mm" else 1.0
+    found = client.get(f"/v1/datasets/{dataset['id']}/functions/{one['name']}").json()
+    np.testing.assert_allclose(found["frequency"], 2 * np.pi * HZ, rtol=1e-12)
+    np.testing.assert_allclose(np.array(found["real"]) + 1j * np.array(found["imag"]), RECEPTANCE * scale, rtol=1e-12)
+    body = {"dataset": dataset["id"], "estimator": "measured", "input": source, "output": target, "modes": {}}
+    reply = client.post("/v1/frfs", json=body)
+    assert reply.status_code == 200, reply.text
+    output = reply.json()["outputs"][target]
+    np.testing.assert_allclose(np.array(output["real"]) + 1j * np.array(output["imag"]), RECEPTANCE, rtol=1e-11)
+    if coherent:
+        np.testing.assert_allclose(output["coherence"], COHERENCE, rtol=1e-11)
+    (mode,) = reply.json()["modes"]["modes"]
+    assert mode["frequency"] == pytest.approx(W0, rel=1e-6)
+    assert mode["damping_ratio"] == pytest.approx(ZETA, rel=1e-5)
+
+
+def test_a_look_at_a_file_of_functions_shows_them(client):
+    where = client.post("/v1/datasets", json={"name": "x", "file": "run.csv"}).headers["Location"]
+    client.put(f"{where}/segments/{sha256(_table())}", content=_table())
+    reply = client.post(f"{where}/preview", json={"segments": [sha256(_table())]})
+    job = finished(client, reply.json()["job"])
+    look = client.get(job["result"]).json()
+    assert [one["kind"] for one in look["functions"]] == ["frequency response", "coherence"]
+    assert look["import"] is None
+    assert "the file holds functions of frequency and no channels" in look["remarks"][-1]
 
 
 def test_a_band_and_another_form_of_a_measured_response(client, file):

@@ -66,12 +66,12 @@ def test_the_recordings_among_the_examples(path):
 @pytest.mark.parametrize(
     ("head", "said"),
     [
-        (b"PK\x03\x04....", "csv, hdf5, .* it is an archive or a spreadsheet: send what is in it, saved as CSV"),
+        (b"PK\x03\x04....", "csv, frd, .* it is an archive or a spreadsheet: send what is in it, saved as CSV"),
         (b"\x1f\x8b....", "compressed by gzip"),
         (b"TDSh....", "the index of a TDMS file"),
         (
             b"\x89PNG\r\n\x1a\n\x00",
-            "format must be given: .* it is one of csv, hdf5, lvm, mat, mcap, mdf, parquet, tdms, txt, uff, wav",
+            "format must be given: .* it is one of csv, frd, hdf5, lvm, mat, mcap, mdf, parquet, tdms, touchstone, txt, uff, wav",
         ),
         (b"", "format must be given"),
         (b"\x00" * 64, "format must be given"),

@@ -6,7 +6,7 @@ type Schemas = components["schemas"];
 export type ImportDocument = Schemas["ImportDocument"];
 export type Format = NonNullable<Schemas["DatasetRequest"]["format"]>;
 
-export const FORMATS: Format[] = ["csv", "txt", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf", "wav", "mcap"];
+export const FORMATS: Format[] = ["csv", "txt", "lvm", "tdms", "mat", "hdf5", "parquet", "uff", "mdf", "wav", "mcap", "touchstone", "frd"];
 /** What a worker found on looking at a file: everything there is, how it would be read, and what it noticed. */
 export interface Look {
   series: { index: number; name: string; sample_count: number; unit: string; role: string }[];
