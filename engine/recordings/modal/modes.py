@@ -21,8 +21,12 @@ from engine.recordings.spectra.frf import Frf
 
 MOST_MODES = 20
 _FEWEST_LINES = 12
-_ORDERS = (20, 30, MOST_ORDER)
-"""Highest orders of the models that candidates come from; a higher one as long as the fit becomes better."""
+_ORDERS = (20, 30, 40, 60, MOST_ORDER)
+"""Highest orders of the models that candidates come from: the lower the modes lie in a band, the higher it must be."""
+_USUAL_ORDER, _LINES_FOR_ORDER = 40, 8
+"""Higher orders take so many lines for each: of a few coarse ones they would make two modes of one that leakage has bent."""
+_EXPLAINED = 1.5
+"""Weighted squares for each number that is fitted, up to which a fit leaves nothing but the known random errors."""
 _KNOWN, _AROUND = 0.3, 3
 """Standard deviation of a phase, rad, beyond which a response is noise; it counts as far as so many lines on either side agree, for
 noise is sometimes coherent by chance."""
@@ -89,20 +93,28 @@ def modes_of(frfs: Mapping[str, Frf], *, count: int | None = None) -> Modes:
     line_width = max(frf.line_width for frf in frfs.values())
     if count is not None and not 1 <= count <= MOST_MODES:
         raise SpectrumError(f"count must be 1 to {MOST_MODES}, got {count}", at=("count",))
-    most, seen, best = lines.w.size // 2 - 1, 0, None
+    most, seen, best = min(lines.w.size // 2 - 1, max(_USUAL_ORDER, lines.w.size // _LINES_FOR_ORDER)), 0, None
     for order in sorted({min(most, max(order, 4 * (count or 0) + 12)) for order in _ORDERS}):
         found = candidates(lines.w, lines.responses, lines.weights / lines.weights.max(), order=order)
         seen = max(seen, len(found))
         if not found or len(found) < (count or 0):
             continue
         fitted = _fitted(lines, found, count=count, line_width=line_width)
-        if best is not None and _criterion(lines, fitted, line_width) >= _criterion(lines, best, line_width):
+        if best is None or _criterion(lines, fitted, line_width) < _criterion(lines, best, line_width):
+            best = fitted
+        if all(frf.phase_error is not None for frf in frfs.values()) and best.cost < _EXPLAINED * lines.numbers:
             break
-        best = fitted
     if best is not None:
         return _named(frfs, lines, best)
     if count is not None:
-        raise SpectrumError(f"count must be <= {seen}, the modes that the band shows, got {count}", at=("count",))
+        shown = (
+            f"count must be <= {seen}, the modes that the band shows"
+            if seen
+            else "the band must show modes, it shows none"
+        )
+        raise SpectrumError(
+            f"{shown}, got {count}: take another band, or leave count out to see what there is", at=("count",)
+        )
     empty = {name: np.zeros(lines.w.size, dtype=np.complex128) for name in frfs}
     return Modes(
         modes=(), frequency=lines.w, model=empty, relative_error_percent=100.0, left_out=_left_out(frfs, lines)
@@ -117,6 +129,8 @@ def _fitted(lines: Lines, found: list[Candidate], *, count: int | None, line_wid
     fitted = fit_modes(lines, *_needed(lines, start, count=count, line_width=line_width), line_width=line_width)
     while True:
         poles = _needed(lines, _Poles(fitted.frequency, fitted.damping), count=count, line_width=line_width)
+        if count is None:
+            poles = _apart(lines, poles, line_width * float(np.diff(lines.w).min()))
         if len(poles.frequency) == len(fitted.frequency):
             return fitted
         fitted = fit_modes(lines, *poles, line_width=line_width)
@@ -180,6 +194,16 @@ def _needed(lines: Lines, poles: _Poles, *, count: int | None, line_width: float
             break
         poles, cost = poles.without(least), costs[least]
     return poles
+
+
+def _apart(lines: Lines, poles: _Poles, resolution: float) -> _Poles:
+    """Return poles without one of two that are nearer to each other than the lines tell apart: leakage bends one into two."""
+    order = np.argsort(poles.frequency)
+    near = np.flatnonzero(np.diff(poles.frequency[order]) < resolution)
+    if not near.size:
+        return poles
+    pair = order[near[0] : near[0] + 2]
+    return poles.without(int(min(pair, key=lambda r: lines.cost(*poles.without(int(r))))))
 
 
 def _named(frfs: Mapping[str, Frf], lines: Lines, fitted: Fitted) -> Modes:

@@ -16,8 +16,8 @@ import numpy as np
 
 from engine.exact.frequency.fourier import Complex, Real
 
-MOST_ORDER = 40
-"""Of the denominator: room for 20 modes in a band, and for what noise needs."""
+MOST_ORDER = 80
+"""Of the denominator: room for 20 modes in a band, also in its lower half alone, and for what noise needs."""
 
 _SAME_FREQUENCY = 0.01
 _SAME_DAMPING = 0.1
