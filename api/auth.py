@@ -116,7 +116,7 @@ async def _caller(service: Installation, scope: Scope) -> Caller:
         token = token.strip()
         caller = await service.callers.find(_hash("key", token), partial(caller_of, service.database, token))
         if caller is None:
-            raise _unauthorized("the key must be one that exists and is neither revoked nor expired, got another")
+            raise _unauthorized("the key must be a valid one, got one that is unknown, was revoked or has expired")
         return caller
     if scope["type"] == "websocket":
         ticket = QueryParams(scope["query_string"]).get("ticket", "")

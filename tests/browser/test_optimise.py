@@ -41,19 +41,19 @@ def body_of(curl: str, url: str) -> dict:
 def test_all_that_a_request_may_hold_is_said_kept_and_copied(page: Page, hydraulic, service, client) -> None:
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=service.url)
     page.goto(f"/systems/{hydraulic}/optimise")
-    # What may be chosen: a range on a scale of its own, a list.
+    # Design variables: a range on a scale of its own, a list.
     page.get_by_role("button", name="Remove law.kd2").click()
     page.get_by_role("button", name="More about law.kp").click()
     page.get_by_label("Scale of law.kp").select_option("log")
     enter(page.get_by_role("textbox", name="Beginning of law.kp"), "20m")
     page.get_by_label("How law.kd1 is chosen").select_option("list")
     enter(page.get_by_role("textbox", name="Values for law.kd1"), "1e-5; 2e-5")
-    # Under which commands: a second experiment, its fields from the catalogue.
+    # Experiments: a second experiment, its fields from the catalogue.
     page.get_by_role("button", name="Add an experiment").click()
     page.get_by_role("textbox", name="Name of experiment 2").fill("slowly")
     page.get_by_label("Command", exact=True).nth(1).select_option("ramp")
     enter(page.get_by_role("textbox", name="Slope"), "0.5")
-    # What is wanted: of one experiment, of every one, with a weight, softly, around a target, below a curve.
+    # Goals: of one experiment, of every one, with a weight, softly, around a target, below a curve.
     page.get_by_label("Experiment of goal 1").select_option("step")
     page.get_by_role("button", name="More about goal 1").click()
     enter(page.get_by_role("textbox", name="Weight of goal 1"), "2")

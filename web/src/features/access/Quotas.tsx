@@ -5,7 +5,7 @@ import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
 import { isProblem } from "@/shared/api/problem";
 import { DataTable } from "@/shared/ui/DataTable";
-import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber } from "@/shared/units/format";
 import { COUNTED, workspaceQuery, type Counted, type Limits, type Workspace } from "./api";
@@ -42,7 +42,7 @@ export function Quotas({ workspace, etag }: { workspace: Workspace; etag: string
           {
             title: t("access.ownLimit"),
             width: 190,
-            cell: (what) => <NumberEntry aria-label={t("access.limitOf", { what: t(`access.counted.${what}`) })} value={limits[what] ?? undefined} optional placeholder={t("access.usual")} onCommit={(value) => (value === undefined || typeof value === "number") && setLimits({ ...limits, [what]: value ?? null })} error={problem?.at(`/limits/${what}`)} />,
+            cell: (what) => <PlainEntry aria-label={t("access.limitOf", { what: t(`access.counted.${what}`) })} value={limits[what] ?? undefined} optional placeholder={t("access.usual")} onCommit={(value) => setLimits({ ...limits, [what]: value ?? null })} error={problem?.at(`/limits/${what}`)} />,
           },
         ]}
       />

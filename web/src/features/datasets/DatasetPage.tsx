@@ -6,12 +6,11 @@ import { Link, useParams } from "react-router";
 import { api, atOnce, must } from "@/shared/api/client";
 import { isProblem, Problem } from "@/shared/api/problem";
 import type { components } from "@/shared/api/schema";
-import type { Scalar } from "@/shared/api/types";
 import { ruleAndValue } from "@/shared/forms/faults";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { Curve, PlotSpec } from "@/shared/plots/types";
-import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
@@ -52,8 +51,7 @@ export function DatasetPage() {
       for (const name of chosen) next.append("show", name);
     });
   /** Why an end of the stretch cannot be where it was entered. */
-  const outside = (value: Scalar, least: number, most: number) => {
-    if (typeof value !== "number") return t("datasets.plainSeconds");
+  const outside = (value: number, least: number, most: number) => {
     return value < least || value > most || (least > 0 ? value === least : value === most) ? t("datasets.between", { least: formatNumber(least), most: formatNumber(most), value: formatNumber(value) }) : undefined;
   };
   const channels = useQueries({
@@ -128,8 +126,8 @@ export function DatasetPage() {
         {ready && (
           <>
             <Group align="flex-end" gap="xs">
-              <NumberEntry label={t("datasets.from")} unit="s" value={from} refuse={(value) => outside(value, 0, to)} onCommit={(value) => typeof value === "number" && look(value, to)} w={120} />
-              <NumberEntry label={t("datasets.to")} unit="s" value={to} refuse={(value) => outside(value, from, end)} onCommit={(value) => typeof value === "number" && look(from, value)} w={120} />
+              <PlainEntry label={t("datasets.from")} unit="s" value={from} refuse={(value) => outside(value, 0, to)} onCommit={(value) => value !== undefined && look(value, to)} w={120} />
+              <PlainEntry label={t("datasets.to")} unit="s" value={to} refuse={(value) => outside(value, from, end)} onCommit={(value) => value !== undefined && look(from, value)} w={120} />
               <Button variant="default" onClick={() => look(from + third, to - third)}>
                 {t("datasets.zoomIn")}
               </Button>
@@ -163,7 +161,7 @@ export function DatasetPage() {
                 <NativeSelect size="xs" label={t("datasets.channel")} data={names} value={chosen} onChange={(event) => choose("channel", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.quantity")} data={["amplitude", "density"].map((value) => ({ value, label: t(`spectra.quantities.${value}`) }))} value={quantity} onChange={(event) => choose("quantity", event.currentTarget.value)} />
                 <NativeSelect size="xs" label={t("spectra.window")} data={["hann", "flat_top", "none"].map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} value={window} onChange={(event) => choose("window", event.currentTarget.value)} />
-                <NumberEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} refuse={(value) => (typeof value !== "number" ? t("datasets.plainSeconds") : value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} error={isProblem(spectrum.error) ? spectrum.error.at("/segment") : undefined} onCommit={(value) => choose("segment", typeof value === "number" ? String(value) : "")} w={150} />
+                <PlainEntry label={t("spectra.segment")} unit="s" value={wanted} optional placeholder={usual ? formatNumber(usual) : t("datasets.whole")} refuse={(value) => (value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} error={isProblem(spectrum.error) ? spectrum.error.at("/segment") : undefined} onCommit={(value) => choose("segment", value === undefined ? "" : String(value))} w={150} />
               </Group>
               <ProblemAlert error={spectrum.error} shown={["/segment"]} />
               {spectrum.data && <Spectrum name={chosen} reply={spectrum.data} />}

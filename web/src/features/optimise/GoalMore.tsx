@@ -2,6 +2,7 @@ import { Group, NativeSelect, TextInput } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { needsOf, numberOf, type Goal } from "./schema";
 
 interface Props {
@@ -63,7 +64,7 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
         {...wrong("soft")}
         onChange={(event) => onChange({ soft: event.currentTarget.value === "soft" })}
       />
-      <NumberEntry label={t("optimise.weight")} aria-label={t("optimise.weightOf", { number })} value={goal.weight} optional placeholder="1" {...wrong("weight")} onCommit={(weight) => (weight === undefined || typeof weight === "number") && onChange({ weight })} w={90} />
+      <PlainEntry label={t("optimise.weight")} aria-label={t("optimise.weightOf", { number })} value={goal.weight} optional placeholder="1" {...wrong("weight")} onCommit={(weight) => onChange({ weight })} w={90} />
     </Group>
   );
 }

@@ -16,7 +16,7 @@ const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lowe
 /** Whether something is said of a goal that its row has no place for. */
 const hasMore = ({ metric, target, tolerance, soft, weight }: Goal) => needsOf(metric) !== "" || target !== undefined || tolerance !== undefined || soft || weight !== undefined;
 
-/** What is wanted: of which curve, and on which side of which bound. */
+/** Goals: of which curve, and on which side of which bound. */
 export function Goals(part: Part) {
   const { form, opened, loops, metrics, change, faultAt } = part;
   const { t } = useTranslation();

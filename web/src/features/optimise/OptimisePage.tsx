@@ -9,7 +9,7 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { firstOf, formAt } from "./address";
 import { SearchForm } from "./SearchForm";
 
-/** What may be chosen, what is wanted, and how it is searched for; the form is made from the catalogue. */
+/** Design variables, goals and the method; the form is made from the catalogue. */
 export function OptimisePage() {
   const { id = "" } = useParams();
   const system = useQuery(systemQuery(id)).data!;

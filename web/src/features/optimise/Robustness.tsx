@@ -4,13 +4,14 @@ import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
 import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { changed, without, type Part } from "./form";
 import { Drop, RowFaults } from "./parts";
 import type { Search } from "./schema";
 
 type Uncertain = Search["uncertain"][number];
 
-/** What one choice must serve: further sets of values, ranges that are not known better, other structures. */
+/** Scenarios, uncertain ranges and other structures that one choice must serve. */
 export function Robustness({ form, opened, change, faultAt, system }: Part & { system: string }) {
   const { t } = useTranslation();
   const free = opened.parameters.filter((p) => !p.bound && !form.variables.some((row) => row.parameter === p.path));
@@ -84,7 +85,7 @@ export function Robustness({ form, opened, change, faultAt, system }: Part & { s
           <Button variant="default" onClick={addUncertain} disabled={free.length === 0}>
             {t("optimise.addUncertain")}
           </Button>
-          {form.uncertain.length > 0 && <NumberEntry label={t("optimise.draws")} title={t("optimise.drawsDoc")} value={form.draws} optional placeholder="0" error={faultAt("draws")} onCommit={(draws) => (draws === undefined || typeof draws === "number") && change({ draws })} w={130} />}
+          {form.uncertain.length > 0 && <PlainEntry label={t("optimise.draws")} title={t("optimise.drawsDoc")} value={form.draws} optional placeholder="0" error={faultAt("draws")} onCommit={(draws) => change({ draws })} w={130} />}
         </Group>
       </Stack>
     </section>

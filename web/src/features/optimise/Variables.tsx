@@ -10,7 +10,7 @@ import { CHOSEN, type Variable } from "./schema";
 
 const FIELDS = ["parameter", "lower", "upper", "choices", "expression", "start", "scale"] as const;
 
-/** What may be chosen, and out of what. */
+/** Design variables and their ranges. */
 export function Variables({ form, opened, change, faultAt }: Part) {
   const { t } = useTranslation();
   const free = opened.parameters.filter((p) => !p.bound);

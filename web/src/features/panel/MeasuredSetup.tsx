@@ -4,7 +4,7 @@ import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { api, must } from "@/shared/api/client";
 import type { Opened } from "@/shared/live/protocol";
-import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { words } from "@/shared/units/format";
 import classes from "./CompareBar.module.css";
 import type { Overlay } from "./state";
@@ -43,7 +43,7 @@ export function MeasuredSetup({ measured, opened, output, onChange }: Props) {
             <NativeSelect size="xs" label={t("panel.recording")} value={dataset} data={[{ value: "", label: datasets.length > 0 ? t("panel.choose") : t("panel.noRecordings") }, ...datasets.map((one) => ({ value: String(one.id), label: String(one.name || one.id) }))]} onChange={(event) => setDataset(event.currentTarget.value)} />
             <NativeSelect size="xs" label={t("panel.channel")} value={channel} disabled={dataset === ""} data={[{ value: "", label: t("panel.choose") }, ...channels.map((one) => ({ value: String(one.name), label: one.unit ? `${String(one.name)} [${String(one.unit)}]` : String(one.name) }))]} onChange={(event) => setChannel(event.currentTarget.value)} />
             <NativeSelect size="xs" label={t("panel.over")} value={over || output} data={opened.outputs.map((one) => ({ value: one.name, label: words(one.name) }))} onChange={(event) => setOver(event.currentTarget.value)} />
-            <NumberEntry label={t("panel.recordingStart")} unit="s" value={start} onCommit={(value) => typeof value === "number" && setStart(value)} />
+            <PlainEntry label={t("panel.recordingStart")} unit="s" value={start} onCommit={(value) => value !== undefined && setStart(value)} />
             <Checkbox size="xs" label={t("panel.relative")} checked={relative} onChange={(event) => setRelative(event.currentTarget.checked)} />
             <Button
               disabled={dataset === "" || channel === ""}

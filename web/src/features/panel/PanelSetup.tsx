@@ -1,7 +1,8 @@
 import { Button, Group, MultiSelect, Popover, Select, Stack } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Opened } from "@/shared/live/protocol";
-import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { ruleAndValue } from "@/shared/forms/faults";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { words } from "@/shared/units/format";
 import { mainOutput, MEASURABLE, usualMetrics, type PanelState } from "./state";
 
@@ -31,7 +32,7 @@ export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
   return (
     <Group gap="xs" align="flex-end">
       <Select label={t("panel.input")} data={opened.inputs} value={input} onChange={(value) => onChange({ input: value })} w={130} />
-      <NumberEntry label={t("panel.amplitude")} value={state.amplitude} onCommit={(value) => typeof value === "number" && value !== 0 && onChange({ amplitude: value })} w={90} />
+      <PlainEntry label={t("panel.amplitude")} value={state.amplitude} refuse={(value) => (value === 0 ? ruleAndValue(t, "forms.notZero", value) : undefined)} onCommit={(value) => value !== undefined && onChange({ amplitude: value })} w={90} />
       <Select label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(value) => onChange({ output: value })} w={150} />
       <Select
         label={t("panel.frequency")}
@@ -40,7 +41,7 @@ export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
         onChange={(value) => onChange(value === CLOSED ? { loop: null, path: [input, output] } : { loop: value, path: null })}
         w={210}
       />
-      <NumberEntry label={t("panel.duration")} unit="s" value={state.duration ?? undefined} optional placeholder={t("panel.auto")} onCommit={(value) => onChange({ duration: typeof value === "number" && value > 0 ? value : null })} w={90} />
+      <PlainEntry label={t("panel.duration")} unit="s" value={state.duration ?? undefined} optional placeholder={t("panel.auto")} refuse={(value) => (value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} onCommit={(value) => onChange({ duration: value ?? null })} w={90} />
       <Popover width={320} position="bottom-start" withinPortal>
         <Popover.Target>
           <Button variant="default">{t("panel.arrange")}</Button>

@@ -2,7 +2,7 @@ import { ActionIcon, Group, Menu, Text, Tooltip } from "@mantine/core";
 import { memo, useCallback, useEffect, useLayoutEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { LiveParameter } from "@/shared/live/protocol";
-import { NumberEntry } from "@/shared/ui/NumberEntry";
+import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { prettyUnit, withUnit } from "@/shared/units/format";
 import { Knob } from "./Knob";
 import classes from "./ParamSlider.module.css";
@@ -105,7 +105,7 @@ export const ParamSlider = memo(function ParamSlider({ parameter, value, influen
             onDoubleClick={reset}
           />
         )}
-        <NumberEntry ref={entry} aria-label={t("panel.valueOf", { path })} value={rounded(rests)} unit={unit} onCommit={(entered) => typeof entered === "number" && commit(clampedTo(entered, parameter))} w={prettyUnit(unit).length > LONG ? 158 : 118} size="xs" />
+        <PlainEntry ref={entry} aria-label={t("panel.valueOf", { path })} value={rounded(rests)} unit={unit} onCommit={(entered) => entered !== undefined && commit(clampedTo(entered, parameter))} w={prettyUnit(unit).length > LONG ? 158 : 118} size="xs" />
       </div>
     </div>
   );

@@ -80,3 +80,20 @@ test("what cannot be read is told, until it is given up", async () => {
   expect(entry().getAttribute("aria-invalid")).not.toBe("true");
   expect(taken).toEqual([]);
 });
+
+test("a number that may be two is refused with both", async () => {
+  await give(5);
+  await type("1,000");
+  await press("Enter");
+  expect(taken).toEqual([]);
+  expect(entry().getAttribute("aria-invalid")).toBe("true");
+  expect(entry().value).toBe("1,000");
+});
+
+test("what is taken but not kept is not shown", async () => {
+  await give(5);
+  await type("7");
+  await press("Enter");
+  expect(taken).toEqual([7]);
+  expect(entry().value).toBe("5");
+});

@@ -36,12 +36,18 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
     if (!take()) return;
     if (text === given) return setWrong(null);
     if (optional && text.trim() === "") return onCommit(undefined);
+    if (read.kind === "wrong" && read.either) return setWrong(t("number.ambiguous", { entry: text.trim(), ...read.either }));
     if (read.kind === "wrong" || (read.kind === "expression" && !expressions)) return setWrong(t("number.wrong"));
     const found = read.kind === "number" ? read.value : read.kind === "quantity" ? { value: read.value, unit: read.unit } : read.text;
     const refused = refuse?.(found) ?? null;
     setWrong(refused);
-    if (refused === null) onCommit(found);
+    if (refused !== null) return;
+    onCommit(found);
+    // What is kept is what is shown: a value that is clamped to what it was would else leave the typed one standing.
+    giveUp();
   };
+  // A value that is kept with a unit of its own shows that one: `80 Hz` is not in rad/s.
+  const suffix = unit === "1" || (typeof value === "object" && value !== null) || read.kind === "quantity" ? "" : prettyUnit(unit);
   // What a prefix or comma was understood as is told before it counts.
   const understood = text !== given && read.kind === "number" && String(read.value) !== text.trim() ? `= ${withUnit(read.value, unit)}` : undefined;
   return (
@@ -64,8 +70,8 @@ export function NumberEntry({ value, unit = "", onCommit, expressions = false, o
           setWrong(null);
         }
       }}
-      rightSection={unit && unit !== "1" ? <span style={{ fontSize: "0.75rem", paddingRight: 8, whiteSpace: "nowrap" }}>{prettyUnit(unit)}</span> : undefined}
-      rightSectionWidth={unit && unit !== "1" ? Math.max(28, prettyUnit(unit).length * 7 + 12) : undefined}
+      rightSection={suffix ? <span style={{ fontSize: "0.75rem", paddingRight: 8, whiteSpace: "nowrap" }}>{suffix}</span> : undefined}
+      rightSectionWidth={suffix ? Math.max(28, suffix.length * 7 + 12) : undefined}
       rightSectionPointerEvents="none"
       classNames={{ input: "numbers" }}
       inputMode="text"

@@ -1,10 +1,12 @@
 /** Numbers as people write them: `2.4k`, `330 m`, `1,5`, `65 cm**2`. */
 
 const PREFIXES: Record<string, number> = { T: 1e12, G: 1e9, M: 1e6, k: 1e3, m: 1e-3, u: 1e-6, µ: 1e-6, n: 1e-9, p: 1e-12 };
+/** `1,000` is a thousand to some and one to others; `0,125` and `1,5` are one number to everybody. */
+const AMBIGUOUS = /^([+-]?[1-9]\d{0,2}),(\d{3})$/;
 /** A decimal exponent needs a sign or a digit behind it, so that `3e` is no number. */
 const FORM = /^([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)$/u;
 
-export type Entry = { kind: "number"; value: number } | { kind: "quantity"; value: number; unit: string } | { kind: "expression"; text: string } | { kind: "wrong" };
+export type Entry = { kind: "number"; value: number } | { kind: "quantity"; value: number; unit: string } | { kind: "expression"; text: string } | { kind: "wrong"; either?: { thousands: string; decimal: string } };
 
 /**
  * Reads an entry for a value whose SI unit is `unit`. A lone prefix multiplies (`2.4k`, `330 m`), except that a letter which is
@@ -16,6 +18,8 @@ export function readEntry(text: string, unit = ""): Entry {
   if (trimmed.startsWith("=")) return trimmed.length > 1 ? { kind: "expression", text: trimmed } : { kind: "wrong" };
   const found = FORM.exec(trimmed);
   if (!found) return { kind: "wrong" };
+  const either = AMBIGUOUS.exec(found[1]!);
+  if (either) return { kind: "wrong", either: { thousands: either[1]! + either[2]!, decimal: `${either[1]}.${either[2]}` } };
   const value = Number(found[1]!.replace(",", "."));
   const rest = found[2]!.trim();
   if (!Number.isFinite(value)) return { kind: "wrong" };

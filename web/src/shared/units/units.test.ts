@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { formatMetric, formatNumber, formatQuantity, named, prettyUnit } from "./format";
+import { inUnit } from "./convert";
 import { readEntry } from "./number";
 
 describe("entries", () => {
@@ -15,8 +16,33 @@ describe("entries", () => {
     [".5", "", 0.5],
   ])("%s of a value in %s", (text, unit, value) => expect(readEntry(text, unit)).toEqual({ kind: "number", value }));
   it("leaves other units to the service", () => expect(readEntry("65 cm**2", "m**2")).toEqual({ kind: "quantity", value: 65, unit: "cm**2" }));
+  it.each([
+    ["1,000", "1000", "1.000"],
+    ["-12,500 m", "-12500", "-12.500"],
+  ])("%s may be two numbers", (text, thousands, decimal) => expect(readEntry(text, "m")).toEqual({ kind: "wrong", either: { thousands, decimal } }));
+  it.each([
+    ["0,125", 0.125],
+    ["1,50", 1.5],
+    ["1000,125", 1000.125],
+  ])("%s is one number", (text, value) => expect(readEntry(text)).toEqual({ kind: "number", value }));
   it("takes expressions", () => expect(readEntry(" =kp/20 ")).toEqual({ kind: "expression", text: "=kp/20" }));
   it.each(["", "abc", "=", "3..2", "1 2", "1e999", "--1"])("refuses %j", (text) => expect(readEntry(text).kind).toBe("wrong"));
+});
+
+describe("units typed for another one", () => {
+  it.each([
+    [100, "Hz", "rad/s", 200 * Math.PI],
+    [3000, "rpm", "rad/s", 100 * Math.PI],
+    [90, "°", "rad", Math.PI / 2],
+    [2, "min", "s", 120],
+    [6, "bar", "Pa", 6e5],
+    [5, "%", "1", 0.05],
+  ])("%d %s in %s", (value, written, unit, expected) => expect(inUnit(value, written, unit)).toBeCloseTo(expected, 9));
+  it.each([
+    ["Hz", "s"],
+    ["furlong", "m"],
+    ["%", "m"],
+  ])("%s is nothing in %s", (written, unit) => expect(inUnit(1, written, unit)).toBeNull());
 });
 
 describe("shown values", () => {
