@@ -24,11 +24,13 @@ from api.formats import (
     wav,
 )
 from api.formats.spectral.columns import spectral
-from api.formats.text import lvm, tables
+from api.formats.text import lvm, scope, tables
 from api.formats.text.tables import TableOptions
 
 _MATLAB_7_3 = b"MATLAB 7.3"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+
+_HEAD = 4096
 
 TABLES = ("csv", "txt")
 """Formats whose layout may have to be said."""
@@ -98,6 +100,10 @@ def _opened(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     if format_ == "lvm":
         return lvm.open_file(file, allow_truncated=options.allow_truncated)
     if format_ in TABLES:
+        start = file.read(_HEAD).decode("utf-8", errors="replace")
+        file.seek(0)
+        if options.known.header_lines is None and scope.is_scope(start):
+            return scope.open_file(file)
         return tables.open_file(file, options)
     found = _READERS[format_](file)
     return found if options.over_time else spectral(found)

@@ -201,12 +201,31 @@ class DatasetRepository:
             raise ChecksumError(f"dataset {identifier!r}", expected=sha256, actual=whole.hexdigest())
         return size
 
+    def sent(self, identifier: str) -> Dataset:
+        """Return a recording that has a file of its own.
+
+        Raises
+        ------
+        StateError
+            For one that is still open, a group of another's file, or one that was computed.
+        """
+        dataset = self.get(identifier)
+        if dataset.manifest is not None:
+            return dataset
+        origin = dataset.origin or {}
+        if origin.get("group"):
+            raise StateError(
+                f"dataset {identifier!r} is one group of a file, which {origin['dataset']!r} has as its original"
+            )
+        if dataset.status == DatasetStatus.READY:
+            raise StateError(
+                f"dataset {identifier!r} was computed, not sent: it has no original, export gives its samples"
+            )
+        raise StateError(f"dataset {identifier!r} must be committed first, it is {dataset.status}")
+
     def original(self, identifier: str) -> Iterator[bytes]:
         """Give the bytes of a committed recording, as they were received, piece by piece."""
-        dataset = self.get(identifier)
-        if dataset.manifest is None:
-            raise StateError(f"dataset {identifier!r} must be committed first, it is {dataset.status}")
-        for segment in dataset.manifest:
+        for segment in self.sent(identifier).manifest or ():
             yield from iterate_bytes(self._session, segment)
 
     def received(self, identifier: str, segments: Sequence[str]) -> tuple[int, Iterator[bytes]]:

@@ -33,11 +33,14 @@ class Column:
         Cell of its instants; where that is empty, the row is none of this column's.
     origin : int
         What is taken from whole numbers before they are rounded to float64: instants since 1601 have more digits.
+    divisor : int
+        What is left of them is divided by it.
     """
 
     cell: int
     axis: int | None = None
     origin: int = 0
+    divisor: int = 1
 
 
 @dataclass(slots=True, kw_only=True)
@@ -108,20 +111,20 @@ class SideBySide:
     def _pieces(self, columns: Sequence[Column]) -> Iterator[tuple[int, Values]]:
         once = {one.cell: one for one in columns}
         cells = sorted({*once, *(one.axis for one in columns if one.axis is not None)})
-        origins = {cell: one.origin for cell, one in once.items()}
+        whole = {cell: one for cell, one in once.items() if one.origin}
         rows = self.rows()
         while block := [row for _, row in zip(range(_BLOCK), rows, strict=False)]:
-            grid = self._grid(block, cells, origins)
+            grid = self._grid(block, cells, whole)
             for cell, one in once.items():
                 values = grid[:, cells.index(cell)]
                 if one.axis is not None:
                     values = values[~np.isnan(grid[:, cells.index(one.axis)])]
                 yield cell, np.ascontiguousarray(values)
 
-    def _grid(self, block: Sequence[Row], cells: Sequence[int], origins: Mapping[int, int]) -> Values:
+    def _grid(self, block: Sequence[Row], cells: Sequence[int], whole: Mapping[int, Column]) -> Values:
         """Return the wanted cells of some rows, NaN where one is empty."""
         lines = [line.replace(",", ".") if self.decimal_commas else line for _, line in block]
-        if not any(origins.values()):
+        if not whole:
             try:
                 values = np.loadtxt(lines, delimiter=self.delimiter, usecols=cells, comments=None, ndmin=2)
                 if len(values) == len(lines):
@@ -133,15 +136,15 @@ class SideBySide:
             there = line.split(self.delimiter)
             for j, cell in enumerate(cells):
                 text = there[cell].strip() if cell < len(there) else ""
-                found[i, j] = self._value(text, origins.get(cell, 0), block[i][0], cell)
+                found[i, j] = self._value(text, whole.get(cell), block[i][0], cell)
         return found
 
-    def _value(self, text: str, origin: int, line: int, cell: int) -> float:
+    def _value(self, text: str, whole: Column | None, line: int, cell: int) -> float:
         if not text:
             return math.nan
         try:
-            if origin:
-                return float(int(text) - origin)
+            if whole is not None:
+                return (int(text) - whole.origin) / whole.divisor
             return _WORDS[text.upper()] if text.upper() in _WORDS else float(text.replace("_", "?"))
         except ValueError as error:
             raise FormatError(

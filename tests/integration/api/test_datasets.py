@@ -167,7 +167,7 @@ def file_with(**fields):
 
 WRONG = {
     "no name": (RAW | {"name": ""}, "/name"),
-    "unknown format": (RAW | {"format": "wav"}, "/format"),
+    "unknown format": (RAW | {"format": "xls"}, "/format"),
     "no channels": (RAW | {"channels": []}, "/channels"),
     "channels left out": ({key: value for key, value in RAW.items() if key != "channels"}, "/channels"),
     "no rate": ({key: value for key, value in RAW.items() if key != "sample_rate"}, "/sample_rate"),

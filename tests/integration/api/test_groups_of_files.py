@@ -12,6 +12,7 @@ from asammdf import MDF, Signal
 from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 from tests.integration.api.test_imports import imported, matlab, values
+from tests.unit.api.test_labview_columns import file_of
 
 RNG = np.random.default_rng(29)
 FAST, SLOW, SWITCH = RNG.normal(size=1000), RNG.normal(size=77), RNG.random(77) > 0.5
@@ -66,6 +67,10 @@ def test_groups_of_tdms_become_recordings(client):
     np.testing.assert_array_equal(values(client, second, "slow/force"), theirs["slow"]["force"][:].astype(float))
     lineage = client.get(f"/v1/lineage/{second['id']}").json()
     assert first["id"] in {node["id"] for node in lineage["nodes"]}
+    assert client.get(f"/v1/datasets/{first['id']}/original").content == content
+    none = client.get(f"/v1/datasets/{second['id']}/original")
+    assert none.status_code == 409, none.text
+    assert f"one group of a file, which '{first['id']}' has" in none.json()["detail"]
     refused = client.delete(f"/v1/datasets/{first['id']}", headers={"If-Match": f'"{first["revision"]}"'})
     assert refused.status_code == 409
     assert second["id"] in refused.text
@@ -128,3 +133,17 @@ def test_a_file_whose_second_group_is_bad_leaves_nothing(client):
     assert "channel 'temperature' must be finite or missing, got an infinity at sample 5" in bad["error"]["detail"]
     after = {one["id"] for one in client.get("/v1/datasets", params={"limit": 1000}).json()["items"]}
     assert after - before == {bad["id"]}
+
+
+def test_columns_of_labview_text_with_their_own_instants_become_recordings(client):
+    uneven = np.cumsum(RNG.uniform(0.5, 1.5, size=30)) * 0.001
+    channels = {"fast": (np.arange(80) * 0.001, RNG.normal(size=80)), "late": (uneven, RNG.normal(size=30))}
+    first = imported(client, "lvm", file_of(channels, kind="Multi", step=0.001).encode())
+    assert first["status"] == "ready", first["error"]
+    fast, late = first["groups"]
+    assert (fast["sample_rate"], fast["sample_count"], fast["channels"]) == (1000, 80, ["fast"])
+    assert (late["sample_rate"], late["sample_count"], late["channels"]) == (None, 30, ["time", "late"])
+    second = client.get(f"/v1/datasets/{late['dataset_id']}").json()
+    assert second["uneven"]
+    np.testing.assert_allclose(values(client, second, "late"), channels["late"][1], atol=5e-7)
+    np.testing.assert_allclose(values(client, second, "time"), uneven - uneven[0], atol=1.1e-6)

@@ -48,7 +48,11 @@ from tests.integration.api.test_access import OPTIMIZATION
         (("PUT", "/v1/systems/{system}", {"json": LAG}), 428, "If-Match must be sent"),
         (("PUT", "/v1/systems/{system}", {"json": LAG, "headers": {"If-Match": '"9"'}}), 412, "must be 1, got 9"),
         (("GET", "/v1/jobs/{job}/result", {}), 409, "must have succeeded"),
-        (("GET", "/v1/systems", {"headers": {"Authorization": "Bearer st_wrong"}}), 401, "unknown, was revoked or has expired"),
+        (
+            ("GET", "/v1/systems", {"headers": {"Authorization": "Bearer st_wrong"}}),
+            401,
+            "unknown, was revoked or has expired",
+        ),
         (("GET", "/v1/systems", {"headers": {"Authorization": "Basic eDp5"}}), 401, "must be Bearer <key>"),
     ],
 )
