@@ -83,15 +83,20 @@ class Equations:
         v = np.zeros((len(base), m["b3"].shape[1]), dtype=np.result_type(base, at.x, float, *given.values()))
         for output, value in given.items():
             v[:, output] = value
+        e = base + v @ m["d33"].T
+        again: Sequence[int] = range(len(self.laws))
         for _ in range(len(self.laws) + 2):
-            e, earlier = base + v @ m["d33"].T, v.copy()
-            for law, mode in zip(self.laws, self.modes, strict=True):
-                found = law.element.outputs(seen(law, at, e), mode, law.real)
-                for k, output in enumerate(range(law.outputs.start, law.outputs.stop)):
-                    if output not in given:
-                        v[:, output] = found[k]
-            if np.array_equal(v, earlier):
+            if not again:
                 return e, v
+            for k in again:
+                law, mode = self.laws[k], self.modes[k]
+                found = law.element.outputs(seen(law, at, e), mode, law.real)
+                for place, output in enumerate(range(law.outputs.start, law.outputs.stop)):
+                    if output not in given:
+                        v[:, output] = found[place]
+            shown, e = e, base + v @ m["d33"].T
+            moved = (e != shown).any(axis=0).tolist()
+            again = [k for k, law in enumerate(self.laws) if any(moved[law.inputs])]
         raise CannotFollowError  # a loop through laws without a state
 
     def flow(self, at: Instants) -> Flow:

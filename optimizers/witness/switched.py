@@ -126,11 +126,16 @@ class Follower:
         self, begin: float, end: float, relative: float, sizes: Real
     ) -> tuple[list[float], Callable[[Real], Any], list[int], float]:
         """Go on from ``begin`` to the next event or ``end``; return the steps, the states on them, their modes, and where it ended."""
-        guards = [(k, g) for k in range(len(self._laws)) for g in range(len(self._guards(k, begin, self._x)))]
+        guards = [(k, g) for k, values in enumerate(self._guards(begin, self._x)) for g in range(len(values))]
+        last: dict[tuple[float, bytes], list[list[float]]] = {}
 
         def watched(number: int, guard: int) -> Callable[[float, Real], float]:
             def value(t: float, x: Real) -> float:
-                return self._guards(number, t, x)[guard]
+                key = (t, x.tobytes())
+                if key not in last:  # all guards are asked for at one instant after another
+                    last.clear()
+                    last[key] = self._guards(t, x)
+                return last[key][number][guard]
 
             value.terminal, value.direction = True, 1.0  # type: ignore[attr-defined]
             return value
@@ -175,10 +180,16 @@ class Follower:
         flow = self._equations.flow(at)
         return seen(self._laws[number], at, flow.e, flow.v, self._equations.slopes(at, flow))
 
-    def _guards(self, number: int, t: float, x: Real) -> list[float]:
-        law, mode = self._laws[number], self._equations.modes[number]
-        found = law.element.guards(self._moment(number, t, x), mode, law.real)
-        return [float(np.ravel(value)[0].real) for value in found]
+    def _guards(self, t: float, x: Real) -> list[list[float]]:
+        """Return the guards of every law at one instant."""
+        at = self._at(np.array([t]), x[None])
+        flow = self._equations.flow(at)
+        slopes = self._equations.slopes(at, flow)
+        return [
+            [float(np.ravel(value)[0].real) for value in law.element.guards(moment, mode, law.real)]
+            for law, mode in zip(self._laws, self._equations.modes, strict=True)
+            for moment in [seen(law, at, flow.e, flow.v, slopes)]
+        ]
 
     def _begin(self) -> None:
         """Let the laws choose their first modes."""
@@ -215,13 +226,11 @@ class Follower:
 
     def _beyond(self, t: float) -> Iterator[tuple[int, int]]:
         """Yield every law and guard that is positive."""
-        for number, law in enumerate(self._laws):
-            if law.element.idle(self._equations.modes[number]):
-                raise CannotFollowError
+        if any(law.element.idle(mode) for law, mode in zip(self._laws, self._equations.modes, strict=True)):
+            raise CannotFollowError
+        for number, (law, guards) in enumerate(zip(self._laws, self._guards(t, self._x), strict=True)):
             least = _POSITIVE * float(self._largest[law.inputs].max(initial=0.0))
-            for guard, value in enumerate(self._guards(number, t, self._x)):
-                if value > least:
-                    yield number, guard
+            yield from ((number, guard) for guard, value in enumerate(guards) if value > least)
 
     def _switch(self, number: int, guard: int, t: float) -> None:
         law, before = self._laws[number], self._equations.modes[number]

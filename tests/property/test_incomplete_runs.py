@@ -15,7 +15,7 @@ import pytest
 from hypothesis import settings
 
 from engine.analysis.evaluation import Evaluation
-from engine.analysis.measuring import MetricRequest, measure
+from engine.analysis.measuring import MetricRequest, findings, measured_of
 from engine.diagram.diagram import Block, Diagram, compile_system
 from engine.exact.nonlinear.response import Response
 from engine.metrics import catalogue
@@ -200,9 +200,11 @@ def test_no_metric_without_a_whole_run(seed: int) -> None:
         for m in METRICS
     ]
     for b in (0.5 * around, 1.5 * around):
-        response = run(diagram, b)
+        evaluation = Evaluation(diagram, {"b": b})  # one run for the response and all metrics
+        response = evaluation.simulated(SIGNALS, DURATION)
         assert not (b > threshold and whole(response))
-        for metric, (found, _) in zip(METRICS, measure(diagram, requests, overrides={"b": b}), strict=True):
+        for metric, request, finding in zip(METRICS, requests, findings(evaluation, requests), strict=True):
+            found = measured_of(diagram, request, finding)
             if whole(response):
                 assert found.verdict not in {Verdict.UNSTABLE, Verdict.DOUBTFUL} or found.value is None, metric
             else:
