@@ -10,13 +10,15 @@ interface Props {
   number: number;
   unit: string;
   outputUnit: string;
+  /** Whether its metric is one of a response: only these have outputs that settle. */
+  inTime: boolean;
   at: string;
   faultAt(field: string): string | undefined;
   onChange(own: Partial<Goal>): void;
 }
 
 /** What else can be said of a goal: a value to be hit, how strictly its bounds hold, what it weighs, a curve that it is held against. */
-export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange }: Props) {
+export function GoalMore({ goal, number, unit, outputUnit, inTime, at, faultAt, onChange }: Props) {
   const { t } = useTranslation();
   const needs = needsOf(goal.metric);
   const own = numberOf(goal.metric);
@@ -64,6 +66,21 @@ export function GoalMore({ goal, number, unit, outputUnit, at, faultAt, onChange
         {...wrong("soft")}
         onChange={(event) => onChange({ soft: event.currentTarget.value === "soft" })}
       />
+      {inTime && (
+        <NativeSelect
+          size="xs"
+          label={t("optimise.unsettled")}
+          aria-label={t("optimise.unsettledOf", { number })}
+          title={t("optimise.unsettledDoc")}
+          value={goal.settled ? "refused" : "taken"}
+          data={[
+            { value: "taken", label: t("optimise.unsettledTaken") },
+            { value: "refused", label: t("optimise.unsettledRefused") },
+          ]}
+          {...wrong("settled")}
+          onChange={(event) => onChange({ settled: event.currentTarget.value === "refused" })}
+        />
+      )}
       <PlainEntry label={t("optimise.weight")} aria-label={t("optimise.weightOf", { number })} value={goal.weight} optional placeholder="1" {...wrong("weight")} onCommit={(weight) => onChange({ weight })} w={90} />
     </Group>
   );

@@ -11,10 +11,10 @@ import { goalMetrics } from "./problem";
 import { RowTable } from "./RowTable";
 import { needsOf, type Goal } from "./schema";
 
-const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lower", "upper", "target", "tolerance", "soft", "weight", "upperCurve", "lowerCurve", "curveScale", "reference", "band", "number"] as const;
+const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lower", "upper", "target", "tolerance", "soft", "weight", "settled", "upperCurve", "lowerCurve", "curveScale", "reference", "band", "number"] as const;
 
 /** Whether something is said of a goal that its row has no place for. */
-const hasMore = ({ metric, target, tolerance, soft, weight }: Goal) => needsOf(metric) !== "" || target !== undefined || tolerance !== undefined || soft || weight !== undefined;
+const hasMore = ({ metric, target, tolerance, soft, weight, settled = false }: Goal) => needsOf(metric) !== "" || target !== undefined || tolerance !== undefined || soft || weight !== undefined || settled;
 
 /** Goals: of which curve, and on which side of which bound. */
 export function Goals(part: Part) {
@@ -58,7 +58,7 @@ export function Goals(part: Part) {
         bound(row, i, "lower", "optimise.atLeast"),
         bound(row, i, "upper", "optimise.atMost"),
       ]}
-      more={(row, i) => ({ label: t("optimise.moreOfGoal", { number: i + 1 }), said: hasMore(row), content: <GoalMore goal={row} number={i + 1} unit={unitOf(row)} outputUnit={outputUnit(row) ?? ""} at={`goals.${i}`} faultAt={faultAt} onChange={(own) => put(i, own)} /> })}
+      more={(row, i) => ({ label: t("optimise.moreOfGoal", { number: i + 1 }), said: hasMore(row), content: <GoalMore goal={row} number={i + 1} unit={unitOf(row)} outputUnit={outputUnit(row) ?? ""} inTime={(metrics.get(row.metric)?.domain ?? "time") === "time"} at={`goals.${i}`} faultAt={faultAt} onChange={(own) => put(i, own)} /> })}
       dropLabel={(row) => t("optimise.drop", { name: words(row.metric) })}
       onDrop={(i) => change({ goals: without(form.goals, i) })}
       add={{ label: t("optimise.addGoal"), onClick: add }}

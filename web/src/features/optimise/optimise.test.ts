@@ -75,6 +75,12 @@ describe("everything that a request may hold", () => {
       { metric: "settling_time", experiment: "step", output: "y", sense: "minimize" },
       { metric: "overshoot", experiment: "step", output: "y", sense: "minimize" },
     ]));
+  it("a goal of a response may refuse values that have not settled; one of a loop has none", () =>
+    expect(bodyOf({ ...form, goals: [{ ...goal, settled: true }, { ...goal, settled: false }, { ...goal, metric: "phase_margin", settled: true }] }, "s", domains).goals).toEqual([
+      { metric: "overshoot", experiment: "step", output: "y", sense: "minimize", accept: "ok" },
+      { metric: "overshoot", experiment: "step", output: "y", sense: "minimize" },
+      { metric: "phase_margin", open_at: "e", sense: "minimize" },
+    ]));
   it("ranges, draws, other structures, other methods, its turn", () =>
     expect(bodyOf({ ...form, scenarios: "", uncertain: [{ parameter: "m", lower: 1, upper: 2 }], draws: 256, across: "mean", structures: [{ id: "sys_2", name: "PD" }], others: ["global"], priority: "low", limit: 60, method: "grid", options: { points: [5, 7], sampling: "full" }, variables: [...form.variables, { parameter: "kd", chosen: "tied", expression: "=kp" }, { parameter: "ki", chosen: "range" }] }, "s", domains)).toMatchObject({
       uncertain: [{ parameter: "m", lower: 1, upper: 2 }],
@@ -157,6 +163,7 @@ describe("the form", () => {
     ["/goals/2/upper/unit", "goals.1.upper"],
     ["/goals/0/open_at", "goals.0.loop"],
     ["/goals/0/hard", "goals.0.soft"],
+    ["/goals/0/accept", "goals.0.settled"],
     ["/goals/0/bounds/lower/3", "goals.0.lowerCurve"],
     ["/goals/0/bounds/upper", "goals.0.upperCurve"],
     ["/goals/9", "goals.9.metric"],

@@ -47,8 +47,9 @@ function goalsOf(form: Search, domains: Domains): { row: number; goal: object }[
   return form.goals.flatMap((goal, row) => {
     const domain = domains.get(goal.metric);
     const within = (domain ?? "time") === "time" && goal.experiment === "" ? form.experiments.map(({ name }) => name) : [goal.experiment];
-    const { metric, sense, lower, upper, target, tolerance, soft, weight } = goal;
-    return within.map((experiment) => ({ row, goal: { metric, ...placeOf(goal, domain, experiment), ...heldAgainst(goal), ...said({ sense, lower, upper, target, tolerance, weight, hard: soft ? false : undefined }) } }));
+    const { metric, sense, lower, upper, target, tolerance, soft, weight, settled } = goal;
+    const accept = settled && (domain ?? "time") === "time" ? "ok" : undefined;
+    return within.map((experiment) => ({ row, goal: { metric, ...placeOf(goal, domain, experiment), ...heldAgainst(goal), ...said({ sense, lower, upper, target, tolerance, weight, hard: soft ? false : undefined, accept }) } }));
   });
 }
 

@@ -30,6 +30,8 @@ export const shape = z.object({
       tolerance: maybe,
       soft: z.boolean(),
       weight: z.number().optional(),
+      /** Whether a value of an output that has not settled is none. */
+      settled: z.boolean().optional(),
       /** What a whole curve is held against, as it is written. */
       upperCurve: z.string().optional(),
       lowerCurve: z.string().optional(),
@@ -128,7 +130,7 @@ export const search = shape.superRefine((form, context) => {
 });
 
 const OF_VARIABLE = new Set(["parameter", "lower", "upper", "scale", "start", "choices", "expression"]);
-const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve", settling_band: "number", recovery_band: "number", noise_density: "number", derivative: "number" };
+const OF_GOAL: Record<string, string> = { experiment: "experiment", output: "output", from: "from", to: "output", open_at: "loop", sense: "sense", lower: "lower", upper: "upper", target: "target", tolerance: "tolerance", hard: "soft", accept: "settled", weight: "weight", band: "band", reference: "reference", bounds: "upperCurve", settling_band: "number", recovery_band: "number", noise_density: "number", derivative: "number" };
 const WHOLE: Record<string, string> = { scenarios: "scenarios", yield_samples: "draws", cross_check: "others", alternatives: "structures", across_scenarios: "across" };
 
 /** The field of the form that a place of the request belongs to; null for places that have none. `rows`: the row of each of its goals. */
