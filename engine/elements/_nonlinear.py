@@ -161,6 +161,16 @@ class NonlinearElement(Element):
         return False
 
     @classmethod
+    def decides(cls, mode: Mode, values: Values) -> bool:
+        """Return whether the output jumps where a guard of this mode passes 0; with several, for as much as another one is from 0."""
+        return False
+
+    @classmethod
+    def stays(cls, mode: Mode) -> bool:
+        """Return whether a mode of a law that decides is the right one where a guard is exactly 0 and rests there."""
+        return True
+
+    @classmethod
     def period(cls, values: Values) -> Scalar | None:
         """Return the time between samples (s) of an element that samples, else None."""
         return None

@@ -76,7 +76,7 @@ class SwitchedCurrent(NonlinearElement):
         if _smooth(values):
             a, b = cls.factors(m)
             return [off + (on - off) * 0.5 * (1 + np.tanh(a * b / values["transition"]))]
-        return [0.0 * m.z[0] + (on if mode in {_signs(False, False), _signs(True, True)} else off)]
+        return [0.0 * m.z[0] + (off if cls.stays(mode) else on)]
 
     @classmethod
     def feed_through(cls, values: Values) -> Pattern:
@@ -92,6 +92,16 @@ class SwitchedCurrent(NonlinearElement):
     def jumps(cls, values: Values) -> bool:
         """Return whether the transition is about to begin: from then on the law is another one."""
         return not _smooth(values) and bool(np.any(values["transition"]))
+
+    @classmethod
+    def decides(cls, mode: Mode, values: Values) -> bool:
+        """Return that the current jumps with the sign of either factor while neither is held."""
+        return not _smooth(values) and mode < _SLIDES
+
+    @classmethod
+    def stays(cls, mode: Mode) -> bool:
+        """Return whether the current is off."""
+        return mode not in {_signs(False, False), _signs(True, True)}
 
     @classmethod
     def held(cls, mode: Mode) -> int | None:

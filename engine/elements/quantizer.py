@@ -60,6 +60,11 @@ class Quantizer(NonlinearElement):
         return [values["step"] * (mode // 2)]
 
     @classmethod
+    def decides(cls, mode: Mode, values: Values) -> bool:
+        """Return that the level jumps, unless the input is held on an edge."""
+        return mode % 2 == 0
+
+    @classmethod
     def held(cls, mode: Mode) -> int | None:
         """Return that an edge holds the input."""
         return 0 if mode % 2 else None

@@ -64,6 +64,11 @@ class Relay(NonlinearElement):
         return [values["high"] if mode > 0 else values["low"]]
 
     @classmethod
+    def decides(cls, mode: Mode, values: Values) -> bool:
+        """Return that the output jumps, unless the input is held."""
+        return mode != 0
+
+    @classmethod
     def held(cls, mode: Mode) -> int | None:
         """Return that sliding holds the input."""
         return 0 if mode == 0 else None

@@ -49,6 +49,16 @@ class Switch(NonlinearElement):
         return [m.z[0] if mode > 0 else m.z[1]]
 
     @classmethod
+    def decides(cls, mode: Mode, values: Values) -> bool:
+        """Return that another signal is let through."""
+        return True
+
+    @classmethod
+    def stays(cls, mode: Mode) -> bool:
+        """Return whether in1 is let through: it is at the threshold."""
+        return mode > 0
+
+    @classmethod
     def affine(cls, mode: Mode, values: Values) -> bool:
         """Return that a signal is let through as it is."""
         return True

@@ -32,11 +32,11 @@ class Bounds:
     Parameters
     ----------
     clock : callable, optional
-        Seconds; with ``wall_limit`` (s) it bounds the time spent.
+        Seconds; with ``limit`` (s) it bounds the time spent.
     """
 
-    def __init__(self, clock: Callable[[], float] | None, wall_limit: float) -> None:
-        self._clock, self._wall = clock, wall_limit
+    def __init__(self, clock: Callable[[], float] | None, limit: float) -> None:
+        self._clock, self._limit = clock, limit
         self._began = clock() if clock is not None else 0.0
         self._recent: deque[float] = deque(maxlen=CROWDS[-1][0])
         self.steps = self.events = 0
@@ -47,8 +47,8 @@ class Bounds:
         self.steps += count
         if self.steps > MAX_STEPS:
             self._late(now, f"after {MAX_STEPS} steps")
-        if self._clock is not None and self._clock() - self._began > self._wall:
-            self._late(now, f"after {self._wall:g} s of computing")
+        if self._clock is not None and self._clock() - self._began > self._limit:
+            self._late(now, f"after {self._limit:g} s of computing")
 
     def event(self, now: float, horizon: float, label: str) -> None:
         """Count an event of the law ``label`` in a simulation up to ``horizon`` (s)."""

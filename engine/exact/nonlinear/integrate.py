@@ -31,6 +31,7 @@ from engine.exact.nonlinear.outcome import Outcome
 from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.steps import Step, Stepper
 from engine.exact.nonlinear.switching import StoppedError, Switchboard
+from engine.exact.nonlinear.undecided import Undecided
 from engine.exact.nonlinear.windows import Chain
 from engine.exact.nonlinear.windows import solve as solve_chain
 from engine.exact.time.chebyshev import NODES, tail
@@ -72,7 +73,7 @@ class Integration:
     modes : sequence of int, optional
         Begin with these, which the guards then correct; chosen by the laws where absent.
     clock : callable, optional
-        Seconds; with ``wall_limit`` (s) it bounds the time spent.
+        Seconds; with ``limit`` (s) it bounds the time spent.
     tolerance : float, optional
     """
 
@@ -85,7 +86,7 @@ class Integration:
         state: Array | None = None,
         modes: Sequence[Mode] | None = None,
         clock: Callable[[], float] | None = None,
-        wall_limit: float = math.inf,
+        limit: float = math.inf,
         tolerance: float = TOLERANCE,
     ) -> None:
         self.system = system
@@ -93,7 +94,8 @@ class Integration:
         self.record = Record(edges=[self._board.t])
         self._driving = Driving(system, signals, constants, self.record)
         self._stepper = Stepper(system, self.record, tolerance)
-        self._bounds = Bounds(clock, wall_limit)
+        self._bounds = Bounds(clock, limit)
+        self._undecided = Undecided()
         self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
         self.error = 0.0
         self._agenda = Agenda()
@@ -258,6 +260,9 @@ class Integration:
                 self._event(step, event)
             return
         self._note_guards(step)
+        self._undecided.look(
+            self.system.laws, self._board.modes, step.guards, width=min(width, gap), now=self.now, horizon=self._horizon
+        )
         if whole:
             part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
             self._accept(part, target, lanes)

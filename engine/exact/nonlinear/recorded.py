@@ -85,7 +85,7 @@ def simulate_recorded(
     state, modes = (point.x, point.modes) if point.rests else (None, None)
     if deviation is not None:
         state, modes = (system.start if state is None else state) + deviation, None
-    run = Integration(system, given, tolerance=TOLERANCE, clock=clock, wall_limit=wall_limit, state=state, modes=modes)
+    run = Integration(system, given, tolerance=TOLERANCE, clock=clock, limit=wall_limit, state=state, modes=modes)
     # the last sample of what a held input moves at once lies behind its last jump
     outcome = run.advance(float(instants[-1]) + (sample_time / 2 if BetweenSamples.HOLD in ways else 0.0))
     values = np.full((len(names), len(instants)), np.inf)

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[Any]
 
-WALL_LIMIT: Final = 30.0
-"""A simulation that takes longer to compute ends here, s."""
+LIMIT: Final = 30.0
+"""A simulation that takes longer to compute ends here, s: of its own thread, so that no verdict depends on what else runs beside it."""
 EXTENSIONS: Final = 5
 """A response of free length that has not settled is followed twice as long, so many times."""
 
@@ -95,8 +95,8 @@ def respond(
     duration: float | None,
     pace: float,
     *,
-    clock: Callable[[], float] = time.monotonic,
-    wall_limit: float = WALL_LIMIT,
+    clock: Callable[[], float] = time.thread_time,
+    limit: float = LIMIT,
 ) -> Response:
     """Return the response to ``signals``.
 
@@ -109,10 +109,10 @@ def respond(
         End of the simulation, s; None to follow it until it settles.
     pace : float
         First guess of the time (s) after the last change of the commands until nothing moves any more.
-    clock, wall_limit : callable, float
-        The computation ends, with a verdict, when ``clock`` has gone on by ``wall_limit`` seconds.
+    clock, limit : callable, float
+        The computation ends, with a verdict, when ``clock`` has gone on by ``limit`` seconds.
     """
-    run = Integration(system, signals, state=_struck(system, signals), clock=clock, wall_limit=wall_limit)
+    run = Integration(system, signals, state=_struck(system, signals), clock=clock, limit=limit)
     initials = _initials(system)
     last = max((t for s in signals.values() for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
     if duration is not None:

@@ -175,7 +175,7 @@ def test_computing_time_is_limited_with_a_verdict():
     made = limited()
     found = respond(
         made.laws(), {"r": make("sine", {"amplitude": 3.0, "frequency": 5.0})}, 100.0, 1.0,
-        clock=lambda: float(next(ticks)), wall_limit=20.0,
+        clock=lambda: float(next(ticks)), limit=20.0,
     )  # fmt: skip
     assert found.outcome.verdict is Verdict.TOO_SHORT
     assert 0 < found.outcome.end < 100
