@@ -53,9 +53,9 @@ def identify(request: AnyIdentification, caller: Runner, service: InstallationDe
     `inverse_dynamics` finds the mass and friction of a drive, and `static_curve` draws a characteristic.
     """
     if isinstance(request, IdentificationRequest):
-        subject = identifications.prepare(service, caller, request)
+        prepared = identifications.prepare(service, caller, request)
         return creation.create(
-            lambda session: _accepted(identifications.submit(service, session, caller, request, subject))
+            lambda session: _accepted(identifications.submit(service, session, caller, request, prepared))
         )
     direct_identifications.prepare(service, caller, request)
     return creation.create(lambda session: _accepted(direct_identifications.submit(service, session, caller, request)))

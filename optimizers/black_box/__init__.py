@@ -10,7 +10,8 @@ and the method is a decomposition and two regressions.
 
 from __future__ import annotations
 
+from optimizers.black_box.checks import checked
 from optimizers.black_box.choice import BlackBox, Tried, black_box
 from optimizers.black_box.continuous import Continuous
 
-__all__ = ["BlackBox", "Continuous", "Tried", "black_box"]
+__all__ = ["BlackBox", "Continuous", "Tried", "black_box", "checked"]

@@ -5,38 +5,34 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.model.between_samples import BetweenSamples, told
 from engine.recordings.fit import Fit, baselines, compare
+from optimizers.black_box.checks import Method, checked
 from optimizers.black_box.continuous import Continuous, Discrete, continuous
 from optimizers.black_box.document import document_of
+from optimizers.black_box.doubts import UNJUDGED, doubts
 from optimizers.black_box.output_error import OutputError
 from optimizers.black_box.subspace import Subspace
+from optimizers.black_box.thinning import LONG
 from optimizers.estimation.noise import fitted
 from optimizers.estimation.tall import triangle
 from optimizers.problem import ProblemError
-from optimizers.recorded.recorded_data import doubted_data, doubted_samples
 from optimizers.recorded.recording import RecordedExperiment
 from optimizers.search.limits import Limited
 from optimizers.search.result import Monitor, Status, Unwatched
 
 Samples = npt.NDArray[np.float64]
-Method = Literal["subspace", "transfer_function"]
 
-MOST_ORDER: Final = 20
-MOST_DELAYS: Final = 200
 _BETTER: Final = 0.3
 """Points of FIT by which a higher order must be better to be preferred."""
-_SAMPLES_PER_COEFFICIENT: Final = 10
 _COARSE: Final = 12
 """Steps of the coarse grid of delays."""
-_LITTLE: Final = 10.0
-"""Percent of fit."""
-_LOOKED_AT: Final = 10_000
+_LOOKED_AT: Final = LONG
 """Samples on which delays are looked for and denominators begun: the liveliest ones of a longer recording."""
 _TO_MOVE: Final = 6
 """Evaluations on the whole of a long recording: what begins so near has settled then."""
@@ -114,7 +110,7 @@ def black_box(
         Any names serve for its inputs and outputs; a transfer function has one of each.
     method : {"subspace", "transfer_function"}
     orders : sequence of int
-        Among which the validation chooses (the estimation where there is none, with a doubt): the lowest one that no other
+        Among which the validation chooses (the estimation where there is none, or nothing moves there): the lowest one that no other
         beats by more than 0.3 points of FIT.
     largest_delay : float
         s; a transfer function is tried with every delay of whole samples up to it.
@@ -129,8 +125,8 @@ def black_box(
     """
     began = time.perf_counter()
     watch = monitor or Unwatched()
+    recorded, (experiment, together) = experiment, checked(experiment, method, orders, largest_delay)
     case = _Case(experiment, offsets=offsets)
-    _check(case, method, orders, largest_delay)
     candidates: list[tuple[Tried, Discrete, int, Samples]] = []
     tried = []
     status = Status.CONVERGED
@@ -159,7 +155,8 @@ def black_box(
             + ("; ".join(f"order {one.order}: {one.remark}" for one in tried) or "ended before the first"),
             at=("orders",),
         )
-    judged = [_judged(one) for one, *_ in candidates]
+    tells = case.validates()
+    judged = [_judged(one, validated=tells) for one, *_ in candidates]
     best, model, delay, constants = next(
         c for c, fit in zip(candidates, judged, strict=True) if fit >= max(judged) - _BETTER
     )
@@ -177,7 +174,10 @@ def black_box(
         document=document_of(
             case.inputs, case.outputs, system, best.delay, one_path=method == "transfer_function"
         ), status=status, seconds=time.perf_counter() - began,
-        warnings=_doubts(experiment, parts[0], delay, round(largest_delay / case.h)),
+        warnings=(
+            *doubts(recorded, together, parts[0], delay, round(largest_delay / case.h)),
+            *((UNJUDGED,) if experiment.windows[1] is not None and not tells else ()),
+        ),
     )  # fmt: skip
 
 
@@ -198,6 +198,11 @@ class _Case:
         if window is None:
             raise ProblemError("the recording must have an estimation window, got none", at=("split",))
         self.part = recording.within(window)
+
+    def validates(self) -> bool:
+        """Tell whether inputs move in a validation window: a model without dynamics fits there where none do."""
+        window = self.experiment.windows[1]
+        return window is not None and bool(np.ptp(self.u[:, self.experiment.recording.within(window)], axis=1).any())
 
     def driven(self, delay: int) -> Samples:
         """Return the inputs later; each had its first value before the recording began, which is 0 where constants are free."""
@@ -272,54 +277,9 @@ class _Case:
         }
 
 
-def _doubts(
-    experiment: RecordedExperiment, pairs: Mapping[str, tuple[Samples, Samples]], delay: int, most: int
-) -> tuple[str, ...]:
-    said = [*doubted_data(experiment)]
-    if delay == most > 0:
-        said.append(f"the delay came to rest at largest_delay ({most} samples): the recording asks for more room")
-    for name, (measured, simulated) in pairs.items():
-        said += doubted_samples(measured, simulated, name)
-        fit = compare(measured, simulated).fit_percent
-        if fit is not None and fit < _LITTLE:
-            said.append(
-                f"the model explains little of {name} (fit {fit:.3g} %, where the mean of what was measured has 0): do not use it "
-                "before you know why"
-            )
-    return tuple(said)
-
-
-def _judged(tried: Tried) -> float:
-    fit = tried.estimation if tried.validation is None else tried.validation
+def _judged(tried: Tried, *, validated: bool) -> float:
+    fit = tried.validation if validated else tried.estimation
     return -np.inf if fit is None else fit
-
-
-def _check(case: _Case, method: Method, orders: Sequence[int], largest_delay: float) -> None:
-    if method == "transfer_function" and (len(case.inputs), len(case.outputs)) != (1, 1):
-        raise ProblemError(
-            f"a transfer function must have one input and one output, got {len(case.inputs)} and {len(case.outputs)}: "
-            "use subspace",
-            at=("inputs",),
-        )
-    if not orders or not all(1 <= order <= MOST_ORDER for order in orders):
-        raise ProblemError(f"orders must be 1 to {MOST_ORDER}, got {list(orders)}", at=("orders",))
-    delays = round(largest_delay / case.h)
-    if not 0 <= delays <= MOST_DELAYS or (delays and method == "subspace"):
-        most = "0 for a subspace model" if method == "subspace" else f"0 to {MOST_DELAYS * case.h:g}"
-        raise ProblemError(f"largest_delay must be {most} s, got {largest_delay:g}", at=("largest_delay",))
-    samples, signals = case.part.stop - case.part.start, len(case.inputs) + len(case.outputs)
-    fewest = _SAMPLES_PER_COEFFICIENT * (max(orders) + 1) * signals
-    if samples < fewest + delays:
-        raise ProblemError(
-            f"estimation must hold at least {fewest + delays} samples for order {max(orders)}, got {samples}",
-            at=("estimation",),
-        )
-    for kind, names, signals_of in (("inputs", case.inputs, case.u), ("outputs", case.outputs, case.y)):
-        for name, signal in zip(names, signals_of, strict=True):
-            if not np.isfinite(signal).all():
-                raise ProblemError(f"{name} must be finite at every sample, got NaN or infinity", at=(kind, name))
-            if np.ptp(signal[case.part]) == 0:
-                raise ProblemError(f"{name} must vary in the estimation window, got a constant", at=(kind, name))
 
 
 def _models(

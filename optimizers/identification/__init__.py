@@ -13,7 +13,8 @@ L. Ljung, "System Identification: Theory for the User", 2nd ed., Prentice Hall 1
 
 from __future__ import annotations
 
+from optimizers.identification.expected import Expected, expected
 from optimizers.identification.identify import identify
 from optimizers.identification.result import Estimate, Identified, Judged
 
-__all__ = ["Estimate", "Identified", "Judged", "identify"]
+__all__ = ["Estimate", "Expected", "Identified", "Judged", "expected", "identify"]

@@ -32,8 +32,12 @@ _DOUBTFUL: Final = 0.125
 """Costs above leave half of what was to be explained: a fit below 50 %,"""
 _DOUBTFUL_AT_A_BOUND: Final = 0.005
 """and a tenth of it: a fit below 90 %."""
-_SAMPLES_LOOKED_AT: Final = 2_000_000
-"""Of all points together that are looked at where a search ended in a doubtful place."""
+_SAMPLES_LOOKED_AT: Final = 3_000_000
+"""Of all further evaluations together where a search ended in a doubtful place,"""
+_MOST_LOOKED_AT: Final = 100
+"""and how many these may be."""
+_EACH: Final = 12
+"""Evaluations after which it is plain which of several further starts leads on."""
 _BETTER: Final = 1 - 1e-6
 _SEED: Final = 0
 _EXACT: Final = 1e-18
@@ -141,16 +145,13 @@ def _searched(
                 reached=reached,
                 tell=tell,
             )
-            if found is not None and _is_doubtful(search, found):
-                again = minimize_squares(
-                    search.errors,
-                    _more_starts(search),
-                    lower=lower,
-                    upper=upper,
-                    max_evaluations=most,
-                    least_gain=LEAST_GAIN,
-                )
-                found = again if again is not None and again.cost < _BETTER * found.cost else found
+            # the other ways begin where this one came to rest
+            if found is not None and not done and _is_doubtful(search, found):
+                x = _looked_beside(search, found, lower, upper)
+                if x is not None:
+                    found = minimize_squares(
+                        search.errors, x[None], lower=lower, upper=upper, max_evaluations=most, least_gain=LEAST_GAIN
+                    )
             for _ in range(_WEIGHINGS if found is not None and search.weighs else 0):
                 assert found is not None
                 search.weigh(found)
@@ -175,16 +176,22 @@ def _is_doubtful(search: Search, found: Minimum) -> bool:
     return found.cost > (_DOUBTFUL_AT_A_BOUND if held else _DOUBTFUL)
 
 
-def _more_starts(search: Search) -> Samples:
-    """Return starts beside the given one."""
+def _looked_beside(search: Search, found: Minimum, lower: Samples, upper: Samples) -> Samples | None:
+    """Return a point that is better than a minimum, on the way from another start; None where none is seen."""
 
     def cost(x: Samples) -> float:
         residuals = search.errors(_padded(search, x))[0]
         return float(residuals @ residuals) if np.isfinite(residuals).all() else np.inf
 
-    most = _SAMPLES_LOOKED_AT // max(search.samples, 1)
-    found = promising_starts(search.problem, cost, np.random.default_rng(_SEED), most=most)
-    return _padded(search, found) if len(found) else np.zeros((0, search.coordinates))
+    budget = min(_SAMPLES_LOOKED_AT // max(search.samples, 1), _MOST_LOOKED_AT)
+    starts = promising_starts(search.problem, cost, np.random.default_rng(_SEED), most=budget - budget // 3)
+    starts = starts[: budget // 3 // _EACH]
+    if not len(starts):
+        return None
+    again = minimize_squares(
+        search.errors, _padded(search, starts), lower=lower, upper=upper, max_evaluations=_EACH, least_gain=LEAST_GAIN
+    )
+    return again.x if again is not None and again.cost < _BETTER * found.cost else None
 
 
 def _at(search: Search, x: Samples, *, converged: bool) -> Minimum:

@@ -32,6 +32,8 @@ _SEEN: Final = 0.005
 """and the part of the signal's spread that it must be apart at least."""
 _ALONE: Final = 3
 """Samples around an outlier among which there are no more than two; what is dense is a signal."""
+_ITS_OWN: Final = 0.5
+"""Part of an outlier's error that the signal itself is apart from its neighbours."""
 _LONGEST: Final = 20_000
 """Samples from which feedback is told."""
 _PAST: Final = 8
@@ -83,7 +85,10 @@ def clipped(name: str, signal: Samples) -> list[str]:
 
 def doubted_samples(measured: Samples, simulated: Samples, output: str) -> tuple[str, ...]:
     """Return a sentence where single samples lie apart from what a model leaves around them."""
-    found = outliers(measured - simulated, float(np.ptp(np.quantile(measured, [0.01, 0.99]))))
+    errors = measured - simulated
+    found = outliers(errors, float(np.ptp(np.quantile(measured, [0.01, 0.99]))))
+    # where only the error jumps the model does not follow a command
+    found = found[_from_around(measured)[found] > _ITS_OWN * _from_around(errors)[found]] if found.size else found
     if not found.size:
         return ()
     sentence = (
@@ -105,14 +110,18 @@ def outliers(errors: Samples, spread: float) -> npt.NDArray[np.int64]:
     """
     if errors.size < 16:
         return np.zeros(0, dtype=np.int64)
-    padded = np.concatenate([errors[[0, 0]], errors, errors[[-1, -1]]])
-    around = np.median(np.stack([padded[k : k + errors.size] for k in range(5)]), axis=0)
-    apart = np.abs(errors - around)
+    apart = _from_around(errors)
     found = np.flatnonzero(apart > max(_APART * 1.4826 * float(np.median(apart)), _SEEN * spread))
     if not found.size:
         return found
     near = np.searchsorted(found, found + _ALONE, side="right") - np.searchsorted(found, found - _ALONE)
     return np.asarray(found[near <= 2]) if np.mean(near <= 2) > 0.5 else found[:0]
+
+
+def _from_around(signal: Samples) -> Samples:
+    """Return how far each sample is from the median of the five around it."""
+    padded = np.concatenate([signal[[0, 0]], signal, signal[[-1, -1]]])
+    return np.asarray(np.abs(signal - np.median(np.stack([padded[k : k + signal.size] for k in range(5)]), axis=0)))
 
 
 def made_by(u: Samples, y: Samples) -> bool:

@@ -22,7 +22,7 @@ from api.services.jobs import jobs
 from api.services.operation.installation import Caller, Installation
 from api.services.recordings.datasets import read_recording
 from api.services.recordings.recordings import check_lengths
-from optimizers.black_box import black_box
+from optimizers.black_box import black_box, checked
 from optimizers.estimation.inverse_dynamics import drive_parameters
 from optimizers.estimation.static_curve import static_curve
 from optimizers.recorded.recorded_data import clipped, held
@@ -44,7 +44,8 @@ def prepare(service: Installation, caller: Caller, request: DirectRequest) -> No
     """
     read = _Read(request, service.database, caller.workspace)
     if isinstance(request, BlackBoxRequest):
-        black_box_from_wire(request, read.channels, read.sample_time)
+        experiment, settings = black_box_from_wire(request, read.channels, read.sample_time)
+        checked(experiment, settings["method"], settings["orders"], settings["largest_delay"])
     elif isinstance(request, InverseDynamicsRequest):
         drive_from_wire(request, read.channels, read.sample_time)
 

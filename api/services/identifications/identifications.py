@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -20,7 +21,7 @@ from api.services.operation.installation import Caller, Installation
 from api.services.recordings.recordings import recording_of
 from api.services.systems.systems import Subject, compiled, subject_of
 from engine.diagram.diagram import Diagram
-from optimizers.identification import identify
+from optimizers.identification import Expected, expected, identify
 from optimizers.recorded.recording import Identification, Recording
 from optimizers.search.limits import Limited
 from optimizers.search.result import Monitor
@@ -29,10 +30,30 @@ from storage.session import Database
 KIND = "identification"
 _SEED = 0
 """Of the starts after the first one: the same request gives the same answer."""
+_LONG: Final = 60.0
+"""Seconds from which on it is said that a search will be long,"""
+_LARGE: Final = 1e9
+"""and bytes from which on it is said that it is large."""
+_SHORTER: Final = "a recording that is shorter, or decimated, or fewer starts take less; a time limit ends it with the best until then"
 
 
-def prepare(service: Installation, caller: Caller, request: IdentificationRequest) -> Subject:
-    """Prove that an identification can be run.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """An identification that can be run, and what it will take."""
+
+    subject: Subject
+    cost: Expected
+
+    def warnings(self) -> list[dict[str, str]]:
+        """Return the system's warnings, and what is known beforehand of a long search."""
+        said = self.subject.warnings()
+        if self.cost.seconds > _LONG or self.cost.bytes > _LARGE:
+            said.append({"pointer": "/parameters", "detail": f"{_words(self.cost)}: {_SHORTER}"})
+        return said
+
+
+def prepare(service: Installation, caller: Caller, request: IdentificationRequest) -> Prepared:
+    """Prove that an identification can be run, and in how much memory.
 
     Raises
     ------
@@ -40,21 +61,22 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)
-    _problem(request, subject.diagram, service.database, caller.workspace)
-    return subject
+    problem = _problem(request, subject.diagram, service.database, caller.workspace)
+    return Prepared(subject=subject, cost=expected(problem))
 
 
 def submit(
-    service: Installation, session: Session, caller: Caller, request: IdentificationRequest, subject: Subject
+    service: Installation, session: Session, caller: Caller, request: IdentificationRequest, prepared: Prepared
 ) -> dict[str, Any]:
     """Write the job down, in the caller's transaction, with the document revision it is about."""
+    subject = prepared.subject
     body = {
         "request": {
             **request.model_dump(by_alias=True, exclude_unset=True, exclude={"queue"}),
             "system": subject.document,
         },
         "system_reference": dict(subject.reference) if subject.reference else None,
-        "warnings": subject.warnings(),
+        "warnings": prepared.warnings(),
     }
     return jobs.enqueue(service, session, caller, kind=KIND, body=body, queue=request.queue)
 
@@ -70,6 +92,8 @@ def run(
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
     problem = _problem(request, diagram, database, workspace)
+    cost = expected(problem)
+    monitor.progress(0.0, _words(cost))
     found = identify(problem, rng=np.random.default_rng(_SEED), monitor=Limited(monitor, seconds))
     reference = body["system_reference"]
     result = identified_to_wire(found, problem, system=reference)
@@ -80,6 +104,7 @@ def run(
         **result,
         "dataset": datasets[0],
         "datasets": datasets,
+        "expected": asdict(cost),
         "warnings": warnings_to_wire(remarks, place=place) + result["warnings"],
     }
 
@@ -117,3 +142,8 @@ def _datasets(request: IdentificationRequest, database: Database, workspace: str
     recorded = [request.dataset] if request.dataset is not None else [e.dataset for e in request.experiments or ()]
     measured = [dataset_of(one, database=database, workspace=workspace) for one in request.frequency_responses or ()]
     return list(dict.fromkeys([*recorded, *measured]))
+
+
+def _words(cost: Expected) -> str:
+    """Say what an identification will take."""
+    return f"about {cost.evaluations} simulations, {cost.seconds:.2g} s and {cost.bytes / 1e9:.2g} GB are expected"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.exact.time.chebyshev import DEGREE, integration_matrix, weights
+from engine.exact.time.chebyshev import DEGREE, differentiation_matrix, integration_matrix, weights
 
 if TYPE_CHECKING:
     from engine.exact.time.curve import Curve
@@ -17,12 +17,13 @@ Samples = npt.NDArray[np.float64]
 
 _AT_ONCE = 4096
 """Stretches of a curve that are integrated at a time."""
+_TOGETHER = 512
+"""Instants of a curve that are read at a time; most of those of long pieces are of one piece, which needs one product."""
 
 
 def values_at(curve: Curve, instants: Samples, *, after: float = 0.0) -> Array:
-    """Return the curve at fixed instants, shape (lanes, instants); what jumps within ``after`` (s) behind one has jumped."""
-    piece, w = _located(curve, instants, after)
-    return np.asarray(np.einsum("kpj,kjp->pk", w, curve.values[piece]))
+    """Return the curve at fixed instants that increase, shape (lanes, instants); what jumps within ``after`` (s) behind one has jumped."""
+    return _read(curve.edges, curve.values, _piece(curve, instants + after), instants).T
 
 
 def means(curve: Curve, h: float, count: int) -> Array:
@@ -31,8 +32,8 @@ def means(curve: Curve, h: float, count: int) -> Array:
     primitive = np.einsum("jl,klp->kjp", integration_matrix(), curve.values) * width[:, None, :]
     before = np.concatenate([np.zeros((1, width.shape[1])), np.cumsum(primitive[:, -1], axis=0)])
     ends: Samples = h * np.arange(count + 1, dtype=np.float64)
-    piece, w = _located(curve, ends)
-    integral = before[piece] + np.einsum("kpj,kjp->kp", w, primitive[piece])
+    piece = _piece(curve, ends)
+    integral = before[piece] + _read(curve.edges, primitive, piece, ends)
     return np.asarray(np.diff(integral, axis=0).T / h)
 
 
@@ -59,20 +60,43 @@ def moments(curve: Curve, h: float, count: int, rows: int) -> Array:
         k = wide[first : first + _AT_ONCE]
         begin, width = moving[k][:, None], (moving[k + 1] - moving[k])[:, None]
         t = begin + width * nodes[:, None]  # (stretches, nodes, lanes)
-        start, end = curve.edges[piece[k]][:, None], curve.edges[piece[k] + 1][:, None]
-        y = np.einsum("kqpj,kjp->kqp", weights((t - start) / (end - start)), curve.values[piece[k]])
-        y = y * shares[:, None] * width / h
+        y = _read(curve.edges, curve.values, np.repeat(piece[k], nodes.size), t.reshape(-1, t.shape[2])).reshape(
+            t.shape
+        )
+        y = y * (shares[:, None] * (width / h))
         phi = (ends[interval[k] + 1][:, None, None] - t) / h
         for i in range(rows):
-            np.add.at(found, (interval[k], i), (y * phi**i).sum(axis=1))
+            np.add.at(found, (interval[k], i), y.sum(axis=1))
+            y *= phi
     return found.transpose(2, 1, 0)
 
 
-def _located(curve: Curve, instants: Samples, after: float = 0.0) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the piece of each fixed instant and the interpolation weights there, shapes (k,) and (k, lanes, N + 1)."""
+def _piece(curve: Curve, instants: Samples) -> npt.NDArray[np.intp]:
+    """Return the piece of each fixed instant."""
     edges = curve.times
-    piece = np.clip(np.searchsorted(edges, instants + after, side="right") - 1, 0, len(edges) - 2)
-    start = curve.edges[piece]
-    # pieces move with the delays: a fixed instant then lies elsewhere in its piece, lane by lane
-    theta = (instants[:, None] - start) / (curve.edges[piece + 1] - start)
-    return piece, weights(theta)
+    return np.clip(np.searchsorted(edges, instants, side="right") - 1, 0, len(edges) - 2)
+
+
+def _read(edges: Array, values: Array, piece: npt.NDArray[np.intp], instants: Array) -> Array:
+    """Return pieces at fixed instants that increase, (instants,) or lane by lane (instants, lanes), shape (instants, lanes)."""
+    found = np.empty((len(instants), values.shape[2]), dtype=np.result_type(edges, values))
+    slopes = differentiation_matrix() @ values
+    for begin in range(0, len(instants), _TOGETHER):
+        part = slice(begin, begin + _TOGETHER)
+        k = piece[part]
+        # pieces move with the delays: a fixed instant then lies elsewhere in its piece, lane by lane
+        theta = (instants[part].reshape(k.size, -1) - edges[k]) / (edges[k + 1] - edges[k])
+        inside = np.clip(theta[:, 0].real, 0.0, 1.0)
+        basis, offset = weights(inside), theta - inside[:, None]
+        if k[0] == k[-1]:
+            found[part] = _product(basis, values[k[0]]) + offset * _product(basis, slopes[k[0]])
+        else:
+            found[part] = np.einsum("kj,kjp->kp", basis, values[k]) + offset * np.einsum("kj,kjp->kp", basis, slopes[k])
+    return found
+
+
+def _product(basis: Samples, values: Array) -> Array:
+    """Return a product, real and infinitesimal parts apart: a real matrix need not become a complex one for it."""
+    if not np.iscomplexobj(values):
+        return np.asarray(basis @ values)
+    return np.asarray(basis @ values.real + 1j * (basis @ values.imag))

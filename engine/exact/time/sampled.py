@@ -242,7 +242,10 @@ class _Kernel:
 
         # real and infinitesimal parts are convolved apart: a complex transform would round one into the other
         value = self.gain[0].real * u + convolved(self.transient[0].real)
-        tangent = slopes(self.gain)[:, None] * u + convolved(slopes(self.transient))
+        # lane by lane: the transforms of all of them would need many times the memory
+        tangent = np.stack([
+            gain * u + convolved(slopes(moves)) for gain, moves in zip(slopes(self.gain), self.transient, strict=True)
+        ])  # fmt: skip
         if self.step is not None:
             value = value + u[0] * self.step[0].real
             tangent = tangent + u[0] * slopes(self.step)
@@ -334,9 +337,12 @@ def interval(part: LaneSystem, h: float, rows: int) -> tuple[Array, Array]:
 def _step_without_delays(part: LaneSystem, h: float, count: int, rows: int) -> tuple[Array, Array]:
     """Return the step response at the samples, (lanes, count), and its moments, (lanes, rows, count)."""
     advance, read = interval(part, h, rows)
-    states = np.zeros((count, part.lanes, part.n + 1, 1), dtype=part.dtype)
-    states[0, :, part.n] = 1.0
-    for k in range(1, count):
-        states[k] = advance @ states[k - 1]
-    found = (read @ states)[..., 0].transpose(1, 2, 0)
+    states = np.zeros((part.lanes, part.n + 1, count), dtype=part.dtype)
+    states[:, part.n, 0] = 1.0
+    known = 1
+    while known < count:  # twice as many each time: one product instead of a step for each sample
+        more = min(known, count - known)
+        states[:, :, known : known + more] = advance @ states[:, :, :more]
+        advance, known = advance @ advance, known + more
+    found = read @ states
     return found[:, 0], found[:, 1:]

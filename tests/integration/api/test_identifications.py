@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import httpx
@@ -94,6 +95,43 @@ def test_two_experiments_with_gains_of_their_own_give_one_time_constant(client, 
     assert set(found["one_step_prediction"]) == {"y"}
 
 
+@pytest.fixture(scope="module")
+def long_search(client) -> dict[str, Any]:
+    """Return what would take minutes: a hundred starts on 60,000 samples."""
+    u = np.tile(U, 50)
+    dataset = made(client, u=u, y=lag(K, TAU, u) + 0.01 * RNG.normal(size=u.size))
+    return {"system": SYSTEM, "dataset": dataset, **CHANNELS, "parameters": ["k", "tau"], "starts": 100}
+
+
+def test_a_cancelled_search_gives_its_best_values(client, sqlite_worker, long_search) -> None:
+    job = client.post("/v1/identifications", json=long_search).json()
+    (said,) = [one["detail"] for one in job["warnings"]]
+    assert "simulations" in said
+    assert "fewer starts take less" in said
+    until = time.monotonic() + 60
+    while "best after" not in str(client.get(f"/v1/jobs/{job['id']}").json()["message"]) and time.monotonic() < until:
+        time.sleep(0.05)
+    client.post(f"/v1/jobs/{job['id']}/cancel")
+    assert finished(client, job)["status"] == "cancelled"
+    until = time.monotonic() + 60
+    while (found := client.get(f"/v1/jobs/{job['id']}/result")).status_code == 409 and time.monotonic() < until:
+        time.sleep(0.05)
+    assert found.json()["status"] == "cancelled"
+    assert {name: one["lower95"] is not None for name, one in found.json()["parameters"].items()} == {
+        "k": True,
+        "tau": True,
+    }
+
+
+def test_a_search_whose_time_is_over_gives_its_best_values(client, sqlite_worker, long_search) -> None:
+    found = result(client, {**long_search, "queue": {"time_limit": 8}})
+    assert found["status"] == "budget"
+    assert found["parameters"]["k"]["value"] == pytest.approx(K, rel=0.01)
+    assert found["parameters"]["tau"]["value"] == pytest.approx(TAU, rel=0.01)
+    assert found["expected"]["evaluations"] >= 1200
+    assert found["expected"]["bytes"] > 60_000 * 8
+
+
 def test_a_transfer_function_is_made_from_a_recording_alone(client, sqlite_worker, recordings) -> None:
     found = result(
         client,
@@ -166,6 +204,8 @@ def test_bad_recordings_are_refused_by_name(client, recordings) -> None:
     assert "output y must vary" in refused(dataset=constant)
     assert "inputs must vary" in refused(dataset=still)
     assert "must be one of the dataset's" in refused(inputs={"u": "w"})
+    late = {"method": "transfer_function", "dataset": recordings[0], **CHANNELS, "largest_delay": 60}
+    assert "must be 0 to" in client.post("/v1/identifications", json=late).json()["errors"][0]["detail"]
     assert "starts" in client.post("/v1/identifications", json={"system": SYSTEM, "dataset": short, **CHANNELS, "parameters": ["k"], "starts": 0}).text  # fmt: skip
 
 
