@@ -32,10 +32,12 @@ _DOUBTFUL: Final = 0.125
 """Costs above leave half of what was to be explained: a fit below 50 %,"""
 _DOUBTFUL_AT_A_BOUND: Final = 0.005
 """and a tenth of it: a fit below 90 %."""
-_SAMPLES_LOOKED_AT: Final = 3_000_000
-"""Of all further evaluations together where a search ended in a doubtful place,"""
-_MOST_LOOKED_AT: Final = 100
+_SAMPLES_LOOKED_AT: Final = 6_000_000
+"""Of all further evaluations together, slopes counted, where a search ended in a doubtful place,"""
+_MOST_LOOKED_AT: Final = 60
 """and how many these may be."""
+_FROM_REST: Final = 20
+"""Evaluations of another way: a few steps from where the first came to rest, unless nothing is determined."""
 _EACH: Final = 12
 """Evaluations after which it is plain which of several further starts leads on."""
 _BETTER: Final = 1 - 1e-6
@@ -126,7 +128,7 @@ def _searched(
     free = np.full(search.coordinates - search.parameters, np.inf)
     lower = np.append([u.coordinate(u.lower) for u in unknowns], -free)
     upper = np.append([u.coordinate(u.upper) for u in unknowns], free)
-    most = search.problem.max_evaluations
+    most = search.problem.max_evaluations if not done else min(search.problem.max_evaluations, _FROM_REST)
     keeper = monitor if isinstance(monitor, Keeper) else None
 
     def tell(now: Reached) -> None:
@@ -183,7 +185,7 @@ def _looked_beside(search: Search, found: Minimum, lower: Samples, upper: Sample
         residuals = search.errors(_padded(search, x))[0]
         return float(residuals @ residuals) if np.isfinite(residuals).all() else np.inf
 
-    budget = min(_SAMPLES_LOOKED_AT // max(search.samples, 1), _MOST_LOOKED_AT)
+    budget = min(_SAMPLES_LOOKED_AT // (search.samples * (1 + search.coordinates)), _MOST_LOOKED_AT)
     starts = promising_starts(search.problem, cost, np.random.default_rng(_SEED), most=budget - budget // 3)
     starts = starts[: budget // 3 // _EACH]
     if not len(starts):
