@@ -147,9 +147,18 @@ def validation_problem(errors: Sequence[Any], body: Any) -> Problem:
     return invalid_document([_fault(dict(error), body) for error in errors[:_MOST_FAULTS]])
 
 
+def _let_go(error: BaseException | None) -> None:
+    """Let go of the frames that an answered error has passed: they and the error hold each other, with the whole document in them."""
+    while error is not None:
+        error.__traceback__ = None
+        error = error.__cause__ or error.__context__
+
+
 def _on_invalid(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return problem_response(validation_problem(error.errors(), error.body))
+    response = problem_response(validation_problem(error.errors(), error.body))
+    _let_go(error)
+    return response
 
 
 def _allowed(request: Request) -> set[str]:
@@ -170,12 +179,14 @@ def _on_http(request: Request, error: Exception) -> Response:
         headers["Allow"] = ", ".join(sorted({*headers.get("Allow", "").split(", "), *_allowed(request)} - {""}))
     known = {404: "no such path", 405: f"the method must be one of {headers.get('Allow')} here, got {request.method}"}
     detail = known.get(error.status_code, error.detail)
+    _let_go(error)
     return problem_response(Problem(error.status_code, kind, detail, headers=headers))
 
 
 def _on_known(_: Request, error: Exception) -> Response:
     problem = problem_of(error)
     assert problem is not None
+    _let_go(error)
     return problem_response(problem)
 
 

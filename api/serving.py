@@ -17,6 +17,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from api.heads import BoundedHead
+from api.memory import Memory
 
 Network = IPv4Network | IPv6Network
 
@@ -31,6 +32,7 @@ class _Server(uvicorn.Server):
         gc.collect()
         gc.freeze()
         gc.set_threshold(_YOUNG)
+        Memory().keep_small()
 
 
 def configuration(

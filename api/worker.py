@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import re
 import resource
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from api import logs
@@ -28,6 +30,8 @@ from storage.session import Database, open_database
 
 #: A job has the time that its queue says, not that of a request (s).
 _A_JOB_S = 1e6
+#: What is read from a file that somebody sent may take this much memory (bytes): samples come in pieces, chunks are bounded.
+_READING, _READERS = 1 << 30, {datasets.PARSING, datasets.PREVIEW}
 
 
 class _Watch:
@@ -92,7 +96,7 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
     Refusal
         With the problem that the user should read.
     """
-    limit = bound_memory(Settings().job_memory)
+    limit = bound_memory(Settings().job_memory, more=_READING if job.kind in _READERS else None)
     with opened(job.database_url) as database:
         try:
             found = _RUN[job.kind](job, database, reporter)
@@ -107,8 +111,20 @@ def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:
             raise Refusal(**document) from error
 
 
-def bound_memory(limit: int) -> int:
-    """Let this process, which computes one thing and ends, have no more memory than that; 0 is as much as there is."""
+def bound_memory(limit: int, *, more: int | None = None) -> int:
+    """Let this process, which computes one thing and ends, have no more memory than that; 0 is as much as there is.
+
+    Parameters
+    ----------
+    limit : int
+    more : int, optional
+        What it may take beyond what it has now, where that is less.
+    """
+    if more is not None:
+        found = re.search(r"^VmData:\s+(\d+) kB$", Path("/proc/self/status").read_text(), re.MULTILINE)
+        assert found is not None
+        own = (int(found[1]) << 10) + more
+        limit = min(limit, own) if limit else own
     if limit:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     return limit

@@ -18,6 +18,8 @@ MOST_CHANNELS = 500
 """Channels of one recording."""
 MOST_VALUES = 2_000_000_000
 """Samples times channels of one recording: 16 GB before compression."""
+LEAST_UNPACKED, MOST_RATIO = 256 << 20, 64
+"""Bytes that any file may unpack to, and how many times its size a larger one may."""
 
 TIME_OF_DAY = "time of day"
 """Quantity of instants that begin again at midnight."""
@@ -199,6 +201,28 @@ def claimed(what: str, values: int, *, size: int, itemsize: float) -> None:
     if values < 0 or values * itemsize > size:
         raise FormatError(f"{what} must fit into the {size} bytes that are there, got {values} values")
     bounded(what, values)
+
+
+def proportionate(what: str, unpacked: int, *, size: int) -> None:
+    """Refuse what unpacks to more than a measurement of this size does, before it is unpacked.
+
+    Parameters
+    ----------
+    unpacked : int
+        Bytes that are claimed or have come so far; a value is 8 of them.
+    size : int
+        Bytes of the file.
+
+    Raises
+    ------
+    FormatError
+        With the limit.
+    """
+    if unpacked > max(LEAST_UNPACKED, MOST_RATIO * size):
+        raise FormatError(
+            f"{what} must unpack to at most {LEAST_UNPACKED >> 20} MiB or {MOST_RATIO} times the size of the file "
+            f"({size} bytes), got {unpacked} bytes or more: take fewer channels, or write it with less compression"
+        )
 
 
 def bounded(what: str, values: int) -> None:

@@ -18,6 +18,7 @@ from api.formats import (
     mcap,
     mdf,
     parquet,
+    proportionate,
     tdms,
     touchstone,
     uff,
@@ -85,11 +86,14 @@ def open_file(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
     FormatError
         When it is no such file, or a damaged one; also while it is read.
     """
+    size = file.seek(0, 2)
     with _understood(format_):
         found = _opened(format_, file, options)
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         with _understood(format_):
+            claimed = sum(found.series[place].count or 0 for place in wanted)
+            proportionate("the samples", 8 * claimed, size=size)
             yield from found.read(wanted)
 
     return replace(found, read=read, functions=[_guarded(format_, one) for one in found.functions])

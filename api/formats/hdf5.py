@@ -14,10 +14,11 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import FormatError, Recording, bounded, by_channel
+from api.formats import MOST_RATIO, FormatError, Recording, bounded, by_channel
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
-_LARGEST_CHUNK = 256 << 20
+_LARGEST_CHUNK, _LARGEST_DENSE = 256 << 20, 32 << 20
+"""Bytes of a chunk, which is unpacked as a whole: of any, and of one that is packed as densely as no measurement is."""
 _MOST_ARRAYS = 100_000
 _LONGEST_TEXT = 200
 _UNIT = ("unit", "units", "Unit", "Units", "unit_string", "y_unit")
@@ -167,10 +168,13 @@ def _storage_reason(item: Any) -> str:
     count = math.prod(item.shape)
     if item.external or item.is_virtual:
         return "its values lie in other files"
-    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK:
-        return f"its chunks are larger than {_LARGEST_CHUNK >> 20} MiB"
-    if item.chunks is None and item.id.get_storage_size() < count * item.dtype.itemsize:
-        return f"it claims {count} values and has {item.id.get_storage_size()} bytes of them"
+    stored = item.id.get_storage_size()
+    if item.chunks:
+        chunk = math.prod(item.chunks) * item.dtype.itemsize
+        if chunk > min(_LARGEST_CHUNK, max(_LARGEST_DENSE, MOST_RATIO * stored)):
+            return f"its chunks of {chunk} bytes are larger than {_LARGEST_CHUNK >> 20} MiB, or packed too densely ({stored} bytes are stored)"
+    elif stored < count * item.dtype.itemsize:
+        return f"it claims {count} values and has {stored} bytes of them"
     return ""
 
 

@@ -20,12 +20,11 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import PIECE, FormatError, Recording, by_channel, claimed
+from api.formats import PIECE, FormatError, Recording, by_channel, claimed, proportionate
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
 _HEAD = 128
 _CHUNK = 1 << 20
-_LEAST_BOUND, _MOST_RATIO = 256 << 20, 64
 _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CELL, _STRUCT, _OBJECT, _TEXT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
@@ -73,13 +72,12 @@ def open_file(file: BinaryIO) -> Recording:
     if len(head) < _HEAD or head[126:128] not in {b"IM", b"MI"}:
         raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else")
     order = "<" if head[126:128] == b"IM" else ">"
-    bound = max(_LEAST_BOUND, _MOST_RATIO * size)
     with ExitStack() as undo:
-        found = _found(file, size, order, bound, undo)
+        found = _found(file, size, order, undo)
         return _recording(found, undo.pop_all().close)
 
 
-def _found(file: BinaryIO, size: int, order: str, bound: int, undo: ExitStack) -> _Found:
+def _found(file: BinaryIO, size: int, order: str, undo: ExitStack) -> _Found:
     """Go through the variables; what is unpacked stays in files that ``undo`` closes."""
     found = _Found()
     position = _HEAD
@@ -88,7 +86,7 @@ def _found(file: BinaryIO, size: int, order: str, bound: int, undo: ExitStack) -
         if kind == _COMPRESSED:
             following = position + 8 + length  # not filled up
             spool = undo.enter_context(tempfile.TemporaryFile())  # noqa: SIM115 - read as long as the recording is
-            unpacked = _unpack(file, data, length, spool, bound - found.unpacked)
+            unpacked = _unpack(file, data, length, spool, size=size, before=found.unpacked)
             found.unpacked += unpacked
             inner, inner_length, inner_data, _ = _tag(spool, order, 0, unpacked)
             if inner == _MATRIX:
@@ -168,8 +166,8 @@ def _tag(file: BinaryIO, order: str, position: int, end: int) -> tuple[int, int,
     return kind, length, data, data + -(-length // 8) * 8
 
 
-def _unpack(file: BinaryIO, data: int, length: int, spool: BinaryIO, bound: int) -> int:
-    """Unpack zlib data into a file; return its length."""
+def _unpack(file: BinaryIO, data: int, length: int, spool: BinaryIO, *, size: int, before: int) -> int:
+    """Unpack zlib data into a file, after as many bytes as were unpacked ``before``; return its length."""
     unpacker = zlib.decompressobj()
     done = 0
     file.seek(data)
@@ -184,11 +182,7 @@ def _unpack(file: BinaryIO, data: int, length: int, spool: BinaryIO, bound: int)
                 raise FormatError(f"a compressed variable must be zlib data, got {error}") from error
             piece = unpacker.unconsumed_tail
             done += len(plain)
-            if done > bound:
-                raise FormatError(
-                    f"the variables must unpack to at most {_LEAST_BOUND >> 20} MiB or {_MOST_RATIO} times the size of "
-                    "the file, got more"
-                )
+            proportionate("the variables", before + done, size=size)
             spool.write(plain)
     if not unpacker.eof:
         raise FormatError("a compressed variable must be complete, got a part of it: the file is cut off")

@@ -7,13 +7,14 @@ whose numbers stand for texts (states, switches) are those numbers.
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from api.formats import PIECE, FormatError, Recording, Series, Values, bounded
+from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, proportionate
 
 _NUMBERS = {3: {0, 1, 2, 3, *range(9, 17)}, 4: set(range(6))}
 """Types of data of each version that are plain numbers."""
@@ -47,7 +48,7 @@ def open_file(file: BinaryIO) -> Recording:
     if file.read(3) != b"MDF":
         raise FormatError("an MDF file must begin with MDF, got something else")
     source = MDF(f"/proc/self/fd/{file.fileno()}")
-    places, series, refused = _channels(source)
+    places, series, refused = _channels(source, size=file.seek(0, 2))
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         for position, one in enumerate(wanted):
@@ -83,24 +84,25 @@ def _values(source: Any, place: _Place, start: int, count: int) -> Values:
     return values
 
 
-def _channels(source: Any) -> tuple[list[_Place], list[Series], dict[str, str]]:
+def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], dict[str, str]]:
     """Return where each channel is, what it is, and what is refused."""
     places: list[_Place] = []
     series: list[Series] = []
     refused: dict[str, str] = {}
     used = [group for group in range(len(source.groups)) if source.groups[group].channel_group.cycles_nr]
-    names = [channel.name for group in used for channel in source.groups[group].channels]
+    names = Counter(channel.name for group in used for channel in source.groups[group].channels)
     start = source.header.start_time
     version = 4 if str(source.version) >= "4" else 3
     labels: dict[bytes, str] = {}
     for group in used:
         count = int(source.groups[group].channel_group.cycles_nr)
         bounded(f"the samples of group {group}", count)
+        proportionate(f"the samples of group {group}", 8 * count, size=size)
         master = source.masters_db.get(group)
         label = labels.setdefault(_digest(source, group, count, timed=master is not None), _label(source, group))
         known = len([one for one in series if one.group == label and one.role == "time"])
         for index, channel in enumerate(source.groups[group].channels):
-            name = channel.name if names.count(channel.name) == 1 else f"{channel.name} (group {group})"
+            name = channel.name if names[channel.name] == 1 else f"{channel.name} (group {group})"
             if channel.data_type not in _NUMBERS[version]:
                 refused[name] = "its values are no plain numbers"
                 continue

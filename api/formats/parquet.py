@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from api.formats import PIECE, FormatError, Recording, Series, Values, bounded
+from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, proportionate
 from api.formats.arrays import is_time
 
 _ROWS = PIECE // 2
@@ -28,6 +28,7 @@ def open_file(file: BinaryIO) -> Recording:
     source = pq.ParquetFile(file, buffer_size=1 << 20, pre_buffer=False)
     schema, count = source.schema_arrow, source.metadata.num_rows
     bounded("the rows of the file", count * max(len(schema), 1))
+    size = file.seek(0, 2)
     series: list[Series] = []
     refused: dict[str, str] = {}
     metadata = {key.decode(errors="replace"): value for key, value in (schema.metadata or {}).items()}
@@ -55,6 +56,7 @@ def open_file(file: BinaryIO) -> Recording:
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         names = [series[place].name for place in wanted]
+        proportionate("the columns", _unpacked(source.metadata, set(names)), size=size)
         first: dict[str, Any] = {}
         for batch in source.iter_batches(batch_size=_ROWS, columns=names, use_threads=False):
             for position, name in enumerate(names):
@@ -62,6 +64,13 @@ def open_file(file: BinaryIO) -> Recording:
 
     layout = {"sample_rate": rate} if rate else {}
     return Recording(series=series, read=read, refused=refused, layout=layout, close=source.close)
+
+
+def _unpacked(metadata: Any, names: set[str]) -> int:
+    """Return how many bytes the pages of some columns say that they unpack to."""
+    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
+    columns = (group.column(i) for group in groups for i in range(group.num_columns))
+    return sum(column.total_uncompressed_size for column in columns if column.path_in_schema in names)
 
 
 def _values(column: Any, first: dict[str, Any], name: str) -> Values:

@@ -33,6 +33,7 @@ from engine.model.traced import Op, Traced
 MAX_LENGTH: Final = 1000
 MAX_DEPTH: Final = 50
 _REMEMBERED: Final = 1024
+_LONGEST_SHOWN: Final = 200
 
 Values = Sequence[Scalar]
 Compute = Callable[[Values], Scalar]
@@ -221,7 +222,9 @@ class Parser:
         return Expression(text=self._text, names=tuple(self._names), compute=compute)
 
     def _error(self, what: str) -> ExpressionError:
-        return ExpressionError(f"expression '{self._text}' cannot be read: {what} at character {self._start + 1}")
+        long = len(self._text) > _LONGEST_SHOWN
+        shown = f"{self._text[:_LONGEST_SHOWN]}..." if long else self._text
+        return ExpressionError(f"expression '{shown}' cannot be read: {what} at character {self._start + 1}")
 
     def _advance(self) -> None:
         match = _TOKEN.match(self._text, self._position)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import struct
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -122,7 +123,7 @@ class Parser:
 
     def _metadata(self, listed: list[str]) -> list[str]:
         """Read the objects of a segment; return the paths of those that have values, in the order of their values."""
-        listed = list(listed)
+        order = dict.fromkeys(listed)
         for _ in range(self._number("I")):
             path = self._text()
             found = self.objects.setdefault(path, TdmsObject())
@@ -135,13 +136,13 @@ class Parser:
             elif head != _NO_DATA:
                 found.index = self._index(head)
             if head == _NO_DATA:
-                listed = [other for other in listed if other != path]
-            elif path not in listed:
-                listed.append(path)
+                order.pop(path, None)
+            else:
+                order.setdefault(path)
             for _ in range(self._number("I")):
                 name = self._text()
                 found.properties[name] = self._property(path, name)
-        return listed
+        return list(order)
 
     def _index(self, head: int) -> _Index:
         if head in {_FORMAT_CHANGING, _DIGITAL_LINE}:
@@ -326,6 +327,5 @@ def quoted(name: str) -> str:
 def names_of(paths: Sequence[str]) -> Mapping[str, str]:
     """Return path -> name: that of the channel, with its group where several groups have one of that name."""
     short = [parts(path)[1] for path in paths]
-    return {
-        path: name if short.count(name) == 1 else "/".join(parts(path)) for path, name in zip(paths, short, strict=True)
-    }
+    often = Counter(short)
+    return {path: name if often[name] == 1 else "/".join(parts(path)) for path, name in zip(paths, short, strict=True)}

@@ -16,6 +16,7 @@ from api.formats import FormatError
 from api.pointers import Place
 from api.problems import Problem, invalid
 from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest, ImportDocument, PreviewRequest
+from api.schemas.queue import QueueDocument
 from api.services.jobs import jobs
 from api.services.lineage.lineage import check_free
 from api.services.operation.installation import Caller, Installation
@@ -32,6 +33,7 @@ PARSING = "dataset"
 """Kind of the job that reads a file, or many raw samples."""
 PREVIEW = "preview"
 """Kind of the job that looks at a file."""
+_READING_S = 3600.0
 
 
 def create(session: Session, caller: Caller, request: DatasetRequest) -> dict[str, Any]:
@@ -216,10 +218,18 @@ def commit(
         return Committed(dataset=to_wire(row), job=None)
     if row.format == "raw" and (row.size or 0) <= raw_samples.AT_ONCE:
         return Committed(dataset=to_wire(raw_samples.ingest(repository, row)), job=None)
-    job = jobs.enqueue(service, session, caller, kind=PARSING, body={"dataset": identifier}, queue=request.queue)
+    job = jobs.enqueue(
+        service, session, caller, kind=PARSING, body={"dataset": identifier}, queue=_in_time(request.queue)
+    )
     row.job_id = job["id"]
     session.flush()
     return Committed(dataset=to_wire(row), job=job)
+
+
+def _in_time(queue: QueueDocument | None) -> QueueDocument:
+    """Let a job that reads a file end within an hour unless its user says otherwise: nobody knows what a file makes its reader do."""
+    asked = queue or QueueDocument()
+    return asked if asked.time_limit is not None else asked.model_copy(update={"time_limit": _READING_S})
 
 
 def preview(
@@ -237,7 +247,7 @@ def preview(
         check_import(request.import_)
         given = request.import_.model_dump(by_alias=True, exclude_unset=True, mode="json")
     body = {"dataset": identifier, "segments": request.segments, "import": given}
-    job = jobs.enqueue(service, session, caller, kind=PREVIEW, body=body, queue=request.queue)
+    job = jobs.enqueue(service, session, caller, kind=PREVIEW, body=body, queue=_in_time(request.queue))
     return {"dataset": identifier, "job": job}
 
 

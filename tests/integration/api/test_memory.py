@@ -1,13 +1,16 @@
-"""A job that needs more memory than it may have ends with a sentence, and its worker goes on."""
+"""A job that needs more memory than it may have ends with a sentence, and its worker goes on; answered errors hold nothing."""
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import subprocess
 import sys
 
 import pytest
+
+from tests.integration.api.documents import LAG
 
 # What a child of a worker does, with a job that allocates as much as it is told to.
 CHILD = """
@@ -42,3 +45,29 @@ def test_a_job_has_no_more_memory_than_it_may(numbers, fits) -> None:
         assert said["detail"] == (
             "a job must need at most 2147483648 bytes of memory (SERVOTUNE_JOB_MEMORY), got one that needs more"
         )
+
+
+#: Bodies that are refused while they are parsed, by their schema, and by what computes.
+REFUSED = [
+    '{"marked": [[1]], "marked": [[2]]}',
+    '{"marked": [[1]]}',
+    json.dumps({"system": LAG | {"outputs": {"marked": "nowhere"}}, "input": {"port": "u", "signal": {"kind": "step"}}}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("body", REFUSED)
+def test_an_answered_error_does_not_hold_its_document(sqlite_service, body) -> None:
+    """Errors and the frames that they have passed hold each other: documents stayed until the next full collection."""
+    headers = {"Content-Type": "application/json"}
+    with sqlite_service.client() as client:
+        client.post("/v1/simulations", content=body, headers=headers)  # what is loaded with the first one is loaded
+        gc.collect()
+        gc.disable()
+        try:
+            for _ in range(3):
+                assert client.post("/v1/simulations", content=body, headers=headers).status_code == 422
+            client.get("/healthz")  # the answer before has left
+            held = [one for one in gc.get_objects() if type(one) is dict and "marked" in one]
+        finally:
+            gc.enable()
+    assert held == []
