@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import re
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,15 +26,26 @@ from api.services.studies.results import versions
 from api.services.validations import validations
 from api.services.webhooks import alerts
 from api.settings import Settings
-from engine.batch.kernels.warm import warm
+from engine.batch.kernels.warm import compiled_before, warm
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
 from storage.jobs.queue import JobQueue
+from storage.jobs.zygote import Later
 from storage.session import Database, open_database
 
+#: Compiles the kernels, and ends with the process that started it.
+_COMPILE = """
+import ctypes, signal, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+from engine.batch.kernels.warm import warm
+warm()
+"""
 #: A job has the time that its queue says, not that of a request (s).
 _A_JOB_S = 1e6
 #: What is read from a file that somebody sent may take this much memory (bytes): samples come in pieces, chunks are bounded.
 _READING, _READERS = 1 << 30, {datasets.PARSING, datasets.PREVIEW}
+
+_log = logging.getLogger("servotune.worker")
 
 
 class _Watch:
@@ -79,13 +93,29 @@ class _Watch:
         return {**self._given, **self._kept} or None
 
 
-def prepare() -> None:
-    """Load the compiled kernels and the packages of searches, so that no job waits for them, and write the log as the worker does."""
+def prepare() -> Later | None:
+    """Load the compiled kernels and the packages of searches, so that no job waits for them, and write the log as the worker does.
+
+    Kernels that are not compiled yet are compiled by a process beside this one: that takes minutes on a busy machine, and most
+    jobs need none of them.
+    """
     settings = Settings()
     logs.configure(settings.log_level, form=settings.log_format)
     for package in ("scipy.signal", "scipy.stats"):  # searches and identifications load them where they need them
         importlib.import_module(package)
-    warm()
+    if compiled_before():
+        warm()
+        return None
+    _log.warning(
+        "kernels are being compiled, a minute or more: searches and batches that need them take so much longer until then"
+    )
+    compiling = subprocess.Popen([sys.executable, "-c", _COMPILE])  # noqa: S603 - our own code
+    return Later(process=compiling.pid, work=_load_compiled)
+
+
+def _load_compiled() -> None:
+    if compiled_before():
+        warm()
 
 
 def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:

@@ -15,11 +15,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from api.formats import MOST_CHANNELS, PIECE, FormatError, Recording, Series, Values
+from api.formats import MOST_CHANNELS, PIECE, FormatError, Recording, Series, Values, proportionate
 from api.formats.ros import LONGEST_ARRAY, decoder_of
 
 _BLOCK = PIECE // 16
-_LEAST_BOUND, _MOST_RATIO = 256 << 20, 64
 _LARGEST_RECORD = 256 << 20
 _DEEPEST = 16
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -103,11 +102,7 @@ def _columns(block: Sequence[Mapping[str, float]], asked: Sequence[tuple[int, st
 def _bounded(summary: Any, size: int) -> None:
     """Refuse a file that unpacks to far more than its size."""
     unpacked = sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) if summary else 0
-    if unpacked > max(_LEAST_BOUND, _MOST_RATIO * size):
-        raise FormatError(
-            f"the messages must unpack to at most {_LEAST_BOUND >> 20} MiB or {_MOST_RATIO} times the size of the file, got "
-            f"{unpacked} bytes: write it anew without compression"
-        )
+    proportionate("the messages", unpacked, size=size)
 
 
 def _topics(messages: Callable[[], Iterator[tuple[Any, Any, Any]]]) -> tuple[dict[str, _Topic], dict[str, str], int]:

@@ -3,7 +3,8 @@
 It listens on a socket to its worker. When that closes, because the worker stopped or was killed, it kills every child;
 when it dies itself, the kernel kills them (Linux). So no computation outlives its worker, also not one that
 sits in compiled code. It has one thread and, once it is prepared, computes nothing, which is what makes forking safe
-and answers quick. A module may have a function ``prepare``, called once after its import.
+and answers quick. A module may have a function ``prepare``, called once after its import; what it need not wait for it
+leaves to a process beside, and returns what is to be done `Later`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import socket
 import struct
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import NoReturn, cast
 
 from storage.jobs.compute import Compute, compute_one
@@ -36,6 +39,14 @@ PREPARED = -1
 _PR_SET_PDEATHSIG = 1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later:
+    """What is left to do once a process has ended that this one has started."""
+
+    process: int
+    work: Callable[[], None]
+
+
 def main(compute_path: str, control: socket.socket) -> NoReturn:
     """Serve until the worker closes its end of ``control``."""
     # Ctrl-C and a service manager's SIGTERM to every process are the worker's to handle: it gives the jobs back first.
@@ -52,8 +63,7 @@ def main(compute_path: str, control: socket.socket) -> NoReturn:
         # What takes long to load is loaded once, here, and shared by all children.
         begun = time.monotonic()
         prepare = getattr(home, "prepare", None)
-        if prepare is not None:
-            prepare()
+        later: Later | None = None if prepare is None else prepare()
     with suppress(BrokenPipeError):  # a worker that went meanwhile is noticed below
         control.sendall(EXITED.pack(PREPARED, round(1000 * (time.monotonic() - begun))))
     children: dict[int, int] = {}  # process id by number
@@ -66,7 +76,10 @@ def main(compute_path: str, control: socket.socket) -> NoReturn:
                     _obey(control, children, compute, inherited=(wake_reader, wake_writer))
                 else:
                     os.read(wake_reader, 512)
-                    _reap(control, children)
+                    ended = _reap(control, children)
+                    if later is not None and later.process in ended:
+                        later.work()
+                        later = None
 
 
 def _obey(control: socket.socket, children: dict[int, int], compute: Compute, *, inherited: tuple[int, ...]) -> None:
@@ -130,15 +143,18 @@ def _kill(process: int) -> None:
         return
 
 
-def _reap(control: socket.socket, children: dict[int, int]) -> None:
+def _reap(control: socket.socket, children: dict[int, int]) -> set[int]:
+    """Tell which children have ended; return the ids of all processes that have."""
+    ended: set[int] = set()
     numbers = {process: number for number, process in children.items()}
     while True:
         try:
             process, status = os.waitpid(-1, os.WNOHANG)
         except ChildProcessError:
-            return
+            return ended
         if process == 0:
-            return
+            return ended
+        ended.add(process)
         if (number := numbers.get(process)) is not None:
             # Whatever the child has started and left behind goes with it.
             _kill(process)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import io
 import json
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,32 +44,37 @@ def _tdms() -> bytes:
     return target.getvalue()
 
 
-def _matlab() -> bytes:
+def _matlab(*, squeezed: bool = True) -> bytes:
     target = io.BytesIO()
-    scipy.io.savemat(target, {"t": TIME, "x": X, "s": {"y": X}}, do_compression=True)
+    scipy.io.savemat(target, {"t": TIME, "x": X, "s": {"y": X}}, do_compression=squeezed)
     return target.getvalue()
 
 
-def _hdf5() -> bytes:
+def _hdf5(*, compression: str | None = "gzip", userblock: int = 0) -> bytes:
     target = io.BytesIO()
-    with h5py.File(target, "w") as file:
-        file.create_dataset("x", data=X, compression="gzip").attrs["sample_rate"] = 100.0
+    with h5py.File(target, "w", userblock_size=userblock) as file:
+        made = file.create_dataset("x", data=X, compression=compression)
+        made.attrs["sample_rate"] = 100.0
+        if userblock:
+            made.attrs["MATLAB_class"] = np.bytes_("double")
     return target.getvalue()
 
 
-def _parquet() -> bytes:
+def _matlab_7_3() -> bytes:
+    return b"MATLAB 7.3 MAT-file".ljust(512) + _hdf5(userblock=512)[512:]
+
+
+def _parquet(*, compression: str = "snappy") -> bytes:
     target = io.BytesIO()
-    pq.write_table(pa.table({"t": TIME, "x": X}), target)
+    pq.write_table(pa.table({"t": TIME, "x": X}), target, compression=compression)
     return target.getvalue()
 
 
-def _mdf() -> bytes:
+def _mdf(*, version: str = "4.10", compression: int = 2) -> bytes:
     asammdf = pytest.importorskip("asammdf", reason="it comes with the extra `formats`")
-    target = io.BytesIO()
-    with asammdf.MDF(version="4.10") as file:
+    with tempfile.TemporaryDirectory() as folder, asammdf.MDF(version=version) as file:
         file.append([asammdf.Signal(X, TIME, name="x", unit="mm")])
-        file.save(target, compression=2)
-    return target.getvalue()
+        return Path(file.save(Path(folder) / "x.mf4", compression=compression)).read_bytes()
 
 
 def _uff() -> bytes:
@@ -78,19 +84,29 @@ def _uff() -> bytes:
     return b"    -1\n" + text[place:end] + b"    -1\n"
 
 
+def _uff_binary() -> bytes:
+    """Return the same header with ordinates in the binary form of little-endian doubles."""
+    lines = _uff().splitlines(keepends=True)
+    data = X.astype("<f8").tobytes()
+    numbers = "".join(f"{n:6d}" for n in (1, 2)) + "".join(f"{n:12d}" for n in (11, len(data), 0, 0, 0, 0))
+    lines[1] = f"    58b{numbers}\n".encode()
+    lines[8] = f"{4:10d}{COUNT:10d}{1:10d}".encode() + lines[8][30:]
+    return b"".join(lines[:13]) + data + b"\n    -1\n"
+
+
 def _lvm() -> bytes:
     return (DATA / "lvm_labview" / "short.lvm").read_bytes()
 
 
-def _wav() -> bytes:
+def _wav(kind: str = "i2") -> bytes:
     target = io.BytesIO()
-    scipy.io.wavfile.write(target, 1000, (X * 5000).astype("i2"))
+    scipy.io.wavfile.write(target, 1000, (X * 5000).astype(kind))
     return target.getvalue()
 
 
-def _mcap() -> bytes:
+def _mcap(compression: CompressionType = CompressionType.LZ4) -> bytes:
     target = io.BytesIO()
-    writer = Writer(target, compression=CompressionType.LZ4)
+    writer = Writer(target, compression=compression)
     writer.start()
     channel = writer.register_channel("/x", "json", 0)
     for i, x in enumerate(X):
@@ -118,6 +134,16 @@ FILES: dict[str, Callable[[], bytes]] = {
 }  # fmt: skip
 
 
+OTHERS: dict[str, Callable[[], bytes]] = {
+    "mat 7.3": _matlab_7_3, "mat plain": lambda: _matlab(squeezed=False), "hdf5 plain": lambda: _hdf5(compression=None),
+    "parquet zstd": lambda: _parquet(compression="zstd"), "mdf plain": lambda: _mdf(compression=0),
+    "mdf 3": lambda: _mdf(version="3.30", compression=0), "uff binary": _uff_binary, "wav float": lambda: _wav("f4"),
+    "mcap zstd": lambda: _mcap(CompressionType.ZSTD),
+}  # fmt: skip
+"""Further ways in which files of a format are written: the format is the first word."""
+ALL = FILES | OTHERS
+
+
 def test_every_format_is_here() -> None:
     assert set(FILES) == {*_READERS, *TABLES, "lvm"}
 
@@ -139,9 +165,9 @@ def changed(whole: bytes, rng: np.random.Generator) -> bytes:
     return bytes(content)
 
 
-@pytest.mark.parametrize("format_", FILES)
-def test_a_changed_file_is_read_or_refused_in_words(format_: str, tmp_path: Path) -> None:
-    whole, refused = FILES[format_](), 0
+@pytest.mark.parametrize("kind", ALL)
+def test_a_changed_file_is_read_or_refused_in_words(kind: str, tmp_path: Path) -> None:
+    whole, refused, format_ = ALL[kind](), 0, kind.split(maxsplit=1)[0]
     for seed in range(CHANGED):
         try:
             arrays(opened(format_, changed(whole, np.random.default_rng([7, seed])), tmp_path))
@@ -151,9 +177,9 @@ def test_a_changed_file_is_read_or_refused_in_words(format_: str, tmp_path: Path
     assert refused
 
 
-@pytest.mark.parametrize("format_", FILES)
-def test_a_cut_file_is_refused_or_what_is_missing_is_said(format_: str, tmp_path: Path) -> None:
-    whole = FILES[format_]()
+@pytest.mark.parametrize("kind", ALL)
+def test_a_cut_file_is_refused_or_what_is_missing_is_said(kind: str, tmp_path: Path) -> None:
+    whole, format_ = ALL[kind](), kind.split(maxsplit=1)[0]
     intact = opened(format_, whole, tmp_path)
     truth = {**arrays(intact), **{one.name: one.read()[1] for one in intact.functions}}
     for seed in range(CUT):

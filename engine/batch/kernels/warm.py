@@ -5,6 +5,12 @@
 
 from __future__ import annotations
 
+import hashlib
+from contextlib import suppress
+from pathlib import Path
+
+import llvmlite.binding
+import numba
 import numpy as np
 
 from engine.analysis.measuring import MetricRequest
@@ -12,6 +18,20 @@ from engine.batch.kernels.batch import Batch
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.diagram.diagram import Block, Connection, Diagram, System, compile_system
 from engine.signals import make
+
+
+def compiled_before() -> bool:
+    """Return whether a process of this machine has compiled all kernels as they are now, so that `warm` takes about a second."""
+    return _mark().is_file()
+
+
+def _mark() -> Path:
+    """Return the file that says so: compiled code is kept by the place and the time of each source, and by the processor."""
+    sources = [(path, path.stat()) for path in sorted(Path(__file__).parent.glob("*.py"))]
+    seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in sources]
+    seen += [numba.__version__, llvmlite.binding.get_host_cpu_name()]
+    name = hashlib.sha256("\n".join(seen).encode()).hexdigest()[:16]
+    return Path(numba.config.CACHE_DIR) / f"compiled-{name}"
 
 
 def warm() -> None:
@@ -25,6 +45,8 @@ def warm() -> None:
     )
     limited = _loop(Block(kind="saturation", values={}))
     NonlinearBatch(limited, ["controller.gain"], requests, generate=False)(np.array([[1.0]]))
+    with suppress(OSError):  # nothing can be kept there: every process compiles its own
+        _mark().touch()
 
 
 def _loop(actuator: Block) -> Diagram:

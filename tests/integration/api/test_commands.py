@@ -108,6 +108,16 @@ def test_serve_brings_up_a_service_that_computes_and_stops_in_good_order(tmp_pat
     assert {line.get("request") for line in about} == {"asked-for-it"}
 
 
+def test_what_needs_no_kernels_does_not_wait_until_they_are_compiled(tmp_path, monkeypatch) -> None:
+    """On a busy machine that takes minutes, the first time: an import waited for them, `queued`."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    with served(tmp_path, bootstrap_key=KEY) as (_, client):
+        job = finished(client, upload(client, FILE, TEXT).json()["job"])
+        assert job["status"] == "succeeded"
+        assert not list(tmp_path.glob("cache/servotune/*/compiled-*"))
+    assert "kernels are being compiled" in (tmp_path / "log.txt").read_text()
+
+
 def test_serve_says_what_lies_open(tmp_path) -> None:
     with served(tmp_path, "--no-worker", bootstrap_key=KEY):
         assert (tmp_path / "served.db").stat().st_mode & 0o077 == 0

@@ -13,7 +13,7 @@ import pytest
 
 from storage.jobs.children import Child, ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Done, Frame, Message
-from tests.support.desk import COMPUTE, exists, wait_until_gone
+from tests.support.desk import COMPUTE, exists, wait_for, wait_until_gone
 
 
 def job(kind: str, **body) -> ComputeJob:
@@ -50,6 +50,29 @@ def test_children_start_within_milliseconds(zygote):
         child.kill()
         np.testing.assert_array_equal(frame.result["squares"]["values"], np.arange(50_000.0) ** 2)
     assert min(times) < 0.3
+
+
+def test_what_is_left_for_later_is_done_when_the_process_beside_has_ended_and_keeps_no_job_waiting(
+    tmp_path, monkeypatch
+):
+    ready = tmp_path / "ready"
+    monkeypatch.setenv("LATER_READY", str(ready))
+    zygote = Zygote("tests.support.later_ready:run")
+
+    def done() -> int:
+        child = zygote.start(job("any"))
+        while not isinstance(frame := next_frame(child), Done):
+            pass
+        child.kill()
+        return frame.result["done"]
+
+    try:
+        assert [done(), done()] == [0, 0]
+        ready.touch()
+        wait_for(lambda: done() == 1, "what was left for later")
+    finally:
+        ready.touch()
+        zygote.close()
 
 
 def test_killing_the_zygote_kills_its_children_and_the_next_job_gets_a_new_one(zygote):
