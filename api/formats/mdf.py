@@ -98,6 +98,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
         count = int(source.groups[group].channel_group.cycles_nr)
         bounded(f"the samples of group {group}", count)
         proportionate(f"the samples of group {group}", 8 * count, size=size)
+        _check_places(source.groups[group], group)
         master = source.masters_db.get(group)
         label = labels.setdefault(_digest(source, group, count, timed=master is not None), _label(source, group))
         known = len([one for one in series if one.group == label and one.role == "time"])
@@ -158,6 +159,22 @@ def _elements(source: Any, group: int, index: int) -> dict[str, tuple[str, int]]
             axis = "" if field in {"", name} else f" {field}"
             found[f"{axis}{''.join(f'[{i}]' for i in place)}"] = (field, number)
     return found
+
+
+def _check_places(group: Any, number: int) -> None:
+    """Refuse channels that lie outside of their records, which the library reads all the same, whatever memory that is."""
+    head = group.channel_group
+    size = head.samples_byte_nr + getattr(head, "invalidation_bytes_nr", 0)
+    for channel in group.channels:
+        if hasattr(channel, "byte_offset"):
+            end = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
+        else:  # version 3
+            end = 8 * channel.additional_byte_offset + channel.start_offset + channel.bit_count
+        if end > 8 * size:
+            raise FormatError(
+                f"channel {channel.name!r} must lie within the {size} bytes of a record of group {number}, got its end at bit "
+                f"{end}: the file is damaged"
+            )
 
 
 def _label(source: Any, group: int) -> str:

@@ -31,7 +31,7 @@ def _mark() -> Path:
     seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in sources]
     seen += [numba.__version__, llvmlite.binding.get_host_cpu_name()]
     name = hashlib.sha256("\n".join(seen).encode()).hexdigest()[:16]
-    return Path(numba.config.CACHE_DIR) / f"compiled-{name}"
+    return Path(vars(numba.config)["CACHE_DIR"]) / f"compiled-{name}"
 
 
 def warm() -> None:
