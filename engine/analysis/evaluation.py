@@ -23,6 +23,7 @@ from engine.exact.frequency.poles import Poles, poles
 from engine.exact.frequency.response import FrequencyResponse
 from engine.exact.frequency.rest import static_gain
 from engine.exact.nonlinear import response as nonlinear
+from engine.exact.sampled_data.build import sampled_system
 from engine.exact.sampled_data.poles import sampled_poles
 from engine.exact.time.curve import Curve
 from engine.exact.time.fading import fading
@@ -133,8 +134,8 @@ class Evaluation:
             return set()
         steps = {name: INFINITESIMAL * self._scale(name) for name in names}
         try:
-            changed = self.diagram.sampled_system(self.overrides, steps).uneven
-        except UnresolvedError:  # of signals that flow through pure delays: nothing needs the common period
+            changed = sampled_system(self.diagram.sampled_laws(self.overrides, steps)).uneven
+        except UnresolvedError:  # too much is under way in pure delays: nothing needs the common period
             return set()
         return {name for name, uneven in zip(names, changed, strict=True) if uneven}
 
@@ -199,13 +200,14 @@ class Evaluation:
             name = following
         return name, 0
 
-    def _sampled(self, open_at: Opening | None) -> SampledSystem:
-        return self.diagram.sampled_system(self.overrides, self._steps, open_at)
+    @cached_property
+    def _sampled(self) -> SampledSystem:
+        return sampled_system(self.diagram.sampled_laws(self.overrides, self._steps))
 
     @cached_property
     def poles(self) -> Poles:
         """Poles of the whole closed system; with samplers those of the map over their common period."""
-        return sampled_poles(self._sampled(None)) if self.diagram.sampled else poles(self.system)
+        return sampled_poles(self._sampled) if self.diagram.sampled else poles(self.system)
 
     @cached_property
     def pace(self) -> Poles:
@@ -231,7 +233,7 @@ class Evaluation:
         """
         sampled = None
         if open_at not in self._loops and self.diagram.sampled:
-            sampled = loop_subject(self._sampled(open_at))
+            sampled = loop_subject(self.diagram.sampled_laws(self.overrides, self._steps, open_at))
         if sampled is not None:
             self._loops[open_at] = sampled
         if open_at not in self._loops:
@@ -256,7 +258,7 @@ class Evaluation:
         ends = [self.input_index(source)], [self.output_index(target)]
         sampled = None
         if key not in self._paths and self.diagram.sampled:
-            sampled = path_subject(self._sampled(None), ends[0][0], ends[1][0])
+            sampled = path_subject(self._sampled, ends[0][0], ends[1][0])
         if sampled is not None:
             self._paths[key] = sampled
         if key not in self._paths:

@@ -14,17 +14,19 @@ from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from engine.exact.frequency.poles import Poles
+    from engine.exact.laws.system import NonlinearSystem
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array
 
 
-def loop_subject(opened: SampledSystem) -> LoopSubject | None:
+def loop_subject(laws: NonlinearSystem) -> LoopSubject | None:
     """Return the open loop of a system whose last input and output are the two ends of a cut; None without samplers in it."""
-    part = opened.path(len(opened.inputs) - 1, len(opened.outputs) - 1)
-    if not part.samplings:
+    loop = SampledLoop(laws)
+    part = loop.whole
+    if not part.sampled:
         return None
     own, closed = sampled_poles(part), sampled_poles(part.closed())
-    response = SampledResponse.of_loop(SampledLoop(part), own)
+    response = SampledResponse.of_loop(loop, own)
     return LoopSubject(
         response=response, static=_static(response, own), opened=own, closed=closed, verdict=closed.verdict
     )
@@ -33,7 +35,7 @@ def loop_subject(opened: SampledSystem) -> LoopSubject | None:
 def path_subject(system: SampledSystem, source: int, target: int) -> PathSubject | None:
     """Return the fundamental response from an input to an output; None without samplers between them."""
     part = system.path(source, target)
-    if not part.samplings:
+    if not part.sampled:
         return None
     own = sampled_poles(part)
     response = SampledResponse(part, own)

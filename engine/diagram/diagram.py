@@ -29,8 +29,6 @@ from engine.exact.laws.laws import Law
 from engine.exact.laws.system import NonlinearSystem
 from engine.exact.nonlinear.linearize import joined, small_signal
 from engine.exact.nonlinear.operating_point import OperatingPoint, operating_point
-from engine.exact.sampled_data.build import sampled_system
-from engine.exact.sampled_data.system import SampledSystem
 from engine.model.document import Block, Connection, Parameter, Remark, System
 from engine.model.errors import DiagramError, EngineError
 from engine.model.failures import numerical
@@ -416,13 +414,13 @@ class Diagram:
             raise DiagramError("the infinitesimals of the system must be finite, but they overflow at these values")
         return LaneSystem(**{name: getattr(stack, name) for name in ARRAYS}, inputs=stack.inputs, outputs=stack.outputs)
 
-    def sampled_system(
+    def sampled_laws(
         self,
         overrides: Mapping[str, float] | None = None,
         steps: Mapping[str, float] | None = None,
         open_at: Opening | None = None,
-    ) -> SampledSystem:
-        """Return the diagram with its samplers as they are, and its other nonlinear blocks linearised where it rests.
+    ) -> NonlinearSystem:
+        """Return the diagram with its samplers as they are, its only laws: other nonlinear blocks are linearised where it rests.
 
         Parameters
         ----------
@@ -430,11 +428,6 @@ class Diagram:
             As in `realize`, which tells what is raised, too.
         steps : mapping of str to float, optional
             One lane for each parameter, as in `realize_lanes`.
-
-        Raises
-        ------
-        UnresolvedError
-            If a signal flows through a pure delay into something that is no sampler.
         """
         admitted = None
         if steps:
@@ -450,7 +443,7 @@ class Diagram:
         wiring = self._samplers.wiring(closed, self._interconnection.outputs)
         assembled = self._interconnection.assemble(self._samplers.without(realizations), wiring, admitted=admitted)
         own = {number: self._blocks.of(number, values) for number in self._samplers.numbers}
-        return sampled_system(self._samplers.system(assembled.matrices, closed, own), opened=open_at is not None)
+        return self._samplers.system(assembled.matrices, closed, own)
 
     def trace(self, varied: Sequence[str], graph: Graph | None = None) -> TracedDiagram:
         """Return every coefficient of every block as a formula of the parameters ``varied``, written into ``graph``.

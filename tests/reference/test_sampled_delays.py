@@ -20,7 +20,6 @@ from engine.analysis.evaluation import Evaluation
 from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import frequency_response
 from engine.diagram.diagram import Diagram, compile_system
-from engine.model.errors import UnresolvedError
 from engine.model.verdicts import Verdict
 from optimizers.problem import Goal, Problem, Sense, Uncertain, Variable
 from optimizers.solving.solve import solve
@@ -173,37 +172,6 @@ def test_slopes_by_a_delay_are_exact(sensor):
         for row, (_, slopes) in enumerate(found):
             difference = (sides[0][row][0].value - sides[1][row][0].value) / (2 * h * delay)
             assert slopes.values[0] == pytest.approx(difference, rel=1e-5, abs=1e-7)
-
-
-def test_what_flows_through_a_delay_into_what_is_no_sampler_is_refused():
-    made = compile_system(
-        document(
-            {
-                "r": block("input"), "e": block("sum", signs="+--"), "late": block("delay", time=0.02),
-                "c": block("sampled_pid", kp=KP, sample_time=PERIOD), "g": block("gain", gain=0.1),
-                "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0]),
-                "s": block("sum", signs="+-"),
-            },
-            ["r -> e.in1", "p -> e.in2", "g -> e.in3", "e -> c", "c -> s.in1", "late -> s.in2", "s -> p", "p -> late", "late -> g"],
-            {"y": "p"},
-        )
-    )  # fmt: skip
-    with pytest.raises(UnresolvedError, match="a signal flows through one into what is no sampler"):
-        frequency_response(made, open_at="c")
-
-
-def test_an_output_behind_a_delay_that_flows_is_refused_by_name():
-    late = compile_system(
-        document(
-            {
-                "r": block("input"), "c": block("zero_order_hold", sample_time=PERIOD), "late": block("delay", time=0.02),
-                "p": block("transfer_function", numerator=[2.0], denominator=[1.0, 1.2, 1.0]),
-            },
-            ["r -> c", "c -> p", "p -> late"], {"y": "late"},
-        )
-    )  # fmt: skip
-    with pytest.raises(UnresolvedError, match="y comes through a pure delay"):
-        frequency_response(late, source="r", target="y")
 
 
 def test_a_computing_time_that_jitters_is_an_uncertain_delay():

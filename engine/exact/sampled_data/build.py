@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.elements._nonlinear import Moment, stacked
-from engine.elements._sampler import Sampler
-from engine.exact.sampled_data import transport
-from engine.exact.sampled_data.cut import cut_beside_delays
-from engine.exact.sampled_data.system import SampledSystem, Sampling
+from engine.exact.sampled_data import pieces, transport
+from engine.exact.sampled_data.cut import arriving_later, cut_beside_delays
+from engine.exact.sampled_data.jumps import moving_on, passing, sampling, times
+from engine.exact.sampled_data.system import SampledSystem, Sampling, common_period
+from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
     from engine.exact.laws.laws import Law
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from engine.model.linear_system import Array
 
 
-def sampled_system(system: NonlinearSystem, *, opened: bool = False) -> SampledSystem:
+def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Array | None = None) -> SampledSystem:
     """Return a system whose only laws are samplers as one that flows and jumps.
 
     Parameters
@@ -27,116 +29,127 @@ def sampled_system(system: NonlinearSystem, *, opened: bool = False) -> SampledS
     system : NonlinearSystem
     opened : bool
         Whether its last input and output are the two ends of a cut.
+    later : ndarray, shape (lanes,), optional
+        How much later what is fed into an opened loop arrives there, s.
 
     Raises
     ------
     UnresolvedError
-        If a signal flows through a pure delay into something that is no sampler.
+        If too much is under way in its pure delays.
     """
-    lanes, n = system.lanes, system.linear_states
-    m = transport.merged(cut_beside_delays(system.matrices) if opened else system.matrices)
-    samplers = [_in_transport(law, lanes) for law in system.laws]
+    m = system.matrices if later is None else arriving_later(system.matrices, later)
+    m = transport.merged(cut_beside_delays(m) if opened else m)
+    samplers = [_in_transport(law, system.lanes) for law in system.laws]
     under_way = transport.lines(m, samplers, system.states)
-    total = under_way.size
-    held = np.zeros((m["b3"].shape[-1], total))  # the output of each sampler is its first state
-    for law in system.laws:
-        for k in range(law.outputs.stop - law.outputs.start):  # its first states are its outputs
-            held[law.outputs.start + k, law.states.start + k] = 1.0
-    arrived = np.zeros((m["b2"].shape[-1], total))
-    for channel, own in under_way.held.items():
-        arrived[channel, [line.end for line in own]] = 1.0
-    kind = complex if system.complex else float
-    flow = np.zeros((lanes, total, total), dtype=kind)
+    flowing, total, pace = _flowing(m, samplers, under_way)
+    known = _Known.of(m, system.laws, under_way, flowing, total)
+    lanes, n = system.lanes, system.linear_states
+    flow = np.zeros((lanes, total, total), dtype=complex if system.complex else float)
     flow[:, :n, :n] = m["a"]
-    flow[:, :n] += m["b2"] @ arrived + m["b3"] @ held
-    driven = np.zeros((lanes, total, m["b1"].shape[-1]), dtype=kind)
+    flow[:, :n] += m["b2"] @ known.arrived + m["b3"] @ known.held
+    for course in flowing:
+        flow[:, course.chain[:-1], course.chain[1:]] = 1 / course.unit
+    driven = np.zeros((lanes, total, m["b1"].shape[-1]), dtype=flow.dtype)
     driven[:, :n] = m["b1"]
-    read, delayed, sees = (
-        np.concatenate([m[f"c{k}"], np.zeros((*m[f"c{k}"].shape[:2], total - n))], axis=-1)
-        + m[f"d{k}2"] @ arrived
-        + m[f"d{k}3"] @ held
-        for k in (1, 2, 3)
-    )
-    late = np.array([channel not in under_way.held for channel in range(len(arrived))], dtype=bool)
-    known = ~np.any(m["d12"][:, :, late] != 0, axis=(0, 2))
+    late = ~np.any(known.arrived, axis=1)
+    return SampledSystem(
+        flow=flow, driven=driven, read=known.signals(m, 1), direct=m["d11"],
+        samplings=tuple(_jumps(m, system.laws, under_way, flowing, known)), inputs=system.inputs,
+        outputs=system.outputs, known=~np.any(m["d12"][:, :, late] != 0, axis=(0, 2)), pace=pace,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Known:
+    """Which state is the output of each sampler, and of each channel, as far as it is known: (channels, N).
+
+    ``held`` are those of samplers, ``arrived`` those of channels. Samplers read what flows through a delay by lines of their own:
+    for them only those of channels that carry what is held count, ``stepping``.
+    """
+
+    held: Array
+    stepping: Array
+    arrived: Array
+
+    @classmethod
+    def of(
+        cls,
+        m: Mapping[str, Array],
+        laws: Sequence[Law],
+        lines: transport.Lines,
+        flowing: Sequence[pieces.Course],
+        total: int,
+    ) -> _Known:
+        held = np.zeros((m["b3"].shape[-1], total))
+        for law in laws:
+            for k in range(law.outputs.stop - law.outputs.start):  # its first states are its outputs
+                held[law.outputs.start + k, law.states.start + k] = 1.0
+        stepping = np.zeros((m["b2"].shape[-1], total))
+        for channel, own in lines.held.items():
+            stepping[channel, [line.end for line in own]] = 1.0
+        arrived = stepping.copy()
+        for course in flowing:
+            arrived[course.channel, course.chain.start] = 1.0
+        return cls(held=held, stepping=stepping, arrived=arrived)
+
+    def signals(self, m: Mapping[str, Array], kind: int) -> Array:
+        """Return what outputs (1), channels (2) or samplers (3) are of the states, (lanes, signals, N)."""
+        c = m[f"c{kind}"]
+        own = np.concatenate([c, np.zeros((*c.shape[:2], self.held.shape[1] - c.shape[2]))], axis=2)
+        arrived = self.stepping if kind == 3 else self.arrived
+        return np.asarray(own + m[f"d{kind}2"] @ arrived + m[f"d{kind}3"] @ self.held)
+
+
+def _jumps(
+    m: Mapping[str, Array],
+    laws: Sequence[Law],
+    under_way: transport.Lines,
+    flowing: Sequence[pieces.Course],
+    known: _Known,
+) -> list[Sampling]:
+    lanes, total = len(m["a"]), known.held.shape[1]
+    delayed, sees = known.signals(m, 2), known.signals(m, 3)
     for (channel, number), line in under_way.read.items():
-        rows = samplers[number].inputs
+        rows = laws[number].inputs
         sees[:, rows, line.end] += m["d32"][:, rows, channel]
-    samplings = [_sampling(law, k, lanes, sees, m["d31"]) for k, law in enumerate(system.laws)]
+    found = [sampling(law, k, lanes, sees, m["d31"]) for k, law in enumerate(laws)]
     for line in under_way.all:
         if line.outputs is not None:
-            row = (m["d23"][:, line.channel, None, line.outputs] @ held[line.outputs])[:, 0]
+            row = (m["d23"][:, line.channel, None, line.outputs] @ known.held[line.outputs])[:, 0]
         elif line.before is not None:
             row = m["d22"][:, line.channel, line.before.channel, None] * np.eye(total)[line.before.end]
         else:
             row = delayed[:, line.channel]
-        samplings += _moving_on(line, row, m["d21"][:, line.channel], number=len(samplings))
-    return SampledSystem(
-        flow=flow, driven=driven, read=read, direct=m["d11"], samplings=tuple(samplings), inputs=system.inputs,
-        outputs=system.outputs, known=known,
-    )  # fmt: skip
+        found += moving_on(line, row, m["d21"][:, line.channel], number=len(found))
+    for course in flowing:
+        found += passing(course, delayed[:, course.channel], m["d21"][:, course.channel], number=len(found))
+    return found
 
 
 def _in_transport(law: Law, lanes: int) -> transport.Sampler:
-    period, first = law.element.period(law.values), _times(law.element.offset(law.values), lanes)
+    period, first = law.element.period(law.values), times(law.element.offset(law.values), lanes)
     assert period is not None
-    takes = transport.Clock(label=law.label, period=_times(period, lanes), first=first)
-    gives = takes.moved(_times(law.element.latency(law.values), lanes))
+    takes = transport.Clock(label=law.label, period=times(period, lanes), first=first)
+    gives = takes.moved(times(law.element.latency(law.values), lanes))
     return transport.Sampler(inputs=law.inputs, outputs=law.outputs, takes=takes, gives=gives)
 
 
-def _moving_on(line: transport.Line, row: Array, entering: Array, *, number: int) -> list[Sampling]:
-    """Return the events of a line: a value begins its way, the one before it goes on, and the oldest arrives."""
-    lanes, total = row.shape
-    taken = np.zeros((lanes, total, total), dtype=np.result_type(row, float)) + np.eye(total)
-    for state in line.states:
-        taken[:, state] = np.eye(total)[state - 1]
-    taken[:, line.states.start] = row
-    begun = np.zeros((lanes, total, entering.shape[-1]), dtype=np.result_type(entering, float))
-    begun[:, line.states.start] = entering
-    still = np.zeros(lanes)
-    own = Sampling(
-        label=line.begins.label, number=number, period=line.begins.period, delay=still, offset=line.begins.first,
-        taken=taken, entering=begun, turn=2,
-    )  # fmt: skip
-    if line.arrives is None:
-        return [own]
-    arriving = np.zeros((lanes, total, total)) + np.eye(total)
-    arriving[:, line.end] = np.eye(total)[line.end - 1]
-    return [
-        own, replace(own, offset=line.arrives.first, taken=arriving, entering=np.zeros_like(begun), turn=0),
-    ]  # fmt: skip
+def _flowing(
+    m: Mapping[str, Array], samplers: Sequence[transport.Sampler], under_way: transport.Lines
+) -> tuple[list[pieces.Course], int, float]:
+    """Return what is under way in the channels through which signals flow on, the number of all states, and their pace."""
+    arrivals = [line.arrives for line in chain.from_iterable(under_way.held.values())]
+    jumps = {"b3": [sampler.gives for sampler in samplers], "b2": [clock for clock in arrivals if clock is not None]}
 
+    def followed(channels: list[int]) -> tuple[list[pieces.Course], int, float]:
+        if not channels:
+            return [], under_way.size, np.inf
+        period = common_period([(s.takes.label, s.takes.period) for s in samplers])
+        return pieces.courses(m, channels, jumps, period, under_way.size)
 
-def _sampling(law: Law, number: int, lanes: int, sees: Array, follows: Array) -> Sampling:
-    """Return a sampler in its place; what it samples is ``sees`` ξ + ``follows`` u."""
-    element = law.element
-    assert issubclass(element, Sampler)
-    values = element.linear_part(law.values)
-    count, total = law.states.stop - law.states.start, sees.shape[-1]
-    units = np.eye(count + law.inputs.stop - law.inputs.start)
-    columns = [Moment(t=0.0, x=list(unit[:count]), z=list(unit[count:])) for unit in units]
-    own = np.stack([stacked(element.sample(m, 0, values), (lanes, 1))[:, 0] for m in columns], axis=-1)
-    kind = np.result_type(own, sees, follows)
-    rows = law.states
-    taken = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
-    taken[:, rows] = own[..., count:] @ sees[:, law.inputs]
-    taken[:, rows, rows] += own[..., :count]
-    entering = np.zeros((lanes, total, follows.shape[-1]), dtype=kind)
-    entering[:, rows] = own[..., count:] @ follows[:, law.inputs]
-    delay = _times(element.latency(law.values), lanes)
-    updated = None
-    if np.any(delay):
-        after = np.stack([stacked(element.update(m, 0, values), (lanes, 1))[:, 0] for m in columns[:count]], axis=-1)
-        updated = np.zeros((lanes, total, total), dtype=kind) + np.eye(total)
-        updated[:, rows, rows] = after
-    period = element.period(law.values)
-    assert period is not None
-    return Sampling(
-        label=law.label, number=number, period=_times(period, lanes), delay=delay,
-        offset=_times(element.offset(law.values), lanes), taken=taken, entering=entering, updated=updated,
-    )  # fmt: skip
-
-
-def _times(value: Any, lanes: int) -> Array:
-    return np.array(np.broadcast_to(np.ravel(value), (lanes,)))
+    try:
+        return followed([*under_way.flowing, *under_way.seen])
+    except UnresolvedError:
+        if not under_way.seen:
+            raise
+        return followed(under_way.flowing)  # those outputs are not known

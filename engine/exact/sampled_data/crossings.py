@@ -56,12 +56,6 @@ class Crossing:
     left: Complex
     right: Complex
 
-    def rate(self, motion: Complex) -> npt.NDArray[np.complex128]:
-        """Return d ln z for changes of the map of shape (..., N, N), shape (...)."""
-        overlap = self.left.conj() @ self.right
-        with np.errstate(divide="ignore", invalid="ignore"):  # a double eigenvalue has no rate
-            return np.asarray((motion @ self.right) @ self.left.conj() / (overlap * self.eigenvalue))
-
     def mirrored(self) -> Crossing:
         """Return the crossing at the negative frequency: of a real system the other half."""
         return Crossing(

@@ -79,17 +79,24 @@ def _in_front(m: Mapping[str, Array]) -> int | None:
 def _put_in_front(m: Mapping[str, Array], j: int) -> dict[str, Array]:
     """Let the last output be what a channel takes, and the last input enter through a channel of its own, as late."""
     factor = m["d12"][:, -1, j, None].copy()
-    grown = dict(m)
-    grown["delays"] = np.concatenate([m["delays"], m["delays"][:, j : j + 1]], axis=1)
+    grown = arriving_later(m, m["delays"][:, j])
     for output, channel in _SAY.items():
-        row = m[channel][:, j : j + 1]
-        kept = m[output].astype(np.result_type(m[output], row, factor))
-        kept[:, -1] = factor * row[:, 0]
-        grown[output] = kept
-        grown[channel] = np.concatenate([m[channel], np.zeros_like(row)], axis=1)
+        row = factor * grown[channel][:, j]
+        grown[output] = grown[output].astype(np.result_type(grown[output], row))
+        grown[output][:, -1] = row
+    return grown
+
+
+def arriving_later(m: Mapping[str, Array], later: Array) -> dict[str, Array]:
+    """Return the matrices of an opened loop whose last input arrives ``later`` (lanes,), s: through a channel of its own."""
+    grown = {name: np.array(matrix) for name, matrix in m.items()}
+    grown["delays"] = np.concatenate([m["delays"], np.broadcast_to(later, (len(m["delays"]),))[:, None]], axis=1)
     for enters, channel in _ENTER.items():
-        column = grown[enters][..., -1:]
-        grown[channel] = np.concatenate([grown[channel], column], axis=2)
-        grown[enters] = np.concatenate([grown[enters][..., :-1], np.zeros_like(column)], axis=2)
+        column = m[enters][..., -1:]
+        grown[channel] = np.concatenate([m[channel], column], axis=2)
+        grown[enters] = np.concatenate([m[enters][..., :-1], np.zeros_like(column)], axis=2)
+    for channel in ("c2", "d21", "d22", "d23"):
+        row = np.zeros_like(grown[channel][:, :1])
+        grown[channel] = np.concatenate([grown[channel], row], axis=1)
     grown["d21"][:, -1, -1] = 1.0
     return grown

@@ -1,7 +1,6 @@
 """Delay margins of a loop with samplers: how much later what is written at a place may arrive where it is read.
 
-Samplers that read a place read what it was τ ago; what holds write there arrives τ later. A delay of whole common periods P only
-turns the phase: with z = e^{jθ} on the unit circle and τ = m P + ρ,
+A delay of whole common periods P only turns the phase: with z = e^{jθ} on the unit circle and τ = m P + ρ,
 
     |z(Φ_ρ(e^{-jψ}))| = 1,   ψ = m θ,   m = 0, 1, ...,   0 <= ρ < P
 
@@ -10,25 +9,22 @@ Each crossing of the phase is followed over ρ from 0 to P, where it has turned 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
 from engine.exact.sampled_data.crossings import Crossing, nearest
-from engine.exact.sampled_data.period import Period
-from engine.exact.sampled_data.system import Event, ordered, wrapped
 from engine.model.errors import UnresolvedError
 from engine.model.tangent import INFINITESIMAL, slopes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from engine.exact.sampled_data.period import Period
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array
 
-_TOGETHER: Final = 1e-14
-"""Instants closer than this part of the common period are one: no more than rounding tells."""
 _STEPS: Final = 16
 _TURN: Final = 0.25
 """How far the phase may turn in one step, rad, of at least so many in a period."""
@@ -69,86 +65,34 @@ class _LostError(UnresolvedError):
         )
 
 
-def delayed(part: SampledSystem, rho: Array) -> Period:
-    """Return the common period of a loop with a delay ``rho`` (lanes,) of less than a period at its cut.
+class Later(Protocol):
+    """A loop whose signal arrives ``rho`` later at its cut, (lanes,) or (1,): as it is, and by its real part alone, as one lane."""
 
-    Raises
-    ------
-    UnresolvedError
-        Where what flows into the place flows on from it: such a delay holds endless many states.
-    """
-    events, lanes, n = part.events(), part.lanes, part.n
-    flows = bool(np.any(part.read @ part.flow) or np.any(part.read @ part.driven))
-    if np.any(part.direct) or (np.any(part.driven) and flows):
-        raise UnresolvedError(
-            "a delay margin must be that of a place that samplers read or that holds write, but this one carries a signal that "
-            "flows on: open the loop in front of a sampler or behind it"
-        )
-    reads = not np.any(part.driven)
-    at = [
-        k
-        for k, event in enumerate(events)
-        if (np.any(event.entering) if reads else np.any(part.read @ (event.jump - np.eye(n))))
-    ]
-    size = n + len(at) + (not reads)
-    kind = np.result_type(part.flow, *(event.jump for event in events), *(event.entering for event in events))
+    def moving(self, rho: Array) -> Period:
+        """Return its common period with all lanes."""
+        ...
 
-    def whole(matrix: Array) -> Array:
-        found = np.zeros((lanes, size, size), dtype=kind) + np.eye(size)
-        found[:, :n, :n] = matrix
-        return found
-
-    listed: list[tuple[float, tuple[float, ...], Event]] = []
-    nothing = np.zeros((lanes, size, 1))
-    for k, event in enumerate(events):
-        jump = whole(event.jump)
-        if not reads:
-            jump[:, :n, -1:] = event.entering
-        elif k in at:
-            jump[:, :n, n + at.index(k)] = event.entering[:, :, 0]
-        instant = float(event.time[0].real)
-        listed.append((instant, (1.0,), Event(time=event.time, jump=jump, entering=nothing)))
-        if k not in at:
-            continue
-        place = n + at.index(k)
-        kept, entering = whole(np.eye(n)), nothing.copy()
-        kept[:, place, place], entering[:, place] = 0.0, 1.0
-        moved = wrapped(event.time - rho if reads else event.time + rho, part.period)
-        then = float(moved[0].real)
-        if reads:
-            listed.append((then, (0.0,), Event(time=moved, jump=kept, entering=entering)))
-        else:
-            listed.append((instant, (1.0,), Event(time=event.time, jump=kept, entering=entering)))
-            arrives = whole(np.eye(n))
-            arrives[:, -1, -1], arrives[:, -1, place] = 0.0, 1.0
-            listed.append((then, (2.0,), Event(time=moved, jump=arrives, entering=nothing)))
-    flow = np.zeros((lanes, size, size), dtype=kind)
-    flow[:, :n, :n] = part.flow
-    if not reads:
-        flow[:, :n, -1:] = part.driven
-    read = np.concatenate([part.read, np.zeros((lanes, 1, size - n))], axis=2)
-    grown = replace(part, flow=flow, driven=nothing, read=read)
-    return Period(grown, events=ordered(listed, _TOGETHER * float(part.period[0].real)))
+    def value(self, rho: Array) -> Period:
+        """Return its common period; only ``rho`` carries an infinitesimal."""
+        ...
 
 
-def delay_margins(part: SampledSystem, begun: Sequence[Begun]) -> list[tuple[Array, Array]]:
+def delay_margins(part: SampledSystem, later: Later, begun: Sequence[Begun]) -> list[tuple[Array, Array]]:
     """Return (frequency in rad/s, delay in s) of every crossing, each (lanes,) with its infinitesimals.
 
     Raises
     ------
     UnresolvedError
-        Where the place is no such place, or a crossing is lost before the smallest of these delays. One that is lost later is
-        not listed.
+        Where a crossing is lost before the smallest of these delays. One that is lost later is not listed.
     """
-    value = part.value
-    length = float(value.period[0])
+    length = float(part.period[0].real)
     found: list[tuple[Array, Array]] = []
     borne = np.inf
     for start in begun:
         first = _Followed(rho=0.0, phase=start.phase, angle=start.angle, crossing=start.crossing)
-        trail = [_follow(value, first, 0.0, length)]
+        trail = [_follow(later, first, 0.0, length)]
         try:
-            found.append(_first(part, value, trail, length))
+            found.append(_first(part, later, trail, length))
         except _LostError:  # the loop gain has left 1 between two samples: so far this crossing has borne the delay
             borne = min(borne, trail[-1].rho)
     found.sort(key=lambda one: float(one[1][0].real))
@@ -157,7 +101,7 @@ def delay_margins(part: SampledSystem, begun: Sequence[Begun]) -> list[tuple[Arr
     return found
 
 
-def _first(part: SampledSystem, value: SampledSystem, trail: list[_Followed], length: float) -> tuple[Array, Array]:
+def _first(part: SampledSystem, later: Later, trail: list[_Followed], length: float) -> tuple[Array, Array]:
     """Return the smallest delay at which a crossing has used up its phase; ``trail`` is where it has been followed."""
     from scipy.optimize import brentq  # noqa: PLC0415 - a quarter of a second
 
@@ -166,33 +110,33 @@ def _first(part: SampledSystem, value: SampledSystem, trail: list[_Followed], le
     for m in range(turns, turns + 4):
         for k in range(count):
             if len(trail) == k + 1:
-                trail.append(_follow(value, trail[-1], length * (k + 1) / count * (1 - 1e-12), length))
+                trail.append(_follow(later, trail[-1], length * (k + 1) / count * (1 - 1e-12), length))
             one, other = trail[k], trail[k + 1]
             if one.phase - m * one.angle >= 0 > other.phase - m * other.angle:
-                rho = brentq(_left, one.rho, other.rho, args=(value, one, m, length), xtol=1e-16 * length, rtol=1e-14)
-                return _moving(part, value, _follow(value, one, float(rho), length), m)
+                rho = brentq(_left, one.rho, other.rho, args=(later, one, m, length), xtol=1e-16 * length, rtol=1e-14)
+                return _moving(part, later, _follow(later, one, float(rho), length), m)
     raise _LostError
 
 
-def _left(rho: float, value: SampledSystem, near: _Followed, turns: int, length: float) -> float:
-    at = _follow(value, near, rho, length)
+def _left(rho: float, later: Later, near: _Followed, turns: int, length: float) -> float:
+    at = _follow(later, near, rho, length)
     return at.phase - turns * at.angle
 
 
-def _follow(value: SampledSystem, before: _Followed, rho: float, length: float, halvings: int = _HALVINGS) -> _Followed:
+def _follow(later: Later, before: _Followed, rho: float, length: float, halvings: int = _HALVINGS) -> _Followed:
     """Return a crossing at ``rho`` from where it was before, in shorter steps where it cannot be told from others."""
-    found = _step(value, before, rho, length)
+    found = _step(later, before, rho, length)
     if found is not None:
         return found
     if not halvings:
         raise _LostError
-    middle = _follow(value, before, 0.5 * (before.rho + rho), length, halvings - 1)
-    return _follow(value, middle, rho, length, halvings - 1)
+    middle = _follow(later, before, 0.5 * (before.rho + rho), length, halvings - 1)
+    return _follow(later, middle, rho, length, halvings - 1)
 
 
-def _step(value: SampledSystem, before: _Followed, rho: float, length: float) -> _Followed | None:
+def _step(later: Later, before: _Followed, rho: float, length: float) -> _Followed | None:
     """Return the crossing at ``rho``, by Newton's method on ln|z| as a function of the phase; None where it is lost."""
-    period = delayed(value, np.array([rho]))
+    period = later.value(np.array([rho]))
     phase = begun = before.phase - before.angle * (rho - before.rho) / length
     expected = before.crossing.eigenvalue
     for turn in range(_TRIES):
@@ -202,7 +146,7 @@ def _step(value: SampledSystem, before: _Followed, rho: float, length: float) ->
             break
         aside = -1j * gain * INFINITESIMAL
         re, im = np.array([complex(gain.real, aside.real)]), np.array([complex(gain.imag, aside.imag)])
-        step = complex(crossing.rate(period.motion(re, im))[0])
+        step = complex(period.rate(crossing, re, im)[0])
         height = float(np.log(abs(crossing.eigenvalue)))
         change = height / step.real if step.real else np.inf
         if not abs(change) < 1.0:
@@ -216,7 +160,7 @@ def _step(value: SampledSystem, before: _Followed, rho: float, length: float) ->
     return None
 
 
-def _moving(part: SampledSystem, value: SampledSystem, at: _Followed, turns: int) -> tuple[Array, Array]:
+def _moving(part: SampledSystem, later: Later, at: _Followed, turns: int) -> tuple[Array, Array]:
     """Let a delay margin carry its infinitesimals: a dρ - j (1 + m c) dθ = -e, with a, c and e the motions of ln z."""
     lanes, period = part.lanes, part.period
     frequency, delay = at.angle / period, turns * period + at.rho
@@ -224,14 +168,10 @@ def _moving(part: SampledSystem, value: SampledSystem, at: _Followed, turns: int
         return np.asarray(frequency), np.asarray(delay)
     gain = complex(np.exp(-1j * at.phase))
     re, im = np.array([gain.real]), np.array([gain.imag])
-    later = delayed(value, np.array([at.rho + 1j * INFINITESIMAL]))
-    a = complex(at.crossing.rate(later.motion(re, im))[0])
-    c = complex(
-        at.crossing.rate(
-            delayed(value, np.array([at.rho])).motion(re * (1 + 1j * INFINITESIMAL), im * (1 + 1j * INFINITESIMAL))
-        )[0]
-    )
-    e = at.crossing.rate(delayed(part, np.full(lanes, at.rho)).motion(re, im))
+    rho, grown = np.array([at.rho]), 1 + 1j * INFINITESIMAL
+    a = complex(later.value(rho + 1j * INFINITESIMAL).rate(at.crossing, re, im)[0])
+    c = complex(later.value(rho).rate(at.crossing, re * grown, im * grown)[0])
+    e = later.moving(rho).rate(at.crossing, re, im)
     other = 1 + turns * c
     matrix = np.array([[a.real, other.imag], [a.imag, -other.real]])
     moved = np.linalg.solve(matrix, -np.stack([np.broadcast_to(e.real, (lanes,)), np.broadcast_to(e.imag, (lanes,))]))

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from engine.exact.sampled_data.build import sampled_system
 from engine.exact.sampled_data.crossings import Crossing, crossings
 from engine.exact.sampled_data.delayed import Begun, delay_margins
 from engine.exact.sampled_data.period import Period
@@ -18,6 +18,7 @@ from engine.model.circles import circles
 from engine.model.tangent import INFINITESIMAL
 
 if TYPE_CHECKING:
+    from engine.exact.laws.system import NonlinearSystem
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array
 
@@ -33,6 +34,8 @@ _AT_ONE: Final = 0.00137
 _AT_NONE: Final = 1e-7
 """Nor does that of the phase hold 0."""
 _LOOKS: Final = 8
+_NO_DELAY: Final = 1e-9
+"""A delay shorter than this part of the common period cannot be told from none."""
 _STILL: Final = 1e-10
 """A crossing whose eigenvalue hardly moves with the gain is that of a mode that the loop does not reach."""
 
@@ -42,16 +45,28 @@ class SampledLoop:
 
     Parameters
     ----------
-    system : SampledSystem
-        The last input feeds what reads the place, the last output is what is written there; closed by u = y.
+    laws : NonlinearSystem
+        Whose only laws are samplers; the last input feeds what reads the place, the last output is what is written there.
+        Closed by u = y.
     """
 
-    def __init__(self, system: SampledSystem) -> None:
-        self.whole = system
-        states = _in_circle(system)
-        ends = [len(system.inputs) - 1], [len(system.outputs) - 1]
-        self.part = system.part(states).between(*ends)
-        self.lanes = system.lanes
+    def __init__(self, laws: NonlinearSystem) -> None:
+        self._laws = laws
+        self.whole = _cut_open(laws)
+        self.part = _in_circle(self.whole)
+        self.lanes = laws.lanes
+
+    def moving(self, rho: Array) -> Period:
+        """Return the common period of the loop with its signal ``rho`` later, (1,)."""
+        return self._later(self._laws, rho)
+
+    def value(self, rho: Array) -> Period:
+        """Return the same of the common real part alone; ``rho`` may carry an infinitesimal."""
+        return self._later(self._laws.value, rho)
+
+    def _later(self, laws: NonlinearSystem, rho: Array) -> Period:
+        none = float(rho[0].real) < _NO_DELAY * float(self.period.length[0].real)
+        return Period(self.part if none and laws is self._laws else _in_circle(_cut_open(laws, None if none else rho)))
 
     @property
     def closes(self) -> bool:
@@ -115,11 +130,11 @@ class SampledLoop:
             Begun(phase=float(margin[0].real) % (2 * np.pi), angle=float(frequency[0].real) * length, crossing=crossing)
             for crossing, (frequency, margin) in self._phases
         ]
-        return delay_margins(self.part, begun)
+        return delay_margins(self.part, self, begun)
 
     def _step(self, crossing: Crossing, re: Array, im: Array) -> complex:
         """Return d ln z for the infinitesimal of the gain κ."""
-        return complex(crossing.rate(self._value.motion(re, im))[0])
+        return complex(self._value.rate(crossing, re, im)[0])
 
     @cached_property
     def _value(self) -> Period:
@@ -131,7 +146,7 @@ class SampledLoop:
         angle = np.angle(crossing.eigenvalue) + 2 * np.pi * self._alias(crossing, gain)
         if not self.part.moves:
             return np.full(self.lanes, angle / length.real), np.full(self.lanes, value)
-        moved = crossing.rate(self.period.motion(np.array([gain.real]), np.array([gain.imag])))
+        moved = self.period.rate(crossing, np.array([gain.real]), np.array([gain.imag]))
         slope = -moved.real / step.real
         turned = moved.imag + step.imag * slope
         frequency = (angle + 1j * INFINITESIMAL * turned) / length
@@ -154,7 +169,13 @@ class SampledLoop:
         return int(turns[best[np.argmin(np.abs(angle + 2 * np.pi * turns[best]))]])
 
 
-def _in_circle(system: SampledSystem) -> npt.NDArray[np.int64]:
+def _cut_open(laws: NonlinearSystem, later: Array | None = None) -> SampledSystem:
+    """Return what lies between the two ends of the cut."""
+    opened = sampled_system(laws, opened=True, later=later)
+    return opened.path(len(opened.inputs) - 1, len(opened.outputs) - 1)
+
+
+def _in_circle(system: SampledSystem) -> SampledSystem:
     """Return the states that what leaves the cut passes on its way back to it."""
     n = system.n
     acts = np.zeros((n + 1, n + 1), dtype=bool)
@@ -165,7 +186,8 @@ def _in_circle(system: SampledSystem) -> npt.NDArray[np.int64]:
     acts[n, :n] = np.any(system.read[:, -1] != 0, axis=0)
     for circle in circles([np.flatnonzero(row).tolist() for row in acts]):
         if n in circle:
-            return np.array([state for state in circle if state != n], dtype=np.int64)
+            states = np.array([state for state in circle if state != n], dtype=np.int64)
+            return system.part(states).between([len(system.inputs) - 1], [len(system.outputs) - 1])
     raise AssertionError("every node is in a group")
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from engine.exact.frequency import poles as continuous
 from engine.exact.frequency.poles import Poles
+from engine.exact.sampled_data.crossings import spectra
 from engine.exact.sampled_data.period import Period
 from engine.model.circles import circles
 from engine.model.linear_system import LaneSystem
@@ -26,6 +27,10 @@ Complex = npt.NDArray[np.complex128]
 
 _EMPTY: Final = 1e-12
 """A smaller eigenvalue than this is a memory that is empty after one period, and no pole."""
+_CLEAR: Final = 1e6
+"""An eigenvalue counts where its size is so many times what rounding may have moved it by."""
+_PACES: Final = 1.5
+"""A mode that decays so many times faster than the pace at which what is under way in delays is followed is not known."""
 _LOOKS: Final = 4
 """How often between two events of a period the shape of a mode is looked at."""
 
@@ -80,6 +85,9 @@ def _of_loop(part: SampledSystem) -> Poles:
     length = float(period.length[0].real)
     turns = continuous.poles(autonomous(period.whole()))
     kept = np.abs(turns.values) > np.maximum(turns.uncertainty, _EMPTY)
+    if not all(sampling.sampler for sampling in part.samplings):
+        kept &= _of_itself(turns.values, period)
+    kept &= np.abs(turns.values) >= np.exp(-_PACES * part.pace * length)
     z, moved = turns.values[kept], turns.motion[kept]
     s: Complex = np.log(z.astype(complex)) / length
     if len(part.samplings) > 1:
@@ -87,6 +95,15 @@ def _of_loop(part: SampledSystem) -> Poles:
     motion = (moved / z[:, None] - s[:, None] * slopes(period.length)) / length
     uncertainty = turns.uncertainty[kept] / np.abs(z) / length
     return Poles(values=s, uncertainty=uncertainty, motion=motion, endless=np.zeros(len(s), dtype=bool))
+
+
+def _of_itself(eigenvalues: Complex, period: Period) -> npt.NDArray[np.bool_]:
+    """Return which eigenvalues are no rounding of 0: what is under way in a delay makes chains of states that end empty."""
+    (own,) = spectra(period.maps())
+    with np.errstate(invalid="ignore"):
+        clear = np.abs(own.values) > _CLEAR * own.uncertainty
+    nearest = np.abs(eigenvalues[:, None] - own.values).argmin(axis=1)
+    return np.asarray(clear[nearest])
 
 
 def _aliases(period: Period, eigenvalues: Complex) -> npt.NDArray[np.int64]:

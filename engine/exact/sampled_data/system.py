@@ -41,7 +41,8 @@ class Sampling:
 
     ``taken`` (lanes, N, N) with ``entering`` (lanes, N, inputs) is a sample, ``updated`` (lanes, N, N) the output that follows
     it after the delay, None where there is none. ``number`` tells it from the others in the order of the document; of those
-    that act together the lower ``turn`` comes first: what arrives, samples, what takes account of both.
+    that act together the lower ``turn`` comes first: what arrives, samples, what takes account of both. ``sampler`` is False
+    where it only tells what is under way in a delay.
     """
 
     label: str
@@ -53,6 +54,7 @@ class Sampling:
     entering: Array
     updated: Array | None = None
     turn: int = 1
+    sampler: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +72,7 @@ class SampledSystem:
 
     Shapes: ``flow`` (lanes, N, N), ``driven`` (lanes, N, inputs), ``read`` (lanes, outputs, N), ``direct`` (lanes, outputs,
     inputs). ``known`` (outputs,) tells which outputs are known at all times: one that comes through a pure delay is not,
-    unless it is held.
+    unless it is held. Modes of its delays that change faster than ``pace``, 1/s, are not followed.
     """
 
     flow: Array
@@ -81,6 +83,7 @@ class SampledSystem:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     known: npt.NDArray[np.bool_]
+    pace: float = np.inf
 
     @property
     def lanes(self) -> int:
@@ -153,6 +156,11 @@ class SampledSystem:
         return replace(self, flow=self.flow + self.driven[:, :, -1:] @ back, samplings=tuple(own))
 
     @property
+    def sampled(self) -> bool:
+        """Whether there is a sampler in it."""
+        return any(sampling.sampler for sampling in self.samplings)
+
+    @property
     def pattern(self) -> npt.NDArray[np.bool_]:
         """Which state (row) follows which other, at once or in a jump, (N, N)."""
         acts: npt.NDArray[np.bool_] = np.any(self.flow != 0, axis=0)
@@ -171,17 +179,13 @@ class SampledSystem:
         UnresolvedError
             If two sample times are in no rational ratio, naming both, or a lane changes their ratio.
         """
-        first, *others = self.samplings
         if self.uneven.any():
-            names = ", ".join(s.label for s in self.samplings)
+            names = ", ".join(dict.fromkeys(s.label for s in self.samplings))
             raise UnresolvedError(
                 f"a derivative by a sample time must change all rates of a loop alike, got one by that of some of {names}: "
                 "they would have no common period any more"
             )
-        turns = Fraction(1)
-        for other in others:
-            turns = _common(turns, _ratio(first, other))
-        return np.asarray(first.period * float(turns))
+        return common_period([(s.label, s.period) for s in self.samplings])
 
     @property
     def moves(self) -> bool:
@@ -293,7 +297,22 @@ def wrapped(time: Array, period: Array) -> Array:
     return np.asarray(time - turns * period)
 
 
-def _ratio(first: Sampling, other: Sampling) -> Fraction:
+def common_period(rates: Sequence[tuple[str, Array]]) -> Array:
+    """Return the least common multiple of sample times, s, (lanes,); each has the label of its sampler.
+
+    Raises
+    ------
+    UnresolvedError
+        If two are in no rational ratio.
+    """
+    first, *others = rates
+    turns = Fraction(1)
+    for other in others:
+        turns = _common(turns, _ratio(first, other))
+    return np.asarray(first[1] * float(turns))
+
+
+def _ratio(first: tuple[str, Array], other: tuple[str, Array]) -> Fraction:
     """Return the ratio of two sample times.
 
     Raises
@@ -301,12 +320,13 @@ def _ratio(first: Sampling, other: Sampling) -> Fraction:
     UnresolvedError
         If it is not rational.
     """
-    exact = _length(other) / _length(first)
+    own, its = float(first[1][0].real), float(other[1][0].real)
+    exact = its / own
     found = Fraction(exact).limit_denominator(_LARGEST_RATIO)
     if not found or abs(float(found) / exact - 1) > _RATIO:
         msg = (
-            f"sample times must be in the ratio of whole numbers up to {_LARGEST_RATIO}, got {_length(first):.12g} s of "
-            f"{first.label} and {_length(other):.12g} s of {other.label}: there is no common period"
+            f"sample times must be in the ratio of whole numbers up to {_LARGEST_RATIO}, got {own:.12g} s of {first[0]} and "
+            f"{its:.12g} s of {other[0]}: there is no common period"
         )
         raise UnresolvedError(msg)
     return found

@@ -1,7 +1,7 @@
 """Pure delays beside samplers: values under way are states that move from sample to sample.
 
 w(t) = v(t - τ) has finitely many states where v is held, so that its values arrive one after the other, and where only samplers
-read w, so that v counts at their instants less τ alone. Anything else has endless many, and is refused.
+read w, so that v counts at their instants less τ alone. Anything else has endless many: see :mod:`engine.exact.sampled_data.pieces`.
 
 K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3 (systems with time delay).
 """
@@ -71,12 +71,15 @@ class Line:
 class Lines:
     """The lines of a system: those of held signals by channel, and by (channel, sampler) those of what samplers read.
 
-    ``size`` is the number of states with those of the lines.
+    ``size`` is the number of states with those of the lines. What flows through the channels ``flowing`` flows on from them;
+    of those ``seen`` it is only an output.
     """
 
     size: int
     held: dict[int, list[Line]] = field(default_factory=dict)
     read: dict[tuple[int, int], Line] = field(default_factory=dict)
+    flowing: list[int] = field(default_factory=list)
+    seen: list[int] = field(default_factory=list)
 
     @property
     def all(self) -> Iterator[Line]:
@@ -116,7 +119,7 @@ class Lines:
 
 
 def lines(m: Mapping[str, Array], samplers: Sequence[Sampler], size: int) -> Lines:
-    """Return the lines of all delay channels.
+    """Return the lines of all delay channels, as far as samplers read them or what they carry is held.
 
     Parameters
     ----------
@@ -129,36 +132,35 @@ def lines(m: Mapping[str, Array], samplers: Sequence[Sampler], size: int) -> Lin
     Raises
     ------
     UnresolvedError
-        If a signal flows through a delay into something that is no sampler.
+        If too many values are under way, or a delay is too short beside a sample time.
     """
     found = Lines(size=size)
-    acts = {name: np.any(m[name] != 0, axis=0) for name in ("b2", "d22", "d23", "d32")}
+    acts = {name: np.any(m[name] != 0, axis=0) for name in ("b2", "d12", "d22", "d32")}
     held = held_channels(m)
     for j in held:
-        delay = np.asarray(m["delays"][:, j])
-        found.held[j] = []
-        for sampler in samplers:
-            if acts["d23"][j, sampler.outputs].any():
-                found.hold(j, delay, sampler.gives, sampler.outputs, None)
-        for k in np.flatnonzero(acts["d22"][j]):
-            for before in found.held[int(k)]:
-                assert before.arrives is not None
-                found.hold(j, delay, before.arrives, None, before)
+        _hold(found, j, m, samplers)
     for j in sorted(set(range(m["delays"].shape[-1])) - set(held)):
-        _check_taken(acts, j)
+        if acts["b2"][:, j].any() or acts["d22"][:, j].any():
+            found.flowing.append(j)
+        elif acts["d12"][:, j].any():
+            found.seen.append(j)
         for number, sampler in enumerate(samplers):
             if acts["d32"][sampler.inputs, j].any():
                 found.take(j, np.asarray(m["delays"][:, j]), sampler.takes, number)
     return found
 
 
-def _check_taken(acts: Mapping[str, Array], channel: int) -> None:
-    """Refuse a channel that flows and is read by something that is no sampler; outputs may be."""
-    if acts["b2"][:, channel].any() or acts["d22"][:, channel].any():
-        raise UnresolvedError(
-            "a pure delay beside samplers must carry what a hold has written or be read by samplers alone, but a signal flows "
-            "through one into what is no sampler: put it in front of a sampler, or follow the system over time"
-        )
+def _hold(found: Lines, channel: int, m: Mapping[str, Array], samplers: Sequence[Sampler]) -> None:
+    """Add the lines of a channel that carries what samplers, and channels with lines already, hold."""
+    delay = np.asarray(m["delays"][:, channel])
+    found.held[channel] = []
+    for sampler in samplers:
+        if np.any(m["d23"][:, channel, sampler.outputs]):
+            found.hold(channel, delay, sampler.gives, sampler.outputs, None)
+    for k in np.flatnonzero(np.any(m["d22"][:, channel] != 0, axis=0)):
+        for before in found.held[int(k)]:
+            assert before.arrives is not None
+            found.hold(channel, delay, before.arrives, None, before)
 
 
 def held_channels(m: Mapping[str, Array]) -> list[int]:
