@@ -13,6 +13,7 @@ import control
 import numpy as np
 import pytest
 
+from engine.analysis.evaluation import Evaluation
 from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import simulate
 from engine.diagram.diagram import Block, Diagram
@@ -94,7 +95,10 @@ TUTORIALS = {
     ),
     "suspension": Tutorial(
         plant=_suspension(),
-        controllers={"pid": _pid(832100.0, 624075.0, 208025.0, 1e4)},
+        controllers={
+            "pid": _pid(832100.0, 624075.0, 208025.0, 1e4),
+            "lead": block("transfer_function", numerator=[1e5, 4e5], denominator=[1.0, 60.0]),
+        },
         poles=(-23.7 + 35j, -23.7 - 35j, -5 + 5j, -5 - 5j),
     ),
     "pitch": Tutorial(
@@ -107,7 +111,10 @@ TUTORIALS = {
     ),
     "pendulum": Tutorial(
         plant=_pendulum(),
-        controllers={"pid": _pid(100.0, 1.0, 20.0, 1e4)},
+        controllers={
+            "pid": _pid(100.0, 1.0, 20.0, 1e4),
+            "lead-lag": block("transfer_function", numerator=[2000.0, 12000.0, 10000.0], denominator=[1.0, 100.0, 0.0]),
+        },
         poles=(-4 + 2j, -4 - 2j, -9),
     ),
     "ball and beam": Tutorial(
@@ -232,8 +239,39 @@ def test_state_feedback_has_the_step_of_python_control(name: str) -> None:
     _check_step(diagram, closed)
 
 
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_digital_state_feedback_puts_the_poles_where_python_control_does(name: str) -> None:
+    """u = r - K x, held from sample to sample, with the gains that place e^{λ T}."""
+    tutorial = TUTORIALS[name]
+    slow = [p for p in tutorial.poles if abs(p) < 1e4]
+    step = 0.05 / max(abs(p) for p in slow)
+    plant = control.ss(control.tf(*tutorial.plant))
+    sampled = control.c2d(plant, step, "zoh")
+    gains = np.asarray(control.place(sampled.A, sampled.B, np.exp(np.array(tutorial.poles) * step)))
+    order = plant.nstates
+    blocks = {
+        "r": block("input"), "law": block("sum", signs="+" + "-" * order), "hold": block("zero_order_hold", sample_time=step),
+        "plant": block(
+            "state_space", A=plant.A.tolist(), B=plant.B.tolist(), C=np.vstack([plant.C, np.eye(order)]).tolist(),
+            D=np.vstack([plant.D, np.zeros((order, 1))]).tolist(), inputs=["u"], outputs=["y", *(f"x{k + 1}" for k in range(order))],
+        ),
+        **{f"k{k + 1}": block("gain", gain=float(gains[0, k])) for k in range(order)},
+    }  # fmt: skip
+    wires = ["r -> law.in1", "law -> hold", "hold -> plant.u"]
+    for k in range(order):
+        wires += [f"plant.x{k + 1} -> k{k + 1}", f"k{k + 1} -> law.in{k + 2}"]
+    diagram = system(blocks, wires, {"y": "plant.y"})
+    found = Evaluation(diagram).poles.values
+    for pole in slow:
+        assert np.abs(found - pole).min() < 1e-6 * abs(pole)
+    closed = control.ss(sampled.A - sampled.B @ gains, sampled.B, sampled.C - sampled.D @ gains, sampled.D, step)
+    expected = control.step_response(closed, np.arange(61) * step).outputs
+    run = simulate(diagram, signals={"r": _STEP}, outputs=["y"], duration=60 * step, samples=61, metrics=[])
+    np.testing.assert_allclose(run.curves["y"], expected, atol=1e-8 * np.abs(expected).max())
+
+
 # sample time, kp, ki, kd of the digital version: computed from the samples of the error, held in between. The pendulum is not
-# among them: its angle needs an integral, which then hides behind the zero of the plant at 0.
+# among them: its angle needs an integral, which then hides behind the zero of the plant at 0; its state feedback is digital above.
 DIGITAL = {
     "motor speed": (0.05, 60.0, 120.0, 2.0),
     "motor position": (0.001, 5.0, 50.0, 0.05),

@@ -372,7 +372,11 @@ def _in_si(
             raise invalid(f"channel must be one of the dataset's ({known}), got {name!r}", *where) from error
         values[name], units[name] = in_si(raw, described, place=where)
         if not np.all(np.isfinite(values[name])):
-            raise invalid(f"channel {name!r} must have no missing samples to be used here", *where)
+            missing = int(np.sum(~np.isfinite(values[name])))
+            remedy = "cut or fill them in a processing, or resample with a larger longest where gaps are to be bridged"
+            raise invalid(
+                f"channel {name!r} must have no missing samples to be used here, got {missing}: {remedy}", *where
+            )
         if values[name].size < 2:
             raise invalid(f"channel {name!r} must have at least 2 samples, got {values[name].size}", *where)
     return values, units

@@ -96,7 +96,7 @@ def arriving_later(m: Mapping[str, Array], later: Array) -> dict[str, Array]:
         grown[channel] = np.concatenate([m[channel], column], axis=2)
         grown[enters] = np.concatenate([m[enters][..., :-1], np.zeros_like(column)], axis=2)
     for channel in ("c2", "d21", "d22", "d23"):
-        row = np.zeros_like(grown[channel][:, :1])
-        grown[channel] = np.concatenate([grown[channel], row], axis=1)
+        lanes, _, columns = grown[channel].shape
+        grown[channel] = np.concatenate([grown[channel], np.zeros((lanes, 1, columns))], axis=1)
     grown["d21"][:, -1, -1] = 1.0
     return grown

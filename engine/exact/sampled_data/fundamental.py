@@ -8,6 +8,7 @@ both keep their infinitesimals.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -128,47 +129,110 @@ def _holding(system: SampledSystem, events: list[Event], written: list[int], len
 
 def fundamental(part: Cut, omega: Array) -> Array:
     """Return the fundamental at each ω of shape (k,) or (lanes,), infinitesimals following, as a pair (2, k)."""
+    return _of_sequence(part, omega) if part.read_at else _followed(part, omega)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sequence:
+    """What a period makes of a sequence that enters at some events, e, and is read at others, r: nothing of it depends on ω.
+
+    ``whole`` (lanes, n, n) is Φ; ``entered`` (lanes, n, e) what each entry has become at the end of the period; ``read`` (lanes, r, n)
+    and ``through`` (lanes, r, e) what is read of the first state and of each entry; ``times`` (lanes, e) and ``seen`` (lanes, r), s.
+    """
+
+    whole: Array
+    entered: Array
+    read: Array
+    through: Array
+    times: Array
+    seen: Array
+
+
+def _sequence(part: Cut) -> _Sequence:
+    if "sequence" not in part.memory:
+        s, (rows, columns) = part.system, part.moved
+        entries = [k for k, event in enumerate(part.events) if np.any(event.entering)]
+        kind = np.result_type(
+            s.flow, s.read, part.length, *(a for e in part.events for a in (e.time, e.jump, e.entering))
+        )
+        state = np.zeros((s.lanes, s.n, s.n + len(entries)), dtype=kind)
+        state[:, :, : s.n] = np.eye(s.n)
+        reading = []
+        before: Array = np.zeros(s.lanes)
+        for number, event in enumerate(part.events):
+            if np.any(event.time - before):
+                state[:, rows] = part.passed(event.time - before) @ state[:, columns]
+            before = event.time
+            if number in part.read_at:
+                reading.append((s.read @ state)[:, 0] / len(part.read_at))
+            changed, taken, jump = part.jumps[number]
+            state[:, changed] = jump @ state[:, taken]
+            if number in entries:
+                state[:, :, s.n + entries.index(number)] += event.entering[:, :, 0]
+        state[:, rows] = part.passed(part.length - before) @ state[:, columns]
+        read = np.stack(reading, axis=1)
+        part.memory["sequence"] = _Sequence(
+            whole=state[:, :, : s.n], entered=state[:, :, s.n :], read=read[:, :, : s.n], through=read[:, :, s.n :],
+            times=_instants(part, entries), seen=_instants(part, part.read_at),
+        )  # fmt: skip
+    found: _Sequence = part.memory["sequence"]
+    return found
+
+
+def _instants(part: Cut, numbers: Sequence[int]) -> Array:
+    return np.stack([part.events[k].time for k in numbers], axis=1) if numbers else np.zeros((part.system.lanes, 0))
+
+
+def _of_sequence(part: Cut, omega: Array) -> Array:
+    own = _sequence(part)
+    entries, readings = (_turns(sign * omega[:, None] * at) for sign, at in ((1, own.times), (-1, own.seen)))
+    forced = _times(entries, own.entered.swapaxes(1, 2))
+    through = _product(readings, _times(entries, own.through.swapaxes(1, 2))).sum(axis=2)
+    first = _solved(own.whole, _turns(omega * part.length), forced)
+    return np.asarray(through + _product(_times(readings, own.read), first).sum(axis=2))
+
+
+def _followed(part: Cut, omega: Array) -> Array:
     s, (rows, columns) = part.system, part.moved
-    count = max(len(omega), s.lanes)
-    kind = np.result_type(s.flow, omega, part.length, *(e.time for e in part.events), *(e.jump for e in part.events),
-                          *(e.entering for e in part.events), s.read, s.driven, s.direct)  # fmt: skip
+    count, driven = max(len(omega), s.lanes), bool(np.any(s.driven))
+    kind = np.result_type(s.flow, omega, part.length, s.read, s.driven, s.direct,
+                          *(a for e in part.events for a in (e.time, e.jump, e.entering)))  # fmt: skip
     forced, seen = np.zeros((2, count, s.n), dtype=kind), np.zeros((2, count, s.n), dtype=kind)
     total = np.zeros((2, count), dtype=kind)
     whole = np.zeros((s.lanes, s.n, s.n), dtype=kind) + np.eye(s.n)
     before: Array = np.zeros(s.lanes)
+    same: dict[bytes, tuple[Array, Array, Array]] = {}
     for number, event in enumerate([*part.events, None]):
         time = part.length if event is None else event.time
         width = time - before
         if np.any(width):
-            flow = part.passed(width)
-            entered = None
-            if not part.read_at:  # between events of a sequence the input does not act
-                driven, read, through = _between(part, omega, width)
-                row = _turned(read, -omega * before)
-                seen += _times(row, whole[:, columns])
-                total += through + _product(row, forced[:, :, columns]).sum(axis=2)
-                entered = _turned(driven, omega * time)
+            key = np.ascontiguousarray(width).tobytes()
+            if key not in same:
+                same[key] = _between(part, omega, width)
+            entered, read, through = same[key]
+            flow, row = part.passed(width), _turned(read, -omega * before)
+            seen += _times(row, whole[:, columns])
+            total += through + _product(row, forced[:, :, columns]).sum(axis=2)
             forced[:, :, rows] = _applied(flow, forced[:, :, columns])
-            if entered is not None:
-                forced[:, :, columns] += entered
+            if driven:
+                forced[:, :, columns] += _turned(entered, omega * time)
             whole[:, rows] = flow @ whole[:, columns]
         before = time
         if event is None:
             break
-        if number in part.read_at:
-            row = np.stack([s.read[:, 0], np.zeros_like(s.read[:, 0])]) / len(part.read_at)
-            row = _turned(row, -omega * time)
-            seen += _times(row, whole)
-            total += _product(row, forced).sum(axis=2)
         changed, taken, jump = part.jumps[number]
         forced[:, :, changed] = _applied(jump, forced[:, :, taken])
         whole[:, changed] = jump @ whole[:, taken]
         if np.any(event.entering):
             column = event.entering[:, :, 0]
             forced += _turned(np.stack([column, np.zeros_like(column)]), omega * time)
-    turn = np.stack([np.cos(omega * part.length), np.sin(omega * part.length)])
-    total = total + _product(seen, _solved(whole, turn, forced)).sum(axis=2)
-    return total if part.read_at else np.asarray(total / part.length)
+    first = _solved(whole, _turns(omega * part.length), forced)
+    return np.asarray((total + _product(seen, first).sum(axis=2)) / part.length)
+
+
+def _turns(angle: Array) -> Array:
+    """Return e^{j angle} as a pair."""
+    return np.stack([np.cos(angle), np.sin(angle)])
 
 
 def _turned(pair: Array, angle: Array) -> Array:

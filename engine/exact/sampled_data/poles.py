@@ -85,9 +85,8 @@ def _of_loop(part: SampledSystem) -> Poles:
     length = float(period.length[0].real)
     turns = continuous.poles(autonomous(period.whole()))
     kept = np.abs(turns.values) > np.maximum(turns.uncertainty, _EMPTY)
-    if not all(sampling.sampler for sampling in part.samplings):
-        kept &= _of_itself(turns.values, period)
-    kept &= np.abs(turns.values) >= np.exp(-_PACES * part.pace * length)
+    if np.isfinite(part.pace):
+        kept &= _of_itself(turns.values, period) & (np.abs(turns.values) >= np.exp(-_PACES * part.pace * length))
     z, moved = turns.values[kept], turns.motion[kept]
     s: Complex = np.log(z.astype(complex)) / length
     if len(part.samplings) > 1:

@@ -85,8 +85,8 @@ class Record:
         missing = np.flatnonzero(~np.isfinite(values)) if complete else np.empty(0, dtype=np.intp)
         if missing.size:
             msg = (
-                f"channel {name} must have no missing samples in this step (cut or fill them first), got "
-                f"{missing.size}, the first at {self.begin + missing[0] / self.rate:g} s"
+                f"channel {name} must have no missing samples in this step (cut or fill them first, or resample with a larger "
+                f"longest where gaps are to be bridged), got {missing.size}, the first at {self.begin + missing[0] / self.rate:g} s"
             )
             raise ProcessingError(msg, at=("channel",))
         return values
