@@ -24,6 +24,48 @@ def recording(rows: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+def responses(lines: int) -> str:
+    """A resonance at 12 Hz with 3 % of damping and its coherence, as a modal analyser exports them."""
+    rows = ["Frequency [Hz];Re(tip/hammer) [mm/N];Im(tip/hammer) [mm/N];Coherence tip/hammer"]
+    for i in range(lines):
+        s = 2j * math.pi * (0.5 + 0.1 * i)
+        value = 1 / (s**2 + 2 * 0.03 * 75.4 * s + 75.4**2)
+        rows.append(f"{0.5 + 0.1 * i:.1f};{value.real:.9e};{value.imag:.9e};0.98")
+    return "\n".join(rows) + "\n"
+
+
+def test_a_file_of_frequency_responses_is_shown_and_has_modes(page: Page, tmp_path) -> None:
+    file = tmp_path / "hammer.csv"
+    file.write_text(responses(400))
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    page.get_by_role("button", name="Send").click()
+    page.wait_for_url("**/datasets/ds_*/import**")
+    # There is nothing to be mapped: what the file holds is shown, and taken whole.
+    table = page.get_by_test_id("function-table")
+    expect(table.get_by_role("row").filter(has_text="frequency response")).to_contain_text("400", timeout=90_000)
+    expect(table.get_by_role("row").filter(has_text="frequency response")).to_contain_text("mm / N")
+    expect(page.get_by_text("Frequency rises and is a frequency (Hz)")).to_be_visible()
+    assert faults(page) == []
+    page.get_by_role("button", name="Import", exact=True).click()
+    page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
+    expect(page.get_by_role("heading", name="Functions of frequency")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("img", name="Magnitude")).to_be_visible()
+    expect(page.get_by_role("img", name="Phase")).to_be_visible()
+    assert faults(page) == []
+    page.get_by_label("Drawn").select_option("tip over hammer, coherence")
+    expect(page.get_by_role("img", name="Coherence")).to_be_visible()
+    page.reload()
+    expect(page.get_by_label("Drawn")).to_have_value("tip over hammer, coherence")
+    page.get_by_role("link", name="Frequency response").click()
+    expect(page.get_by_role("combobox", name="Input")).to_have_value("hammer")
+    page.get_by_label("Natural frequencies").check()
+    page.get_by_role("button", name="Estimate").click()
+    expect(page.get_by_test_id("modes").get_by_role("row").nth(1)).to_contain_text("75.4", timeout=60_000)
+    expect(page.get_by_text("As the file has them")).to_be_visible()
+    assert faults(page) == []
+
+
 def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, client) -> None:
     file = tmp_path / "bench run.csv"
     file.write_text(recording(4000))

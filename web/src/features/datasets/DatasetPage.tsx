@@ -14,6 +14,7 @@ import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
+import { Functions } from "./Functions";
 import { datasetQuery, drawnOf, stretchOf, usualSegment } from "./recording";
 import { manifestOf } from "./upload";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
@@ -80,9 +81,9 @@ export function DatasetPage() {
   const third = (to - from) / 3;
   return (
     <div className="page">
-      <PageHead title={dataset.data.name} doc={ready ? t(dataset.data.uneven ? "datasets.aboutUneven" : "datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
+      <PageHead title={dataset.data.name} doc={ready && names.length > 0 ? t(dataset.data.uneven ? "datasets.aboutUneven" : "datasets.about", { count: dataset.data.sample_count ?? 0, rate: formatNumber(dataset.data.sample_rate ?? 0), duration: formatNumber(end) }) : undefined}>
         <StatusBadge status={dataset.data.status} />
-        {ready && (
+        {ready && names.length > 0 && (
           <Button component={Link} to={`/datasets/${id}/process`} variant="default">
             {t("process.open")}
           </Button>
@@ -92,12 +93,12 @@ export function DatasetPage() {
             {t("spectra.frf")}
           </Button>
         )}
-        {ready && (
+        {ready && names.length > 0 && (
           <Button component={Link} to={`/identify?dataset=${id}`} variant="default">
             {t("matching.identify")}
           </Button>
         )}
-        {ready && (
+        {ready && names.length > 0 && (
           <Button component={Link} to={`/validate?dataset=${id}`} variant="default">
             {t("matching.validate")}
           </Button>
@@ -123,7 +124,8 @@ export function DatasetPage() {
             )}
           </Text>
         )}
-        {ready && (
+        {ready && dataset.data.functions.length > 0 && <Functions id={id} functions={dataset.data.functions} />}
+        {ready && names.length > 0 && (
           <>
             <Group align="flex-end" gap="xs">
               <PlainEntry label={t("datasets.from")} unit="s" value={from} refuse={(value) => outside(value, 0, to)} onCommit={(value) => value !== undefined && look(value, to)} w={120} />

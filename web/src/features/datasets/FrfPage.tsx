@@ -20,7 +20,7 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit, words } from "@/shared/units/format";
-import { ESTIMATORS, FORMS, frfRequest, frfResolver, frfSchema, isPeriodic, readFrf, WINDOWS, writeFrf, type FrfFields } from "./frf";
+import { ESTIMATORS, FORMS, MEASURED, frfRequest, frfResolver, frfSchema, isPeriodic, measuredPoints, readFrf, WINDOWS, writeFrf, type FrfFields, type Points } from "./frf";
 import { datasetQuery } from "./recording";
 
 type Reply = components["schemas"]["FrfReply"];
@@ -42,6 +42,8 @@ export function FrfPage() {
   if (dataset.isError) return <ProblemAlert error={dataset.error} m="md" onRetry={() => void dataset.refetch()} />;
   if (!dataset.data) return null;
   const channels = dataset.data.channels.map((channel) => String(channel.name));
+  const points = measuredPoints(dataset.data.functions);
+  const measured = channels.length < 2 && points.inputs.length > 0 ? points : undefined;
   return (
     <div className="page">
       <PageHead title={t("spectra.frfOf", { name: dataset.data.name })} doc={t("spectra.frfDoc")}>
@@ -49,16 +51,16 @@ export function FrfPage() {
           {t("spectra.toRecording")}
         </Button>
       </PageHead>
-      {channels.length < 2 ? <Empty title={t("spectra.one")}>{t("spectra.oneDoc")}</Empty> : <Form id={id} channels={channels} asked={query.has("input")} fields={readFrf(query, channels)} />}
+      {channels.length < 2 && !measured ? <Empty title={t("spectra.one")}>{t("spectra.oneDoc")}</Empty> : <Form id={id} channels={channels} measured={measured} asked={query.has("input")} fields={readFrf(query, channels, measured)} />}
     </div>
   );
 }
 
-function Form({ id, channels, asked, fields }: { id: string; channels: string[]; asked: boolean; fields: FrfFields }) {
+function Form({ id, channels, measured, asked, fields }: { id: string; channels: string[]; measured: Points | undefined; asked: boolean; fields: FrfFields }) {
   const { t } = useTranslation();
   const [query, setQuery] = useSearchParams();
   // What has been asked for stands in the address by its own names, and what is filled in beside it as `new.`: both outlive a reload.
-  const held = { read: (at: URLSearchParams) => readFields(at, readFrf(at, channels), frfSchema.shape, "new."), write: (filled: FrfFields) => writeFields(filled, fields, "new.") };
+  const held = { read: (at: URLSearchParams) => readFields(at, readFrf(at, channels, measured), frfSchema.shape, "new."), write: (filled: FrfFields) => writeFields(filled, fields, "new.") };
   const form = useForm<FrfFields>({ resolver: frfResolver, defaultValues: held.read(query) });
   const { control, register, handleSubmit, watch } = form;
   useAddress(form, held);
@@ -74,9 +76,9 @@ function Form({ id, channels, asked, fields }: { id: string; channels: string[];
       <Paper withBorder p="md">
         <form onSubmit={(event) => void handleSubmit((value) => setQuery(writeFrf(value)))(event)} noValidate>
           <Group align="flex-start">
-            <NativeSelect size="xs" label={t("spectra.input")} description={t("spectra.inputDoc")} {...register("input")} data={channels} error={wrong("input")} />
-            <Controller control={control} name="outputs" render={({ field }) => <MultiSelect label={t("spectra.outputs")} description={t("spectra.outputsDoc")} data={channels} value={field.value} onChange={field.onChange} error={wrong("outputs", "/output")} miw={180} maw={320} />} />
-            <NativeSelect size="xs" label={t("spectra.estimator")} description={t("spectra.estimatorDoc")} {...register("estimator")} data={ESTIMATORS.map((value) => ({ value, label: t(`spectra.estimators.${value}`) }))} error={wrong("estimator")} />
+            <NativeSelect size="xs" label={t("spectra.input")} description={t("spectra.inputDoc")} {...register("input")} data={measured?.inputs ?? channels} error={wrong("input")} />
+            <Controller control={control} name="outputs" render={({ field }) => <MultiSelect label={t("spectra.outputs")} description={t("spectra.outputsDoc")} data={measured?.outputs ?? channels} value={field.value} onChange={field.onChange} error={wrong("outputs", "/output")} miw={180} maw={320} />} />
+            {!measured && <NativeSelect size="xs" label={t("spectra.estimator")} description={t("spectra.estimatorDoc")} {...register("estimator")} data={ESTIMATORS.map((value) => ({ value, label: t(`spectra.estimators.${value}`) }))} error={wrong("estimator")} />}
             {asking.estimator === "multisine" && amount("period")}
             {asking.estimator === "stepped_sine" && (
               <>
@@ -85,9 +87,9 @@ function Form({ id, channels, asked, fields }: { id: string; channels: string[];
                 {amount("begin")}
               </>
             )}
-            {periodic ? amount("settle") : amount("segment")}
-            {!periodic && <NativeSelect size="xs" label={t("spectra.window")} description={t("spectra.windowDoc")} {...register("window")} data={WINDOWS.map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} error={wrong("window")} />}
-            {amount("confidence", "")}
+            {!measured && (periodic ? amount("settle") : amount("segment"))}
+            {!measured && !periodic && <NativeSelect size="xs" label={t("spectra.window")} description={t("spectra.windowDoc")} {...register("window")} data={WINDOWS.map((value) => ({ value, label: t(`spectra.windows.${value}`) }))} error={wrong("window")} />}
+            {!measured && amount("confidence", "")}
             <NativeSelect size="xs" label={t("spectra.form")} description={t("spectra.formDoc")} {...register("form")} data={FORMS.map((value) => ({ value, label: t(`spectra.forms.${value || "own"}`) }))} error={wrong("form")} />
           </Group>
           <ModelFields system={asking.system} register={register} wrong={wrong} />
@@ -141,7 +143,7 @@ function Result({ reply, body }: { reply: Reply; body: Record<string, unknown> }
   return (
     <Stack gap="md" data-testid="frf">
       <Group justify="space-between">
-        <Text fz="sm">{t("spectra.averages", { count: reply.averages, confidence: formatNumber(100 * reply.confidence), resolution: reply.resolution == null ? "–" : formatNumber(reply.resolution) })}</Text>
+        <Text fz="sm">{body.estimator === MEASURED ? t("spectra.fromFile") : t("spectra.averages", { count: reply.averages, confidence: formatNumber(100 * reply.confidence), resolution: reply.resolution == null ? "–" : formatNumber(reply.resolution) })}</Text>
         <Group gap="xs">
           {keep.data?.id ? (
             <Button variant="default" component="a" href={`/v1/frfs/${keep.data.id}/uff`} download={`${keep.data.id}.uff`}>

@@ -14,6 +14,7 @@ import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit } from "@/shared/units/format";
+import { FunctionTable, type FunctionHead } from "./Functions";
 import { fieldsOf, importOf, importSchema, isTable, layoutOf, readDraft, writeDraft, type ImportDocument, type ImportFields, type Look } from "./importing";
 import { datasetQuery } from "./recording";
 import { forgetManifest, manifestOf, type Manifest } from "./upload";
@@ -68,10 +69,72 @@ export function ImportPage() {
               <Progress value={100} animated aria-label={t("importing.looking")} />
             </div>
           )}
-          {result.data && <Mapping key={job} id={id} manifest={manifest} look={result.data as unknown as Look} onLook={(given) => look.mutate(given)} />}
+          {result.data && <Found key={job} id={id} manifest={manifest} look={result.data as unknown as Look} onLook={(given) => look.mutate(given)} />}
         </Stack>
       )}
     </div>
+  );
+}
+
+/** A file of functions of frequency alone has nothing to be mapped: it is taken whole. */
+function Found(props: { id: string; manifest: Manifest; look: Look; onLook(given: ImportDocument | null): void }) {
+  const { look } = props;
+  return look.functions && look.functions.length > 0 && look.import === null && look.series.length === 0 ? <Whole {...props} functions={look.functions} /> : <Mapping {...props} />;
+}
+
+function Whole({ id, manifest, look, functions }: { id: string; manifest: Manifest; look: Look; functions: FunctionHead[] }) {
+  const { t } = useTranslation();
+  const navigate = useNavigate();
+  const queries = useQueryClient();
+  const commit = useMutation({
+    mutationFn: () => must(api.POST("/v1/datasets/{identifier}/commit", { params: { path: { identifier: id } }, body: manifest })),
+    onSuccess: () => {
+      forgetManifest(id);
+      void queries.invalidateQueries({ queryKey: ["dataset", id] });
+      void queries.invalidateQueries({ queryKey: ["datasets"] });
+      void navigate(`/datasets/${id}`);
+    },
+  });
+  return (
+    <Stack gap="md" data-testid="import-functions">
+      <Remarks look={look} />
+      <FunctionTable functions={functions} />
+      <ProblemAlert error={commit.error} />
+      <Group>
+        <Button onClick={() => commit.mutate()} loading={commit.isPending}>
+          {t("datasets.send")}
+        </Button>
+      </Group>
+    </Stack>
+  );
+}
+
+/** What was noticed in a file, and what of it is refused. */
+function Remarks({ look }: { look: Look }) {
+  const { t } = useTranslation();
+  return (
+    <>
+      {look.remarks.length > 0 && (
+        <Alert color="blue" variant="outline" title={t("importing.noticed")}>
+          <List size="sm">
+            {look.remarks.map((remark) => (
+              <List.Item key={remark}>{remark}</List.Item>
+            ))}
+          </List>
+        </Alert>
+      )}
+      {Object.keys(look.refused).length > 0 && (
+        <Alert color="orange" variant="outline" title={t("importing.refused")}>
+          <List size="sm">
+            {Object.entries(look.refused).map(([name, reason]) => (
+              <List.Item key={name}>
+                {name}: {reason}
+              </List.Item>
+            ))}
+          </List>
+        </Alert>
+      )}
+    </>
   );
 }
 
@@ -116,26 +179,7 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
             {look.sample_rate === null ? t("importing.holdsUneven", { count: look.sample_count }) : t("importing.holds", { count: look.sample_count, rate: formatNumber(look.sample_rate) })}
           </Text>
         )}
-        {look.remarks.length > 0 && (
-          <Alert color="blue" variant="outline" title={t("importing.noticed")}>
-            <List size="sm">
-              {look.remarks.map((remark) => (
-                <List.Item key={remark}>{remark}</List.Item>
-              ))}
-            </List>
-          </Alert>
-        )}
-        {Object.keys(look.refused).length > 0 && (
-          <Alert color="orange" variant="outline" title={t("importing.refused")}>
-            <List size="sm">
-              {Object.entries(look.refused).map(([name, reason]) => (
-                <List.Item key={name}>
-                  {name}: {reason}
-                </List.Item>
-              ))}
-            </List>
-          </Alert>
-        )}
+        <Remarks look={look} />
         <Paper withBorder p="md">
           <Group align="flex-start">
             {table && (

@@ -5,6 +5,8 @@ import type { Scalar } from "@/shared/api/types";
 import { readEntry } from "@/shared/units/number";
 
 export const ESTIMATORS = ["H1", "H2", "Hv", "multisine", "stepped_sine"] as const;
+/** Of a file that holds measured responses: they are taken as they are. */
+export const MEASURED = "measured";
 export const FORMS = ["", "receptance", "mobility", "accelerance"] as const;
 export const WINDOWS = ["hann", "flat_top", "none"] as const;
 
@@ -21,7 +23,7 @@ export const frfSchema = z
   .object({
     input: z.string().min(1, "forms.required"),
     outputs: z.array(z.string()).min(1, "spectra.needOutput"),
-    estimator: z.enum(ESTIMATORS),
+    estimator: z.enum([...ESTIMATORS, MEASURED]),
     segment: optional,
     window: z.enum(WINDOWS),
     confidence: z.number("forms.number").gt(0.5, "spectra.confidenceWrong").lt(1, "spectra.confidenceWrong"),
@@ -38,7 +40,7 @@ export const frfSchema = z
     from: z.string(),
     to: z.string(),
   })
-  .refine(({ input, outputs }) => !outputs.includes(input), { path: ["outputs"], message: "spectra.itself" })
+  .refine(({ estimator, input, outputs }) => estimator === MEASURED || !outputs.includes(input), { path: ["outputs"], message: "spectra.itself" })
   .refine(({ estimator, period }) => estimator !== "multisine" || period !== undefined, { path: ["period"], message: "forms.required" })
   .refine(({ estimator, dwell }) => estimator !== "stepped_sine" || dwell !== undefined, { path: ["dwell"], message: "forms.required" })
   .refine(({ estimator, frequencies }) => estimator !== "stepped_sine" || readFrequencies(frequencies) !== undefined, { path: ["frequencies"], message: "spectra.frequenciesWrong" })
@@ -58,16 +60,29 @@ export const frfResolver: Resolver<FrfFields> = (fields, ...rest) => {
   return zodResolver(frfSchema)({ ...fields, ...hidden }, ...rest);
 };
 
+/** What can be chosen: channels for both, or the points of measured responses. */
+export interface Points {
+  inputs: string[];
+  outputs: string[];
+}
+
+/** The points between which a file holds measured responses. */
+export function measuredPoints(functions: { kind: string; response: string; reference: string }[]): Points {
+  const responses = functions.filter(({ kind }) => kind === "frequency response" || kind === "transmissibility");
+  return { inputs: [...new Set(responses.map(({ reference }) => reference))], outputs: [...new Set(responses.map(({ response }) => response))] };
+}
+
 /** The form as the address holds it. */
-export function readFrf(query: URLSearchParams, channels: string[]): FrfFields {
+export function readFrf(query: URLSearchParams, channels: string[], measured?: Points): FrfFields {
+  const { inputs, outputs: there } = measured ?? { inputs: channels, outputs: channels };
   const number = (key: string) => (query.get(key) ? Number(query.get(key)) : undefined);
   const one = <T extends string>(key: string, all: readonly T[]): T => all.find((value) => value === query.get(key)) ?? all[0]!;
   // One by one, so that a channel's name may hold a comma; links of before had them all in one.
-  const outputs = query.getAll("outputs").flatMap((given) => (channels.includes(given) ? [given] : given.split(",").filter((name) => channels.includes(name))));
+  const outputs = query.getAll("outputs").flatMap((given) => (there.includes(given) ? [given] : given.split(",").filter((name) => there.includes(name))));
   return {
-    input: channels.find((name) => name === query.get("input")) ?? channels[0] ?? "",
-    outputs: outputs.length > 0 ? outputs : channels.slice(1, 2),
-    estimator: one("estimator", ESTIMATORS),
+    input: inputs.find((name) => name === query.get("input")) ?? inputs[0] ?? "",
+    outputs: outputs.length > 0 ? outputs : measured ? there.slice(0, 1) : channels.slice(1, 2),
+    estimator: measured ? MEASURED : one("estimator", ESTIMATORS),
     segment: number("segment"),
     window: one("window", WINDOWS),
     confidence: number("confidence") ?? 0.95,
@@ -108,6 +123,12 @@ function stepsOf({ frequencies, dwell = 0, begin = 0 }: FrfFields) {
   return (readFrequencies(frequencies) ?? []).map((frequency, i) => ({ frequency, start: begin + i * dwell, end: begin + (i + 1) * dwell }));
 }
 
+/** How lines come about from samples, and the bounds on them. */
+function averaging(fields: FrfFields): Record<string, unknown> {
+  const settle = fields.settle !== undefined ? { settle: fields.settle } : {};
+  return { ...(isPeriodic(fields) ? settle : { window: fields.window, ...(fields.segment !== undefined ? { segment: fields.segment } : {}) }), confidence: fields.confidence };
+}
+
 /** The request that an address stands for. */
 export function frfRequest(dataset: string, fields: FrfFields): Record<string, unknown> {
   return {
@@ -117,8 +138,7 @@ export function frfRequest(dataset: string, fields: FrfFields): Record<string, u
     estimator: fields.estimator,
     ...(fields.estimator === "multisine" ? { period: fields.period } : {}),
     ...(fields.estimator === "stepped_sine" ? { steps: stepsOf(fields) } : {}),
-    ...(isPeriodic(fields) ? (fields.settle !== undefined ? { settle: fields.settle } : {}) : { window: fields.window, ...(fields.segment !== undefined ? { segment: fields.segment } : {}) }),
-    confidence: fields.confidence,
+    ...(fields.estimator === MEASURED ? {} : averaging(fields)),
     ...(fields.system ? { system: fields.system, from: fields.from, to: fields.to } : {}),
     ...(fields.form ? { form: fields.form } : {}),
     ...(fields.modes ? { modes: {} } : {}),

@@ -10,6 +10,8 @@ export const FORMATS: Format[] = ["csv", "txt", "lvm", "tdms", "mat", "hdf5", "p
 /** What a worker found on looking at a file: everything there is, how it would be read, and what it noticed. */
 export interface Look {
   series: { index: number; name: string; sample_count: number; unit: string; role: string }[];
+  /** What the file holds over frequency, which is no channel. */
+  functions?: Schemas["FunctionHead"][];
   refused: Record<string, string>;
   import: ImportDocument | null;
   channels: { name: string; unit?: string; first: (number | null)[] }[];
