@@ -239,6 +239,6 @@ def test_elasticities_are_those_of_differences(anti_windup, parameters):
         def slope(step: float, path: str = path, base: float = base) -> float:
             return (area(path, base + step) - area(path, base - step)) / (2 * step)
 
-        step = 5e-4 * abs(base)
+        step = 1e-4 * abs(base)  # in a wider one an episode at the upper limit comes or goes
         expected = (4 * slope(step / 2) - slope(step)) / 3 * base / area(path, base)
-        assert found.elasticities["iae"][path].value == pytest.approx(expected, rel=3e-5, abs=1e-7), path
+        assert found.elasticities["iae"][path].value == pytest.approx(expected, rel=1e-8), path
