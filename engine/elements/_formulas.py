@@ -111,6 +111,7 @@ class _SignalParser(Parser):
         self._switches = switches
         self._known = known
         self.uses: set[str] = set()
+        self.jumps: set[int] = set()
 
     def named(self, name: str) -> Compute:
         """Return the value of a name, or the formula that it stands for."""
@@ -141,6 +142,8 @@ class _SignalParser(Parser):
             first_side = 1.0 if name == "max" else -1.0
             return lambda values: a(values) if values[side] == first_side else b(values)
         side = self._switch(a)
+        if name != "abs":
+            self.jumps.add(len(self._switches) - 1)
         if name == "atan2":
             return lambda values: _angle(a(values), b(values), values[side])
         if name == "abs":
@@ -199,6 +202,8 @@ class Formulas:
     ----------
     names : list of str
         All names that they use, without those of the formulas themselves.
+    jumps : set of int
+        The switches at which a value jumps: of sign and atan2.
     formulas : list of Formula
 
     Raises
@@ -212,10 +217,12 @@ class Formulas:
         known: dict[str, Formula] = {}
         self._switches: list[Compute] = []
         self.formulas: list[Formula] = []
+        self.jumps: set[int] = set()
         for name, text in texts:
             parser = _SignalParser(text, places, self._switches, known, tables)
             found = Formula(compute=parser.expression().compute, uses=frozenset(parser.uses))
             self.formulas.append(found)
+            self.jumps |= parser.jumps
             if name:
                 known[name] = found
         self.names = list(places)

@@ -78,6 +78,8 @@ class NonlinearElement(Element):
     """The modes; one stands for all others where they are numbered through (intervals, levels)."""
     continuous: ClassVar[bool] = False
     """Whether the output does not jump between modes, and all guards are distances in the unit of the only input."""
+    product: ClassVar[bool] = False
+    """Whether what jumps does so with the sign of a product whose factors the guards are: each matters as far as the others are from 0."""
     note: ClassVar[str] = ""
     """What stands for the slope where the law has none: said wherever the element is linearised."""
 
@@ -161,13 +163,13 @@ class NonlinearElement(Element):
         return False
 
     @classmethod
-    def decides(cls, mode: Mode, values: Values) -> bool:
-        """Return whether the output jumps where a guard of this mode passes 0; with several, for as much as another one is from 0."""
-        return False
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the mode beyond a guard where an output or a rate may jump on the way, None where it does not."""
+        return None
 
     @classmethod
     def stays(cls, mode: Mode) -> bool:
-        """Return whether a mode of a law that decides is the right one where a guard is exactly 0 and rests there."""
+        """Return whether a mode is the right one where a guard that it may jump at is exactly 0 and rests there."""
         return True
 
     @classmethod

@@ -40,6 +40,7 @@ class SwitchedCurrent(NonlinearElement):
 
     note = "a law that switches has no slope: its current is taken as constant"
     modes: ClassVar[tuple[Mode, ...]] = tuple(range(8))
+    product: ClassVar[bool] = True
     entering: ClassVar[tuple[str, str]]
     example = {"off": 0.1, "transition": 0.4}
 
@@ -94,9 +95,9 @@ class SwitchedCurrent(NonlinearElement):
         return not _smooth(values) and bool(np.any(values["transition"]))
 
     @classmethod
-    def decides(cls, mode: Mode, values: Values) -> bool:
-        """Return that the current jumps with the sign of either factor while neither is held."""
-        return not _smooth(values) and mode < _SLIDES
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the other sign of a factor, while neither is held."""
+        return None if _smooth(values) or mode >= _SLIDES else mode ^ (1 << guard)
 
     @classmethod
     def stays(cls, mode: Mode) -> bool:

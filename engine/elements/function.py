@@ -106,6 +106,11 @@ class Function(NonlinearElement):
         return cls._formula(values).guards(cls._given(m, values), mode)
 
     @classmethod
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the other side of an argument of sign or atan2."""
+        return mode ^ (1 << guard) if guard in cls._formula(values).jumps else None
+
+    @classmethod
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
         """Return to the other side of that argument."""
         return Change(mode=mode ^ (1 << guard))

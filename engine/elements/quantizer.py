@@ -60,9 +60,9 @@ class Quantizer(NonlinearElement):
         return [values["step"] * (mode // 2)]
 
     @classmethod
-    def decides(cls, mode: Mode, values: Values) -> bool:
-        """Return that the level jumps, unless the input is held on an edge."""
-        return mode % 2 == 0
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the next level, unless the input is held on an edge."""
+        return None if mode % 2 else mode + (2, -2)[guard]
 
     @classmethod
     def held(cls, mode: Mode) -> int | None:

@@ -64,9 +64,9 @@ class Relay(NonlinearElement):
         return [values["high"] if mode > 0 else values["low"]]
 
     @classmethod
-    def decides(cls, mode: Mode, values: Values) -> bool:
-        """Return that the output jumps, unless the input is held."""
-        return mode != 0
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the other value, unless the input is held."""
+        return -mode or None
 
     @classmethod
     def held(cls, mode: Mode) -> int | None:

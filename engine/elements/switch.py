@@ -49,9 +49,9 @@ class Switch(NonlinearElement):
         return [m.z[0] if mode > 0 else m.z[1]]
 
     @classmethod
-    def decides(cls, mode: Mode, values: Values) -> bool:
-        """Return that another signal is let through."""
-        return True
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the other signal."""
+        return -mode
 
     @classmethod
     def stays(cls, mode: Mode) -> bool:

@@ -262,6 +262,11 @@ class UserEquations(NonlinearElement):
         return [*found.formulas.guards(given, mode), *conditions]
 
     @classmethod
+    def across(cls, guard: int, mode: Mode, values: Values) -> Mode | None:
+        """Return the other side of an argument of sign or atan2."""
+        return mode ^ (1 << guard) if guard in _equations(values).formulas.jumps else None
+
+    @classmethod
     def switch(cls, guard: int, m: Moment, mode: Mode, values: Values) -> Change:
         """Return to the other side, or the states after an event."""
         found = _equations(values)

@@ -95,7 +95,7 @@ class Integration:
         self._driving = Driving(system, signals, constants, self.record)
         self._stepper = Stepper(system, self.record, tolerance)
         self._bounds = Bounds(clock, limit)
-        self._undecided = Undecided()
+        self._undecided = Undecided(system.value)
         self.smooth = not any(law.element.jumps(law.values) for law in system.laws)
         self.error = 0.0
         self._agenda = Agenda()
@@ -260,9 +260,7 @@ class Integration:
                 self._event(step, event)
             return
         self._note_guards(step)
-        self._undecided.look(
-            self.system.laws, self._board.modes, step.guards, width=min(width, gap), now=self.now, horizon=self._horizon
-        )
+        self._undecided.look(step, self._board.modes, width=min(width, gap), now=self.now, horizon=self._horizon)
         if whole:
             part = step if width == gap else self._stepper.cut(step, gap / width, self._command(gap))
             self._accept(part, target, lanes)

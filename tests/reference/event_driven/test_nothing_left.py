@@ -46,6 +46,8 @@ def alternating(t: float) -> float:
         ("relay", {}, (-1.0, 1.0)),
         ("relay", {"hysteresis": 1e-15}, (-1.0, 1.0)),
         ("switch", {}, (0.0, 1.0)),
+        ("function", {"expression": "3 + 2*sign(u1)"}, (1.0, 5.0)),
+        ("user_equations", {"inputs": ["u"], "outputs": ["w"], "equations": "w = sign(u)"}, (-1.0, 1.0)),
     ],
 )
 def test_behind_an_oscillation_that_dies_away(kind: str, values: dict[str, Any], scale: tuple[float, float]) -> None:
@@ -62,6 +64,21 @@ def test_behind_an_oscillation_that_dies_away(kind: str, values: dict[str, Any],
     assert found.verdict is Verdict.DOUBTFUL
     assert found.value is None
     assert "law is in is not known" in found.advice
+
+
+def test_a_sign_of_what_is_0_with_it_does_not_matter() -> None:
+    """∫ v |v|, written with a sign that changes for as long as anybody can tell, by a rule of Gauss on every half wave."""
+    outcome = Integration(behind("function", expression="sign(u1)*u1**2").laws(), STEP).advance(5.0)
+    assert outcome.verdict is Verdict.OK, outcome.advice
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    half = np.pi / DAMPED
+    expected = 0.0
+    for k in range(20):
+        t = half * (k + 0.5 * (1 + nodes))
+        v = OMEGA**2 / DAMPED * np.exp(-ZETA * OMEGA * t) * np.sin(DAMPED * t)
+        expected += 0.5 * half * float(weights @ (v * np.abs(v)))
+    assert outcome.after is not None
+    assert outcome.after[0, 0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("oscillates", [True, False])
