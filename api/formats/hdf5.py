@@ -167,7 +167,7 @@ def _reason(item: Any) -> str:
 def _storage_reason(item: Any) -> str:
     count = math.prod(item.shape)
     if item.external or item.is_virtual:
-        return "its values lie in other files"
+        return "its values lie in other files: copy them into this one (h5repack)"
     stored = item.id.get_storage_size()
     if item.chunks:
         chunk = math.prod(item.chunks) * item.dtype.itemsize

@@ -226,8 +226,8 @@ class _Variables:
         else:
             what = {
                 _OBJECT: "an object of a MATLAB class",
-                _SPARSE: "a sparse matrix",
-                _FUNCTION: "a function",
+                _SPARSE: "a sparse matrix: save it as full",
+                _FUNCTION: "a function: save its values",
             }
             self._found.refused[path] = f"it is {what.get(kind, f'of the unknown class {kind}')}"
 

@@ -105,7 +105,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
         for index, channel in enumerate(source.groups[group].channels):
             name = channel.name if names[channel.name] == 1 else f"{channel.name} (group {group})"
             if channel.data_type not in _NUMBERS[version]:
-                refused[name] = "its values are no plain numbers"
+                refused[name] = "its values are no plain numbers: decode frames of a bus with their database first"
                 continue
             if source.groups[group].channel_dependencies[index]:
                 elements = _elements(source, group, index)

@@ -38,7 +38,7 @@ def open_file(file: BinaryIO) -> Recording:
         temporal = pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type)
         plain = pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type)
         if not plain and not (temporal and not timed):
-            refused[field.name] = f"its values are no plain numbers ({field.type})"
+            refused[field.name] = f"its values are no plain numbers ({field.type}): cast it to double"
             continue
         time = not timed and (temporal or is_time(field.name))
         timed = timed or time

@@ -58,7 +58,7 @@ def over_frequency(vectors: Sequence[Vector]) -> tuple[list[SpectralFunction], l
         return [], []
     frequency = np.asarray(first.read(), dtype=np.float64)
     if not is_axis(frequency):
-        return [], []
+        return [], [f"{first.name} does not rise strictly, from 0 or more: its columns are no functions of frequency"]
     found, remarks = functions_of(scale * frequency, others)
     unit = first.unit or ("Hz" if scale == 1.0 else "rad/s")
     said = f"{first.name} rises and is a frequency ({unit}): what is beside it are functions of it (say time or sample_rate where not)"

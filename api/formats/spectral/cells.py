@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 from api.formats import FormatError
+from api.formats.text.cells import is_word_for_missing
 
 _COMPLEX = re.compile(
     r"\(?\s*[+-]?[\d.]+(?:e[+-]?\d+)?\s*[+-]\s*(?:[ij]\s*\*?\s*)?[\d.]*(?:e[+-]?\d+)?\s*\*?\s*[ij]?\s*\)?",
@@ -18,7 +20,8 @@ _LEADING = re.compile(
 
 def is_complex(cells: Sequence[str], decimal: str) -> bool:
     """Whether texts are complex numbers, such as 1.5-2i or (1.5 + j2)."""
-    return bool(cells) and all(_parsed(cell, decimal) is not None for cell in cells)
+    there = [cell for cell in cells if not is_word_for_missing(cell)]
+    return bool(there) and all(_parsed(cell, decimal) is not None for cell in there)
 
 
 def number_of(cell: str, decimal: str) -> complex:
@@ -29,7 +32,7 @@ def number_of(cell: str, decimal: str) -> complex:
     FormatError
         For any other text.
     """
-    value = _parsed(cell, decimal)
+    value = complex(math.nan, math.nan) if is_word_for_missing(cell.strip()) else _parsed(cell, decimal)
     if value is None:
         raise FormatError(f"a cell must be a complex number such as 1.5-2i, got {cell[:40]!r}")
     return value

@@ -154,7 +154,7 @@ class Parser:
         size = np.dtype(dtype).itemsize if dtype else _SIZES.get(kind, 0)
         if not size:
             raise FormatError(f"the type of values must be one of TDMS, got {kind:#x}")
-        reason = "" if dtype else "its values are no plain numbers (times, complex or extended)"
+        reason = "" if dtype else "its values are no plain numbers (times, complex or extended): save it as double"
         return _Index(kind=kind, count=count, dtype=dtype, size=size, total=size * count, reason=reason)
 
     def _daqmx(self, head: int) -> _Index:
@@ -168,9 +168,11 @@ class Parser:
         code, buffer, offset, scale = scalers[0] if scalers else (0xFFFFFFFF, 0, 0, 0)
         reason = ""
         if head == _DIGITAL_LINE:
-            reason = "it holds digital lines"
+            reason = "it holds raw digital lines: export it with scaled values"
         elif len(scalers) != 1 or code >= len(_DAQMX_NUMBERS):
-            reason = f"its raw values have {len(scalers)} scalers of a kind that is not read"
+            reason = (
+                f"its raw values have {len(scalers)} scalers of a kind that is not read: export it with scaled values"
+            )
         elif buffer >= len(widths) or offset + np.dtype(_DAQMX_NUMBERS[code]).itemsize > widths[buffer]:
             raise FormatError(
                 f"raw values must lie within their buffers, got offset {offset} in buffer {buffer} of {widths}"

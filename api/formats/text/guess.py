@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from api.formats import FormatError
+from api.formats.spectral.names import frequency_scale
 from api.formats.text.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
 from api.formats.text.clock import Clock, Order, clock_for, is_stamp
 from api.formats.text.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
@@ -307,7 +308,7 @@ def _instants(
 ) -> tuple[int | None, Clock | None, int | None, list[str]]:
     """Return the column of time, its clock where it is a time of day, the column of sample numbers, and remarks."""
     names, units = header.names, header.units
-    counter = next((i for i in columns if _is_counter(rows, i, names)), None)
+    counter = next((i for i in columns if _is_counter(rows, i, names, units)), None)
     for i in range(min(map(len, rows), default=0)):
         if i not in columns and is_stamp(rows[0][i]):
             return i, clock_for([row[i] for row in rows], order), counter, []
@@ -321,13 +322,15 @@ def _instants(
     return None, None, counter, []
 
 
-def _is_counter(rows: Sequence[Sequence[str]], column: int, names: Mapping[int, str]) -> bool:
+def _is_counter(rows: Sequence[Sequence[str]], column: int, names: Mapping[int, str], units: Mapping[int, str]) -> bool:
     cells = [row[column] for row in rows if column < len(row)]
     if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
         return False
     steps = {int(b) - int(a) for a, b in pairwise(cells)}
-    name = names.get(column, "")
-    return steps == {1} and (_COUNTER_NAME.fullmatch(name) is not None or (column == 0 and not TIME_NAME.match(name)))
+    name, unit = names.get(column, ""), units.get(column, "")
+    # 1, 2, 3 ... Hz are lines
+    is_plain = column == 0 and not unit and not TIME_NAME.match(name) and frequency_scale(name, unit) is None
+    return steps == {1} and (_COUNTER_NAME.fullmatch(name) is not None or is_plain)
 
 
 def _is_rising(rows: Sequence[Sequence[str]], column: int, marks: Marks) -> bool:

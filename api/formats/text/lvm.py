@@ -148,6 +148,11 @@ class _Instants:
         steps = [_number(text or "0", layout.decimal, "Delta_X") for text in layout.said(table, "Delta_X")]
         units, starts = layout.said(table, "Y_Unit_Label"), _starts(table, layout)
         kept = {cell for cell in dict.fromkeys(layout.axes) if not self._is_even(cell, steps)}
+        if len(self._tables) > 1 and any(not self._rises(axis) for axis in kept):
+            raise FormatError(
+                "X_Value must rise through all tables of a file, it begins anew in one of them: save each table in a file of "
+                "its own"
+            )
         found: list[Series] = []
         places: list[Column] = []
         groups: dict[bytes, str] = {}
@@ -181,6 +186,14 @@ class _Instants:
         if layout.axes:
             self.remarks.append(_said(kept, layout.axes))
         return found, places
+
+    def _rises(self, axis: int) -> bool:
+        last = -math.inf
+        for _, values in self._columns.read([Column(cell=axis, axis=axis)]):
+            if values[0] <= last or (np.diff(values) <= 0).any():
+                return False
+            last = float(values[-1])
+        return True
 
     def _is_even(self, axis: int, steps: Sequence[float]) -> bool:
         """Whether each X_Value is X0 + i Delta_X to its last printed digit."""

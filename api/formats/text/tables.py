@@ -64,6 +64,8 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
     left_out, said = ending.settle(allow_truncated=options.allow_truncated)
 
     def rows(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
+        if not wanted:
+            return
         asked = [series[place] for place in wanted]
         stamped = [place for place, one in enumerate(asked) if _is_clock(one, found)]
         layout = TextLayout(

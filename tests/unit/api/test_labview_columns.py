@@ -135,3 +135,11 @@ def test_a_cell_that_is_no_number_is_refused_with_its_place(tmp_path):
     text = file_of(channels, kind="Multi", step=0.5).replace("2.500000\t", "2.5_0\t", 1)
     with pytest.raises(FormatError, match=r"line 21, column 0 must be a number or empty, got '2\.5_0'"):
         arrays(opened("lvm", text.encode(), tmp_path))
+
+
+def test_uneven_instants_that_begin_anew_in_a_second_table_are_refused_with_the_remedy(tmp_path):
+    x = np.cumsum(RNG.uniform(0.8, 1.2, size=9))
+    text = file_of({"F": (x, RNG.normal(size=9))}, kind="One", step=1.0)
+    table = text[text.index("Channels") :]
+    with pytest.raises(FormatError, match="begins anew in one of them: save each table in a file of its own"):
+        opened("lvm", (text + "\n" + table).encode(), tmp_path)

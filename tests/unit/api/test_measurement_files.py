@@ -359,7 +359,7 @@ def test_hdf5(tmp_path):
     assert found.layout == {"sample_rate": 500.0}
     assert set(found.refused) == {"words", "huge", "external"}
     assert found.refused["huge"] == "it claims 1000000000 values and has 0 bytes of them"
-    assert found.refused["external"] == "its values lie in other files"
+    assert found.refused["external"] == "its values lie in other files: copy them into this one (h5repack)"
 
 
 def test_parquet(tmp_path):
@@ -380,7 +380,7 @@ def test_parquet(tmp_path):
         ("x", "mm", "channel"),
         ("n", "", "channel"),
     ]
-    assert found.refused == {"word": "its values are no plain numbers (string)"}
+    assert found.refused == {"word": "its values are no plain numbers (string): cast it to double"}
 
 
 def test_mdf(tmp_path):

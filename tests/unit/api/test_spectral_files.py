@@ -110,6 +110,26 @@ def test_recordings_over_time_stay_what_they_are(header: str, options: dict[str,
     assert len(recording.series) == 2
 
 
+def test_lines_of_1_hz_are_no_sample_numbers(tmp_path: Path) -> None:
+    (one,) = opened("csv", b"Frequency [Hz],H real,H imag\n1,2,5\n2,3,6\n3,4,7\n", tmp_path).functions
+    frequency, values = one.read()
+    np.testing.assert_array_equal(frequency, [1, 2, 3])
+    np.testing.assert_array_equal(values, [2 + 5j, 3 + 6j, 4 + 7j])
+
+
+def test_lines_without_a_value_are_missing(tmp_path: Path) -> None:
+    (one,) = opened("csv", b"Frequency [Hz],H\n0,1+2i\n0.5,NaN\n1.5,\n2,3-i\n", tmp_path).functions
+    values = one.read()[1]
+    assert np.isnan(values).tolist() == [False, True, True, False]
+    assert values[[0, 3]].tolist() == [1 + 2j, 3 - 1j]
+
+
+def test_frequencies_that_come_twice_are_said_to_be_none(tmp_path: Path) -> None:
+    recording = opened("csv", b"Frequency [Hz],H real,H imag\n1,2,5\n1,3,6\n3,4,7\n", tmp_path)
+    assert not recording.functions
+    assert "Frequency does not rise strictly" in recording.remarks[-1]
+
+
 def test_a_speed_that_rises_and_falls_is_no_axis(tmp_path: Path) -> None:
     recording = opened("csv", table("Frequency [Hz],x [mm]", np.abs(HZ - 10), TIP.real), tmp_path)
     assert [one.name for one in recording.series] == ["Frequency", "x"]
