@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import requests
 from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis.stateful import run_state_machine_as_test
 from schemathesis import GenerationMode, openapi
 from schemathesis.checks import not_a_server_error
 from schemathesis.specs.openapi.checks import (
@@ -36,6 +37,7 @@ SCHEMA = openapi.from_dict(contract.DOCUMENT)
 OPERATIONS = {operation.ok().label: operation.ok() for operation in SCHEMA.get_all_operations()}
 #: Of the examples of a property: one in so many.
 SHARE = 12
+WHOLE = settings.default.max_examples > 1000
 DATA = lag_recording(samples=100)
 
 
@@ -112,3 +114,33 @@ def test_every_reply_is_in_the_contract(fuzzed, session, label, mode) -> None:
         )
 
     ask()
+
+
+def test_what_follows_from_replies_is_in_the_contract_too(fuzzed) -> None:
+    """Schemathesis goes from reply to request by itself: what one operation has made is read, changed and deleted by others."""
+
+    asked: list[str] = []
+
+    class Machine(SCHEMA.as_state_machine()):  # type: ignore[misc] # made from the contract
+        def get_call_kwargs(self, case: Any) -> dict[str, Any]:
+            return {
+                "base_url": fuzzed.url,
+                "headers": {"Authorization": f"Bearer {fuzzed.keys['admin']}"},
+                "timeout": 120,
+            }
+
+        def validate_response(self, response: Any, case: Any, additional_checks: Any = (), **more: Any) -> None:
+            case.validate_response(response, checks=CHECKS, headers=self.get_call_kwargs(case)["headers"])
+            asked.append(case.operation.label)
+
+    run_state_machine_as_test(
+        Machine,
+        settings=settings(
+            max_examples=max(2, settings.default.max_examples // 4 if WHOLE else SHARE // 4),
+            stateful_step_count=6,
+            deadline=None,
+            phases=[Phase.generate],
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+    assert len(set(asked)) > 2, asked
