@@ -85,31 +85,38 @@ def doubted_responses(
     return tuple(said)
 
 
-def undecided(tried: Sequence[Tried], estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Return a sentence on each way between the samples that fits about as well and leads elsewhere.
+def as_likely(best: Tried, other: Tried) -> bool:
+    """Tell whether a way between the samples fits so well that nothing decides against it.
 
     With as many parameters, n ln(cost / least cost) is twice the difference of the log-likelihoods.
+    """
+    if best.found is None or other.found is None or not best.found.cost > 0.0:
+        return False
+    return best.found.residuals.size * math.log(other.found.cost / best.found.cost) < _TELLING
+
+
+def undecided(tried: Sequence[Tried], estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Return a sentence on each way between the samples that fits about as well and leads elsewhere.
 
     Parameters
     ----------
     tried : sequence of Tried
         The best first.
     estimates : mapping of str to Estimate
-        With the best way.
+        With the best way alone.
     """
     best, *others = tried
     said = []
     for one in others:
-        if best.found is None or one.found is None or one.way is None or not best.found.cost > 0.0:
+        if one.found is None or one.way is None or not as_likely(best, one):
             continue
-        worse = best.found.residuals.size * math.log(one.found.cost / best.found.cost)
         values = one.search.values(one.found.x)
         away = [name for name, own in estimates.items() if not _within(values[name], own)]
-        if worse < _TELLING and away:
+        if away:
             would = ", ".join(f"{name} = {values[name]:.4g} {estimates[name].unit}".rstrip() for name in away)
             said.append(
-                f"inputs taken as {one.way} between their samples fit about as well as {best.way}, with {would}: say in "
-                "between_samples which they are"
+                f"inputs taken as {one.way} between their samples fit about as well as {best.way}, with {would}: the intervals "
+                "reach over both, say in between_samples which they are"
             )
     return tuple(said)
 

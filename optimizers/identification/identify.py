@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,9 +16,9 @@ from optimizers.estimation.noise import fitted
 from optimizers.identification import words
 from optimizers.identification.answers import Answer, Samples
 from optimizers.identification.comparison import Comparison, Nuisance
-from optimizers.identification.doubts import doubted_responses, doubts, undecided
+from optimizers.identification.doubts import as_likely, doubted_responses, doubts, undecided
 from optimizers.identification.plausible import Pairs, implausible, joined
-from optimizers.identification.result import BetweenTried, Fits, Identified, Judged
+from optimizers.identification.result import BetweenTried, Estimate, Fits, Identified, Judged
 from optimizers.identification.search import Search
 from optimizers.identification.starts import first_start
 from optimizers.identification.ways import Tried, tried_ways
@@ -25,7 +26,7 @@ from optimizers.recorded.recorded_data import doubted_data, doubted_samples
 from optimizers.search.result import Monitor, Unwatched
 
 if TYPE_CHECKING:
-    from optimizers.recorded.recording import Identification, RecordedExperiment, Window
+    from optimizers.recorded.recording import Identification, RecordedExperiment, Unknown, Window
 
 BASELINES = ("mean", "input", "static_gain")
 
@@ -63,12 +64,9 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
     unheard = () if found is None else words.silent(unknowns, found.jacobian, x)
     judged = tuple(s.judged() for s in shown) or tuple(_unjudged(e) for e in problem.experiments)
     validating = any(c.experiment.windows[1] is not None for c in search.comparisons)
-    estimates = {
-        u.parameter: words.estimate(u, float(x[i]), None if cov is None or i in unheard else math.sqrt(cov[i, i]))
-        for i, u in enumerate(unknowns)
-    }
+    estimates = _estimates(unknowns, x, cov, unheard)
     return Identified(
-        parameters=estimates,
+        parameters=_reaching(estimates, tried),
         correlations=np.eye(count) if cov is None else correlations(cov)[:count, :count],
         indistinguishable=said,
         estimation=_pooled((s.pairs(s.estimation) for s in shown), compare),
@@ -92,6 +90,40 @@ def identify(problem: Identification, *, rng: np.random.Generator, monitor: Moni
         ),
         responses=responses or tuple({} for _ in problem.frequency),
     )
+
+
+def _estimates(
+    unknowns: Sequence[Unknown], x: Samples, cov: Samples | None, unheard: Sequence[int]
+) -> dict[str, Estimate]:
+    """Return the parameters with their intervals."""
+    return {
+        u.parameter: words.estimate(u, float(x[i]), None if cov is None or i in unheard else math.sqrt(cov[i, i]))
+        for i, u in enumerate(unknowns)
+    }
+
+
+def _reaching(estimates: Mapping[str, Estimate], tried: Sequence[Tried]) -> dict[str, Estimate]:
+    """Return the estimates of the best way between the samples, their intervals over those of all ways that fit about as well."""
+    found = dict(estimates)
+    for one in tried[1:]:
+        if one.found is None or not as_likely(tried[0], one):
+            continue
+        unknowns = one.search.problem.unknowns
+        unheard = words.silent(unknowns, one.found.jacobian, one.found.x)
+        other = _estimates(unknowns, one.found.x, covariance(*one.search.blocks(one.found)), unheard)
+        found = {
+            name: replace(
+                own,
+                lower95=_outer(min, own.lower95, other[name].lower95),
+                upper95=_outer(max, own.upper95, other[name].upper95),
+            )
+            for name, own in found.items()
+        }
+    return found
+
+
+def _outer(of: Callable[[float, float], float], own: float | None, other: float | None) -> float | None:
+    return None if own is None or other is None else of(own, other)
 
 
 def _tried(one: Tried) -> BetweenTried:
