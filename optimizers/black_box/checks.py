@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, Literal
 
@@ -62,7 +63,7 @@ def _check_size(experiment: RecordedExperiment, method: Method, orders: Sequence
     samples, h, order = max(part.stop - part.start, 0), recording.sample_time, max(orders)
     inputs, outputs = len(recording.inputs), len(recording.outputs)
     most = 0 if method == "subspace" else min(MOST_DELAYS, samples // 4)
-    delays = round(largest_delay / h)
+    delays = round(largest_delay / h) if math.isfinite(largest_delay) else -1
     if not 0 <= delays <= most:
         room = "0 for a subspace model" if method == "subspace" else f"0 to {most * h:g}"
         raise ProblemError(f"largest_delay must be {room} s, got {largest_delay:g}", at=("largest_delay",))

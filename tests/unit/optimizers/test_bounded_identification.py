@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -122,8 +124,9 @@ def test_delays_up_to_a_quarter_of_the_recording_are_searched():
     experiment = RecordedExperiment(recording=stepped(4000, late=900), split=1.0)
     found = black_box(experiment, method="transfer_function", orders=(1,), largest_delay=0.1)
     assert found.delay == pytest.approx(0.09, abs=2e-3)
-    with pytest.raises(ProblemError, match=r"largest_delay must be 0 to 0.1 s"):
-        checked(experiment, "transfer_function", (1,), 0.11)
+    for wrong in (0.11, -0.01, math.nan, math.inf):
+        with pytest.raises(ProblemError, match=r"largest_delay must be 0 to 0.1 s"):
+            checked(experiment, "transfer_function", (1,), wrong)
 
 
 def test_regressions_that_no_memory_holds_are_refused():
