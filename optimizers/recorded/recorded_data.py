@@ -35,7 +35,7 @@ _ALONE: Final = 3
 _ITS_OWN: Final = 0.5
 """Part of an outlier's error that the signal itself is apart from its neighbours."""
 _LONGEST: Final = 20_000
-"""Samples from which feedback is told."""
+"""Samples of a stretch from which feedback is told."""
 _PAST: Final = 8
 _FORETOLD: Final = 0.02
 """Part of an input's own innovations, in variance, that is left where the output makes the input."""
@@ -127,9 +127,14 @@ def _from_around(signal: Samples) -> Samples:
 def made_by(u: Samples, y: Samples) -> bool:
     """Tell whether an input is made of an output's past and present, and of nothing else.
 
-    What a reference still does to it is left over: all the time, or as jumps.
+    What a reference still does to it is left over: all the time, or as jumps, which may be far between.
     """
-    u, y = u[:_LONGEST], y[:_LONGEST]
+    last = max(u.size - _LONGEST, 0)
+    stretches = (slice(first, first + _LONGEST) for first in (*range(0, last, _LONGEST - _PAST), last))
+    return all(_made_by(u[part], y[part]) for part in stretches)
+
+
+def _made_by(u: Samples, y: Samples) -> bool:
     if u.size < 20 * _PAST or held(u) or np.ptp(y) == 0 or np.ptp(u) == 0:
         return False
     u, y = (u - u.mean()) / u.std(), (y - y.mean()) / y.std()

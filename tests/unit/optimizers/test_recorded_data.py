@@ -130,3 +130,17 @@ def test_a_model_without_a_diagram_says_it_too():
     clean[700] += 2.0
     spoilt = black_box(recorded(LEVELS, clean), method="transfer_function", orders=(1,))
     assert any("1 sample of y" in sentence for sentence in spoilt.warnings)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_reference_may_move_late_in_a_long_recording(moves):
+    """A controller u = 0.3 (r - y) of a lag in noise; whether r moves is seen after the first stretch."""
+    rng = np.random.default_rng(11)
+    count = 60_000
+    reference, errors = np.where(np.arange(count) >= 45_000, 1.0 * moves, 0.0), 0.05 * rng.normal(size=count)
+    u, y, state = np.zeros(count), np.zeros(count), 0.0
+    for k in range(count):
+        y[k] = state + errors[k]
+        u[k] = 0.3 * (reference[k] - y[k])
+        state = 0.99 * state + 0.02 * u[k]
+    assert made_by(u, y) is not moves
