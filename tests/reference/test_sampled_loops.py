@@ -23,6 +23,8 @@ from engine.diagram.diagram import Diagram, compile_system
 from engine.model.errors import UnresolvedError
 from engine.model.verdicts import Verdict
 from engine.signals import make
+from optimizers.problem import Goal, Problem, Sense, Variable
+from optimizers.solving.solve import solve
 from tests.unit.engine.diagrams import block, document
 
 MS = Fraction(1, 1000)
@@ -230,6 +232,37 @@ def test_a_loop_that_diverges_is_called_unstable():
     assert margin.value is None
     assert margin.verdict is Verdict.UNSTABLE
     assert damping.value < 0
+
+
+@pytest.mark.parametrize(("place", "factor"), [("e", "k_position"), ("f", "k_speed")])
+def test_verdicts_on_either_side_of_a_phase_margin(place, factor):
+    axis = AXES[0]
+    phase = measure(axis.diagram, [MetricRequest(metric="phase_margin", open_at=place)])[0][0].value
+    for part, stable in ((0.99, True), (1.01, False)):
+        assert (axis.radius(**{factor: np.exp(-1j * part * abs(phase))}) < 1) is stable
+
+
+def test_simulation_response_and_search_all_refuse_speed_gains_that_diverge():
+    axis = AXES[0]
+    up = measure(axis.diagram, [MetricRequest(metric="gain_margin_up", open_at="f")])[0][0].value
+    assert replace(axis, kp=1.2 * up * axis.kp, ki=1.2 * up * axis.ki).radius() > 1
+    moved = {"speed.kp": 1.2 * up * axis.kp, "speed.ki": 1.2 * up * axis.ki}
+    run = simulate(
+        axis.diagram, signals={"r": make("pulse", {"width": 0.002})}, overrides=moved, duration=0.05, metrics=()
+    )
+    assert run.verdict is Verdict.UNSTABLE
+    assert frequency_response(axis.diagram, open_at="f", overrides=moved).verdict is Verdict.UNSTABLE
+    problem = Problem(
+        diagram=axis.diagram,
+        variables=(Variable(parameter="speed.kp", lower=axis.kp, upper=2 * up * axis.kp),),
+        goals=(Goal(metric="bandwidth", source="r", target="y", sense=Sense.MAXIMIZE),),
+    )
+    found = solve("grid", problem, {"points": 5})
+    tried = np.geomspace(axis.kp, 2 * up * axis.kp, 5)
+    radii = [replace(axis, kp=kp).radius() for kp in tried]
+    assert min(radii) < 1 < max(radii)
+    assert radii[int(np.argmin(np.abs(tried - found.best["speed.kp"])))] < 1
+    assert found.certificate.valid
 
 
 def single(kp: float = 4.0, ki: float = 3.0, period: float = 0.05) -> Diagram:

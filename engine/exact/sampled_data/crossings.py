@@ -151,14 +151,15 @@ def _root(family: Family, left: float, right: float, one: complex, other: comple
     low, high = np.log(abs(one)), np.log(abs(other))
     weights = [low, high]
     found = None
+    still = 4 * _EPS * max(abs(left), abs(right))
     for _ in range(_TURNS):
         part = weights[0] / (weights[0] - weights[1])
-        at = left + min(max(part, 1e-3), 1 - 1e-3) * (right - left)
+        before, at = found, left + min(max(part, 1e-3), 1 - 1e-3) * (right - left)
         found = nearest(family, at, one + (other - one) * (at - left) / (right - left))
         if found is None:
             return None
         height = float(np.log(abs(found.eigenvalue)))
-        if abs(height) < 4 * _EPS or right - left <= 4 * _EPS * max(abs(left), abs(right)):
+        if abs(height) < 4 * _EPS or right - left <= still or (before is not None and abs(at - before.at) <= still):
             break
         if (height < 0) == (low < 0):
             left, one, low, weights = at, found.eigenvalue, height, [height, 0.5 * weights[1]]
