@@ -147,11 +147,16 @@ def validation_problem(errors: Sequence[Any], body: Any) -> Problem:
     return invalid_document([_fault(dict(error), body) for error in errors[:_MOST_FAULTS]])
 
 
-def _let_go(error: BaseException | None) -> None:
+def _let_go(error: BaseException) -> None:
     """Let go of the frames that an answered error has passed: they and the error hold each other, with the whole document in them."""
-    while error is not None:
-        error.__traceback__ = None
-        error = error.__cause__ or error.__context__
+    pending: list[BaseException | None] = [error]
+    seen: set[int] = set()  # causes may lead in a ring
+    while pending:
+        one = pending.pop()
+        if one is not None and id(one) not in seen:
+            seen.add(id(one))
+            one.__traceback__ = None
+            pending += (one.__cause__, one.__context__)
 
 
 def _on_invalid(_: Request, error: Exception) -> Response:

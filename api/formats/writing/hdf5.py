@@ -12,7 +12,10 @@ _SENT = 1 << 20
 
 
 def write(recording: Outgoing) -> Iterator[bytes]:
-    """Yield the file, once it is complete: the format writes back into its beginning."""
+    """Yield the file, once it is complete: the format writes back into its beginning.
+
+    Until then what is yielded is empty: the thread is others' in between, and whoever asked may have left.
+    """
     import h5py  # noqa: PLC0415 - loads a library that most processes never need
 
     with tempfile.TemporaryFile() as file:
@@ -46,6 +49,7 @@ def write(recording: Outgoing) -> Iterator[bytes]:
                 for start in range(0, recording.count, PIECE):
                     stop = min(start + PIECE, recording.count)
                     values[start:stop] = recording.read(channel, start, stop)
+                    yield b""
         file.seek(0)
         while piece := file.read(_SENT):
             yield piece

@@ -7,7 +7,7 @@ from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
 from api.errors import problem_of
-from api.handlers import sentence
+from api.handlers import _let_go, sentence
 from api.problems import Problem, at, invalid
 from engine.model.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
@@ -110,3 +110,11 @@ def test_a_value_is_shown_as_it_is_or_by_its_beginning(value) -> None:
     whole = repr(value)
     shown = whole if len(whole) <= 80 else whole[:77] + "..."
     assert sentence("gain", {"type": "other", "msg": "no", "input": value}) == f"gain: no, got {shown}"
+
+
+def test_an_error_that_is_its_own_cause_by_a_way_round_is_let_go_too() -> None:
+    """A refusal that was raised again from what it had caused held its thread for ever."""
+    first, second = Problem(422, "x", "x"), ValueError("y")
+    first.__cause__, second.__cause__ = second, first
+    _let_go(first)
+    assert first.__traceback__ is None
