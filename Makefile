@@ -16,7 +16,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-service bench-web bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-service bench-web bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -32,7 +32,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 
 $(WARM): $(INSTALLED)
 	@echo 'Compiling the kernels (about a minute, once for a machine) ...'
-	@$(BIN)/python -m engine.batch.kernels.warm
+	@$(BIN)/python -m engine.batch.linear.warm & $(BIN)/python -m engine.batch.kernels.warm && wait $$!
 	@touch $@
 
 # npm writes that file when it has installed what the lock says.
@@ -106,6 +106,9 @@ fuzz: setup  ## random requests made from the contract, eighty times as many as 
 # One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
 	@OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=1000000000 $(BIN)/python -m bench $(if $(MARKDOWN),--markdown)
+
+bench-coverage: setup  ## what a candidate costs for every metric under every command, beside python-control (minutes)
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -W ignore -m bench.coverage
 
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service

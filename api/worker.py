@@ -26,7 +26,8 @@ from api.services.studies.results import versions
 from api.services.validations import validations
 from api.services.webhooks import alerts
 from api.settings import Settings
-from engine.batch.kernels.warm import compiled_before, warm
+from engine.batch.kernels import warm as kernels
+from engine.batch.linear import warm as responses
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter
 from storage.jobs.queue import JobQueue
 from storage.jobs.zygote import Later
@@ -38,7 +39,9 @@ import ctypes, signal, sys
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 from engine.batch.kernels.warm import warm
+from engine.batch.linear.warm import warm as warm_responses
 warm()
+warm_responses()
 """
 #: A job has the time that its queue says, not that of a request (s).
 _A_JOB_S = 1e6
@@ -103,8 +106,8 @@ def prepare() -> Later | None:
     logs.configure(settings.log_level, form=settings.log_format)
     for package in ("scipy.signal", "scipy.stats"):  # searches and identifications load them where they need them
         importlib.import_module(package)
-    if compiled_before():
-        warm()
+    if _compiled_before():
+        _load_compiled()
         return None
     _log.warning(
         "kernels are being compiled, a minute or more: searches and batches that need them take so much longer until then"
@@ -113,9 +116,14 @@ def prepare() -> Later | None:
     return Later(process=compiling.pid, work=_load_compiled)
 
 
+def _compiled_before() -> bool:
+    return kernels.compiled_before() and responses.compiled_before()
+
+
 def _load_compiled() -> None:
-    if compiled_before():
-        warm()
+    if _compiled_before():
+        kernels.warm()
+        responses.warm()
 
 
 def run(job: ComputeJob, reporter: Reporter) -> Mapping[str, Any] | Parts:

@@ -436,7 +436,7 @@ class Evaluation:
                 target = motions.finals()[:, reference]
             if final is not None and target is not None:
                 error_final = _without_rounding(final if own else target - final, y)
-            elif y is not None and _has_settled(error, y):
+            elif y is not None and not _repeats(signals) and _has_settled(error, y):
                 error_final = error.values[-1, -1]
         return TimeSubject(
             y=y, initial=response.initials[output], final=final, start=start, end=end, error=error,
@@ -509,10 +509,15 @@ def _last_start(signals: Mapping[str, Signal]) -> Array:
     )
 
 
+def _repeats(signals: Mapping[str, Signal]) -> bool:
+    """Return whether a command repeats for ever."""
+    return any(signal.repeats_after() is not None for signal in signals.values())
+
+
 def _has_settled(error: Curve, y: Curve) -> bool:
-    """Return whether the last tenth of the pieces is constant: a ramp's error does not move any more."""
+    """Return whether the last tenth of the time is constant: a ramp's error does not move any more."""
     values, largest = error.values[:, :, 0].real, float(np.abs(y.values[:, :, 0].real).max())
-    last = values[-max(1, len(values) // 10) :]
+    last = error.since(0.9 * error.end).values[:, :, 0].real
     return bool(np.ptp(last) <= max(1e-9 * np.abs(values).max(), _CANCELLED * largest))
 
 

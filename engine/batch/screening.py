@@ -1,14 +1,16 @@
 """Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
 
-The compiled kernels answer what they cover: step responses, loops and paths of linear systems without delays; of nonlinear ones
-responses to any command, marched, where their laws are formulas of the instant. Everything else, and
-every candidate for which they cannot vouch, goes to the batched collocation of `engine.batch.collocation.screening`; what that cannot
-vouch for either is flagged doubtful and belongs to the exact path.
+Of linear systems without delays the compiled kernels answer steps, loops and paths, and `engine.batch.linear` responses to every other
+command, integrals and poles; of nonlinear ones responses to any command are marched, where their laws are formulas of the instant. Each
+metric is evaluated by its own evaluator, so that none waits for another. Everything else, and every candidate for which the kernels cannot
+vouch, goes to the batched collocation of `engine.batch.collocation.screening`; what that cannot vouch for either is flagged doubtful and belongs
+to the exact path.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -18,6 +20,7 @@ from engine.batch.collocation.screening import Screened
 from engine.batch.collocation.screening import Screening as Collocation
 from engine.batch.kernels.batch import Batch, Slopes, UnsuitableError
 from engine.batch.kernels.readings import TIME_READINGS
+from engine.batch.linear.responses import Responses
 from engine.batch.nonlinear.batch import NonlinearBatch
 from engine.model.errors import EngineError
 from engine.model.traced import UnsuitableError as NoFormulaError
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Screened", "Screening", "Slopes"]
 
+_STEP = 1e-30
 _AGREED = 1e-4
 """Relative difference of two methods that mean the same; collocation alone is right to about 1e-6."""
 
@@ -43,11 +47,6 @@ class Screening:
     requests : sequence of MetricRequest
     threads : int, optional
         How many threads the kernels use; as many as there are processors for this process by default.
-
-    Attributes
-    ----------
-    measurable : tuple of bool
-        Which requests can be screened at all.
     """
 
     def __init__(self, diagram: Diagram, requests: Sequence[MetricRequest], *, threads: int | None = None) -> None:
@@ -55,15 +54,15 @@ class Screening:
         self._threads = threads
         self._requests = tuple(requests)
         self._all = Collocation(diagram, requests)
-        self.measurable = self._all.measurable
+        self._shares: dict[tuple[str, ...], _Shares] = {}
         self._batches: dict[tuple[str, ...], Batch | None] = {}
         self._marches: dict[tuple[str, ...], NonlinearBatch | None] = {}
         self._rest: dict[tuple[int, ...], Collocation] = {}
 
     def compiled(self, parameters: Sequence[str]) -> bool:
         """Return whether compiled kernels answer every request, for these parameters varied."""
-        batch = self._batch(tuple(parameters))
-        return batch is not None and all(batch.measured)
+        shares = None if self._diagram.nonlinear else self._shared(tuple(parameters))
+        return shares is not None and shares.complete
 
     def __call__(self, overrides: Mapping[str, Array], *, second_opinion: bool = True) -> Screened:
         """Return the metrics for arrays (B,) of parameter values; those that are not measurable stay NaN and doubtful.
@@ -89,17 +88,44 @@ class Screening:
         if self._diagram.nonlinear:
             return self._marched(overrides)
         points = _side_by_side(overrides.values())
-        batch = None if np.iscomplexobj(points) else self._batch(tuple(overrides))
-        if batch is None:
-            return self._all(overrides)
-        asked = partial(self._second_opinion, batch, overrides) if second_opinion else None
-        found = batch(points, threads=self._threads, then=asked)
-        others = tuple(k for k, own in enumerate(batch.measured) if self.measurable[k] and not own)
-        if others:
-            rest = self._only(others)(overrides)
-            columns = list(others)
-            found.values[:, columns], found.doubtful[:, columns] = rest.values, rest.doubtful
-        return Screened(values=found.values, doubtful=found.doubtful, growth=found.growth, valid=found.valid)
+        shares, infinitesimals = self._shared(tuple(overrides)), np.iscomplexobj(points)
+        rest = [*shares.kernels, *shares.others] if infinitesimals else list(shares.others)
+        found = Screened.unknown(len(points), len(self._requests), dtype=complex if infinitesimals else float)
+        parts: list[tuple[list[int], Screened | Results]] = []
+        if shares.batch is not None and not infinitesimals:
+            asked = partial(self._second_opinion, shares.batch, overrides) if second_opinion else None
+            parts.append((list(shares.kernels), shares.batch(points, threads=self._threads, then=asked)))
+        if shares.responses is not None:
+            parts.append((list(shares.own), shares.responses(overrides)))
+        if rest or not parts:
+            parts.append((rest, self._only(tuple(rest))(overrides)))
+        for columns, part in parts:
+            whole = part.values.shape[1] == len(self._requests)
+            own = columns if whole else list(range(len(columns)))
+            found.values[:, columns], found.doubtful[:, columns] = part.values[:, own], part.doubtful[:, own]
+        growths = np.stack([part.growth for _, part in parts])
+        unstable = (growths >= 0).any(axis=0)
+        found.growth[:] = np.where(unstable, np.where(growths >= 0, growths, 0.0).max(axis=0), growths.max(axis=0))
+        found.valid[:] = np.all([part.valid for _, part in parts], axis=0)
+        return found
+
+    def _shared(self, varied: tuple[str, ...]) -> _Shares:
+        """Return who evaluates what where parameters vary."""
+        if varied not in self._shares:
+            batch = self._batch(varied)
+            everyone = range(len(self._requests))
+            kernels = [k for k in everyone if batch is not None and batch.measured[k]]
+            left = [k for k in everyone if k not in kernels]
+            responses = Responses(self._diagram, [self._requests[k] for k in left], varied, threads=self._threads)
+            own = [k for k, measured in zip(left, responses.measured, strict=True) if measured]
+            if len(own) < len(left):
+                responses = Responses(self._diagram, [self._requests[k] for k in own], varied, threads=self._threads)
+            others = [k for k in left if k not in own and self._all.measurable[k]]
+            self._shares[varied] = _Shares(
+                batch=batch if kernels else None, responses=responses if own else None, kernels=tuple(kernels),
+                own=tuple(own), others=tuple(others), complete=len(kernels) + len(own) == len(self._requests),
+            )  # fmt: skip
+        return self._shares[varied]
 
     def _second_opinion(self, batch: Batch, overrides: Mapping[str, Array], found: Results, span: slice) -> None:
         """Ask collocation for the responses of a span for which the kernels could not vouch.
@@ -135,10 +161,23 @@ class Screening:
         directions : mapping of str to ndarray, shape (B, D)
             By how much each parameter changes for the same infinitesimal change of D variables.
         """
-        batch = None if self._diagram.nonlinear else self._batch(tuple(overrides))
-        if batch is None or not all(batch.measured):
+        shares = None if self._diagram.nonlinear else self._shared(tuple(overrides))
+        if shares is None or not shares.complete:
             return None
-        return batch.slopes(_side_by_side(overrides.values()), _side_by_side(directions[name] for name in overrides))
+        found = None
+        if shares.batch is not None:
+            points = _side_by_side(overrides.values())
+            found = shares.batch.slopes(points, _side_by_side(directions[name] for name in overrides))
+        if shares.responses is None:
+            return found
+        own = _moved(shares.responses, overrides, directions)
+        if found is None:
+            return own
+        columns = list(shares.own)
+        found.values[:, columns], found.doubtful[:, columns] = own.values, own.doubtful
+        found.slopes[:, columns] = own.slopes
+        found.growth[:] = np.where(own.growth >= 0, own.growth, found.growth)
+        return found
 
     def _marched(self, overrides: Mapping[str, Array]) -> Screened:
         """Return the metrics of a nonlinear diagram."""
@@ -168,6 +207,33 @@ class Screening:
         if columns not in self._rest:
             self._rest[columns] = Collocation(self._diagram, [self._requests[column] for column in columns])
         return self._rest[columns]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shares:
+    """Who evaluates which columns where certain parameters vary; ``complete``: the compiled evaluators do it all."""
+
+    batch: Batch | None
+    responses: Responses | None
+    kernels: tuple[int, ...]
+    own: tuple[int, ...]
+    others: tuple[int, ...]
+    complete: bool
+
+
+def _moved(responses: Responses, overrides: Mapping[str, Array], directions: Mapping[str, Array]) -> Slopes:
+    """Return metrics with their derivatives: every direction of every candidate is one with infinitesimals."""
+    count = next(iter(directions.values())).shape[1]
+    lanes = {
+        name: (np.asarray(value)[:, None] + 1j * _STEP * directions[name]).ravel() for name, value in overrides.items()
+    }
+    found = responses(lanes)
+    values = found.values.reshape(-1, count, found.values.shape[1])
+    return Slopes(
+        values=values[:, 0].real.copy(), doubtful=np.asarray(found.doubtful.reshape(values.shape).any(axis=1)),
+        growth=found.growth.reshape(-1, count)[:, 0], valid=found.valid.reshape(-1, count)[:, 0],
+        slopes=values.imag.swapaxes(1, 2) / _STEP,
+    )  # fmt: skip
 
 
 def _side_by_side(arrays: Iterable[Array]) -> Array:

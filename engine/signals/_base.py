@@ -67,6 +67,10 @@ class Signal(ABC):
         """Return the integral of an impulse at time 0, 0 for all other commands; ``value`` has nothing of it."""
         return 0.0
 
+    def sines(self) -> FloatArray | None:
+        """Return amplitude, angular frequency (rad/s) and phase (rad) of the sines that it is the sum of, (sines, 3); None for others."""
+        return None
+
     def breaks(self, horizon: float) -> tuple[float, ...]:  # noqa: ARG002 - only what repeats needs it
         """Return the breakpoints up to ``horizon`` (s) at least; of a command that repeats, those of every period."""
         return self.breakpoints()

@@ -53,9 +53,7 @@ class Multisine(Signal):
 
     def value(self, t: FloatArray) -> FloatArray:
         """Return u(t)."""
-        k = np.arange(1, self.harmonics.size + 1)
-        phases = -np.pi * k * (k - 1) / k.size
-        waves = np.sin(np.multiply.outer(t, self.harmonics * self.fundamental) + phases)
+        waves = np.sin(np.multiply.outer(t, self.harmonics * self.fundamental) + self._phases)
         return np.where(np.real(t) >= 0, self.amplitude * waves.sum(axis=-1), 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -73,6 +71,16 @@ class Multisine(Signal):
     def degree(self) -> int | None:
         """Return None: smooth, no polynomial."""
         return 0 if self.amplitude == 0 else None
+
+    @property
+    def _phases(self) -> FloatArray:
+        k = np.arange(1, self.harmonics.size + 1)
+        return -np.pi * k * (k - 1) / k.size
+
+    def sines(self) -> FloatArray | None:
+        """Return its harmonics."""
+        each = np.full(self.harmonics.size, self.amplitude)
+        return np.stack([each, self.harmonics * self.fundamental, self._phases], axis=1)
 
     def repeats_after(self) -> float | None:
         """Return 2π / fundamental."""

@@ -61,6 +61,10 @@ class Sine(Signal):
         """Return None: smooth, no polynomial."""
         return 0 if self.amplitude == 0 else None
 
+    def sines(self) -> FloatArray | None:
+        """Return itself."""
+        return np.array([[self.amplitude, self.frequency, self.phase]])
+
     def repeats_after(self) -> float | None:
         """Return 2π / frequency."""
         return None if self.amplitude == 0 else 2 * np.pi / self.frequency

@@ -14,7 +14,7 @@ from engine.diagram.diagram import Diagram
 from engine.model.verdicts import Verdict
 
 TOLERANCE = 1e-7
-ABSOLUTE = frozenset({"overshoot", "undershoot", "steady_state_error"})
+ABSOLUTE = frozenset({"overshoot", "undershoot", "steady_state_error", "ie"})
 """Differences that may vanish: compared on the scale of a command of size one, or on their own where that is larger."""
 FLAT = {"peak_time": 1e-6}
 """At a turning point the value is flat: its instant is known to the square root of what the value is known to."""

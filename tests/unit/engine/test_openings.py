@@ -81,9 +81,7 @@ def test_a_margin_has_its_derivative_and_its_own_stability() -> None:
 def test_the_screening_leaves_it_to_the_exact_path() -> None:
     request = MetricRequest(metric="phase_margin", open_at=("inner", "outer"))
     path = MetricRequest(metric="bandwidth", source="r", target="position")
-    screening = Screening(cascade(), [request, path])
-    assert screening.measurable == (False, True)
-    found = screening({"kp": np.array([0.5, 1.0])})
+    found = Screening(cascade(), [request, path])({"kp": np.array([0.5, 1.0])})
     assert np.isnan(found.values[:, 0]).all()
     assert found.doubtful[:, 0].all()
     for kp, value in zip((0.5, 1.0), found.values[:, 1], strict=True):

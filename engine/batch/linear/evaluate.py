@@ -1,0 +1,306 @@
+"""From the matrices of candidates to metrics of one response: balance, equations with their command, pieces, readings."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.linear.compiled import allocating, compiled
+from engine.batch.linear.ladder import LEVELS, Ladder, unit_of
+from engine.batch.linear.march import Pieces, Plan, follow
+from engine.batch.linear.primitives import Room
+from engine.batch.linear.readings import Rest, Wanted, read
+from engine.batch.linear.series import DEPTH, MOST_ROOTS, PARTS, SIZE
+
+Real = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+Series = npt.NDArray[Any]
+
+MOST_PIECES: Final = 6000
+_SWEEPS: Final = 8
+_WORTH: Final = 0.95
+_CANCELLED: Final = 1e-13
+_JUMPS: Final = 1e-9
+_UNDECIDED: Final = 1e3
+
+
+class Drive(NamedTuple):
+    """The command: ``flow`` (w, w), ``drive`` (inputs, w), ``jumps`` (corners, w), largest ``sizes`` (w,), ``rate`` (rad/s).
+
+    ``climbs`` says that it grows for ever.
+    """
+
+    flow: Real
+    drive: Real
+    jumps: Real
+    sizes: Real
+    rate: float
+    climbs: int
+
+
+class Watched(NamedTuple):
+    """``kinds`` (R,): 1 the output, -1 reference minus output; ``orders`` (R,) derivatives; ``reference`` (inputs,); ``errors`` (R,) flags."""
+
+    kinds: Real
+    orders: Whole
+    reference: Real
+    errors: Whole
+
+
+@compiled
+def balance(a: Series, b: Series, c: Series) -> None:
+    """Scale states by powers of two so that rows and columns of A are alike (Osborne)."""
+    n = a.shape[0]
+    for _ in range(_SWEEPS):
+        changed = False
+        for i in range(n):
+            row, column = 0.0, 0.0
+            for j in range(n):
+                if j != i:
+                    row += abs(a[i, j].real)
+                    column += abs(a[j, i].real)
+            if row == 0.0 or column == 0.0:
+                continue
+            before, factor = row + column, 1.0
+            while column * 2.0 < row:
+                factor, row, column = factor * 2.0, row / 2.0, column * 2.0
+            while row * 2.0 < column:
+                factor, row, column = factor / 2.0, row * 2.0, column / 2.0
+            if row + column < _WORTH * before:
+                changed = True
+                for j in range(n):
+                    a[j, i] *= factor
+                    a[i, j] /= factor
+                for j in range(b.shape[1]):
+                    b[i, j] /= factor
+                c[i] *= factor
+        if not changed:
+            break
+
+
+@compiled
+def solve(a: Series, right: Series, work: Series, out: Series) -> bool:
+    """Write A⁻¹ right (n,) and return whether there is one."""
+    n = right.shape[0]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = a[i, j]
+        work[i, n] = right[i]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(work[i, k].real) > abs(work[pivot, k].real):
+                pivot = i
+        if work[pivot, k].real == 0.0:
+            return False
+        if pivot != k:
+            for j in range(k, n + 1):
+                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+        for i in range(k + 1, n):
+            factor = work[i, k] / work[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, n + 1):
+                    work[i, j] -= factor * work[k, j]
+    for i in range(n - 1, -1, -1):
+        total = work[i, n]
+        for j in range(i + 1, n):
+            total = total - work[i, j] * out[j]
+        out[i] = total / work[i, i]
+    return True
+
+
+@compiled
+def _assemble(
+    a: Series, b: Series, c: Series, d: Series, drive: Drive, watched: Watched, m: Series, rows: Series
+) -> None:
+    """Write M, and the rows that are watched."""
+    n, size, inputs = a.shape[0], m.shape[0], b.shape[1]
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = a[i, j]
+        for j in range(n, size):
+            total = 0.0 * a[0, 0]
+            for k in range(inputs):
+                total = total + b[i, k] * drive.drive[k, j - n]
+            m[i, j] = total
+    for i in range(n, size):
+        for j in range(size):
+            m[i, j] = 0.0 * a[0, 0] + (drive.flow[i - n, j - n] if j >= n else 0.0)
+    for r in range(rows.shape[0]):
+        for j in range(n):
+            rows[r, j] = watched.kinds[r] * c[j]
+        for j in range(n, size):
+            total = 0.0 * a[0, 0]
+            for k in range(inputs):
+                share = watched.kinds[r] * d[k]
+                if watched.errors[r]:
+                    share = share + watched.reference[k]
+                total = total + share * drive.drive[k, j - n]
+            rows[r, j] = total
+
+
+@compiled
+def _differentiate(m: Series, row: Series, n: int, x0: Series, drive: Drive, work: Series) -> int:
+    """Write row M over a row; 1 where what it watches jumps, -1 where that cannot be told, 0 where it does not."""
+    size = row.shape[0]
+    largest = 0.0
+    for j in range(n, size):
+        largest += abs(row[j].real) * drive.sizes[j - n]
+    jump = 0.0
+    for corner in range(drive.jumps.shape[0]):
+        step = 0.0
+        for j in range(n, size):
+            step += row[j].real * drive.jumps[corner, j - n]
+        jump = max(jump, abs(step))
+    struck, terms = 0.0, 0.0
+    for j in range(n):
+        struck += row[j].real * x0[j].real
+        terms += abs(row[j].real) * abs(x0[j].real)
+    jump, largest = max(jump, abs(struck)), max(largest, terms)
+    for j in range(size):
+        total = 0.0 * row[0]
+        for k in range(size):
+            total = total + row[k] * m[k, j]
+        work[j] = total
+    for j in range(size):
+        row[j] = work[j]
+    if jump > _UNDECIDED * _JUMPS * largest:
+        return 1
+    return -1 if jump > _JUMPS * largest / _UNDECIDED else 0
+
+
+@compiled
+def _resting(
+    plan: Plan, a: Series, m: Series, rows: Series, watched: Watched, rest: Rest, rest_x: Series, work: Series,
+    right: Series,
+) -> bool:  # fmt: skip
+    """Write where states and what is watched go under a command that settles; an error that is rounding is 0."""
+    n, size = a.shape[0], m.shape[0]
+    for i in range(n):
+        total = 0.0 * a[0, 0]
+        for j in range(n, size):
+            total = total - m[i, j] * plan.states[plan.last, j - n]
+        right[i] = total
+    if not solve(a, right[:n], work, rest_x):
+        return False
+    for r in range(rows.shape[0]):
+        total, terms = 0.0 * a[0, 0], 0.0
+        for j in range(size):
+            part = rows[r, j] * (rest_x[j] if j < n else plan.states[plan.last, j - n])
+            total = total + part
+            terms = max(terms, abs(part.real))
+        if watched.orders[r] > 0:
+            total = 0.0 * total
+        elif watched.errors[r] and abs(total.real) <= _CANCELLED * terms:
+            total = total - total.real
+        rest.y[r] = total
+    return True
+
+
+@compiled
+def _climbing(
+    plan: Plan, a: Series, m: Series, rows: Series, rest: Rest, columns: Series, work: Series, right: Series
+) -> None:  # fmt: skip
+    """Write where errors go under a command that climbs for ever: x = P w behind its last corner, with A P = P S - B K."""
+    n, size = a.shape[0], m.shape[0]
+    corner = plan.times.shape[0] - 1
+    for r in range(rows.shape[0]):
+        rest.error[r] = 0.0 * a[0, 0]
+    for j in range(n, size):
+        for i in range(n):
+            total = -m[i, j]
+            for k in range(n, j):
+                total = total + columns[k - n, i] * m[k, j]
+            right[i] = total
+        if not solve(a, right[:n], work, columns[j - n]):
+            for r in range(rows.shape[0]):
+                rest.error[r] = 0.0 * a[0, 0] + math.inf
+            return
+        moving = False
+        for k in range(j + 1, size):
+            moving = moving or (m[j, k].real != 0.0 and plan.states[corner, k - n] != 0.0)
+        for r in range(rows.shape[0]):
+            share, terms = rows[r, j], abs(rows[r, j].real)
+            for i in range(n):
+                part = rows[r, i] * columns[j - n, i]
+                share = share + part
+                terms = max(terms, abs(part.real))
+            if not moving:
+                rest.error[r] = rest.error[r] + share * plan.states[corner, j - n]
+            elif abs(share.real) > _JUMPS * terms:
+                rest.error[r] = rest.error[r] + math.nan
+            elif abs(share.real) > _CANCELLED * terms:
+                rest.error[r] = rest.error[r] + math.inf
+
+
+@allocating
+def evaluate(
+    a: Series, b: Series, c: Series, d: Series, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Real,
+    values: Series, doubtful: npt.NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Enter the metrics of candidates.
+
+    Parameters
+    ----------
+    a, b, c, d : ndarray, shapes (B, n, n), (B, n, inputs), (B, n), (B, inputs)
+        Overwritten.
+    ends : ndarray, shape (B,)
+        Where to stop, s; infinite: at rest. NaN for what is not followed.
+    values, doubtful : ndarray, shape (B, K)
+        Written.
+    """
+    n, extra, count = a.shape[1], drive.flow.shape[0], watched.kinds.shape[0]
+    size, corners = n + extra, plan.times.shape[0]
+    kind = a.dtype
+    m, rows, x0 = np.zeros((size, size), kind), np.zeros((count, size), kind), np.zeros(n, kind)
+    rest_x, work, right = np.zeros(n, kind), np.zeros((n, n + 1), kind), np.zeros(size + 1, kind)
+    columns = np.zeros((extra, n), kind)
+    ladder = Ladder(
+        np.zeros((LEVELS, size, size), kind), np.zeros((LEVELS, count, PARTS + 1, size), kind),
+        np.zeros((LEVELS, count, SIZE, size), kind), np.zeros((4, size, size), kind), np.zeros((SIZE, size), kind),
+    )  # fmt: skip
+    pieces = Pieces(
+        np.zeros(MOST_PIECES + 1), np.zeros((count, MOST_PIECES, SIZE), kind), np.zeros((count, MOST_PIECES), kind),
+        np.zeros(corners + 1, np.int64), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros((count, SIZE), kind),
+        np.zeros(size, kind), np.zeros(size + 32, kind), np.zeros((32, size), kind),
+    )  # fmt: skip
+    room = Room(
+        np.zeros((DEPTH + 4, SIZE + 2)), np.zeros(MOST_ROOTS), np.zeros(SIZE, kind), np.zeros(SIZE, kind),
+        np.zeros((2, SIZE + 3), kind),
+    )  # fmt: skip
+    rest = Rest(np.zeros(count, kind), 1 if plan.last >= 0 else 0, np.zeros(count, kind), np.zeros(count, np.int64))
+    for candidate in range(a.shape[0]):
+        if math.isnan(ends[candidate]):
+            continue
+        for k in range(values.shape[1]):
+            doubtful[candidate, k] = True
+        flow = a[candidate]
+        balance(flow, b[candidate], c[candidate])
+        _assemble(flow, b[candidate], c[candidate], d[candidate], drive, watched, m, rows)
+        unit = unit_of(flow, n, drive.rate)
+        through = False
+        for i in range(n):
+            x0[i] = 0.0 * flow[0, 0]
+        for k in range(plan.impulses.shape[0]):
+            if plan.impulses[k] != 0.0:
+                through = through or d[candidate, k] != 0.0
+                for i in range(n):
+                    x0[i] += b[candidate, i, k] * plan.impulses[k]
+        if through or not unit > 0.0 or unit == math.inf:
+            continue
+        for r in range(count):
+            rest.open[r], rest.y[r], rest.error[r] = 0, 0.0 * flow[0, 0], 0.0 * flow[0, 0] + math.nan
+            for _ in range(watched.orders[r]):
+                found = _differentiate(m, rows[r], n, x0, drive, right)
+                if rest.open[r] != 1 and found != 0:
+                    rest.open[r] = found
+        if plan.last >= 0 and not _resting(plan, flow, m, rows, watched, rest, rest_x, work, right):
+            continue
+        if drive.climbs:
+            _climbing(plan, flow, m, rows, rest, columns, work, right)
+        found = follow(plan, ladder, pieces, m, rows, x0, rest_x, rest.y, unit, n, ends[candidate])
+        if found > 0:
+            read(wanted, rest, pieces, room, found, values[candidate], doubtful[candidate])

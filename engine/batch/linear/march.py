@@ -1,0 +1,280 @@
+"""The response of one system to one command as pieces: as wide as a series of degree 16 holds, cut where the command breaks.
+
+Behind the last change of a command that settles, what is followed is how far the states still are from rest: then a tail keeps its digits
+and ends where nothing is left of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.linear.compiled import compiled
+from engine.batch.linear.ladder import LEVELS, Ladder, begin, climb
+from engine.batch.linear.series import DEGREE, EVEN, NODES, ODD, PARTS, SIZE
+
+Real = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+Series = npt.NDArray[Any]
+
+_HELD: Final = 2e-14
+"""Of a response's largest value: what its last coefficients may be."""
+_ROUNDING: Final = 4e-16
+"""Of the size of the terms that a coefficient is the sum of."""
+_GROWS: Final = 0.2
+"""A wider piece is tried where its last coefficients are expected below this part of what is allowed."""
+_NOISE: Final = 2e-15
+"""Of the size of the terms that a coefficient is the sum of: what rounding leaves in those in the middle."""
+_AT_REST: Final = 2e-16
+_COARSE: Final = 1e3
+"""The shortest piece may exceed what is allowed by this, to 1e-11 of the response."""
+_TERMS: Final = 26
+_NOTHING: Final = 1e-13
+"""Of an instant: what is left of a gap by rounding."""
+
+
+class Plan(NamedTuple):
+    """What is followed: ``times`` (corners,), ``states`` (corners, w); ``last`` is the corner from which on the command rests, or -1."""
+
+    times: Real
+    states: Real
+    last: int
+    impulses: Real
+
+
+class Pieces(NamedTuple):
+    """``times`` (P + 1,), ``series`` (R, P, 17) and ``base`` (R, P) that is added to them; ``marks`` (corners + 1,): first piece behind each."""
+
+    times: Real
+    series: Series
+    base: Series
+    marks: Whole
+    scale: Real
+    terms: Real
+    largest: Real
+    trial: Series
+    state: Series
+    other: Series
+    term: Series
+
+
+@compiled
+def follow(
+    plan: Plan, ladder: Ladder, pieces: Pieces, m: Series, rows: Series, x0: Series, rest_x: Series, rest_y: Series,
+    unit: float, n: int, end: float,
+) -> int:  # fmt: skip
+    """Write the pieces of a response and return how many; -1 where it cannot be followed.
+
+    Parameters
+    ----------
+    m : ndarray, shape (N, N)
+        Of states and command together.
+    rows : ndarray, shape (R, N)
+        What is watched.
+    x0, rest_x : ndarray, shape (n,)
+        States at the beginning, and at rest.
+    rest_y : ndarray, shape (R,)
+        What is watched, at rest.
+    unit : float
+        Of the ladder's first level, s.
+    end : float
+        Where to stop, s; infinite: where everything is at rest.
+    """
+    size, corners = m.shape[0], plan.times.shape[0]
+    begin(ladder, m, rows, n, unit)
+    top, level, count = 0, 0, 0
+    z = pieces.state
+    for i in range(n):
+        z[i] = x0[i]
+        pieces.largest[i] = 0.0
+    for r in range(rows.shape[0]):
+        pieces.scale[r] = 0.0
+    pieces.times[0] = plan.times[0]
+    for corner in range(corners):
+        now = plan.times[corner]
+        pieces.marks[corner] = count
+        if now >= end:
+            continue
+        finish = min(plan.times[corner + 1], end) if corner + 1 < corners else end
+        resting = 0 <= plan.last <= corner
+        if plan.last < 0 or corner <= plan.last:
+            for k in range(n, size):
+                z[k] = plan.states[corner, k - n]
+        if corner == plan.last:
+            for i in range(n):
+                z[i] -= rest_x[i]
+            for k in range(n, size):
+                z[k] = 0.0 * z[k]
+        left = finish - now
+        while left > 0.0:
+            if count + 1 >= pieces.times.shape[0]:
+                return -1
+            decayed = resting
+            for i in range(n):
+                here = abs(z[i].real)
+                if not here < math.inf:
+                    return -1
+                pieces.largest[i] = max(pieces.largest[i], here)
+                decayed = decayed and here <= _AT_REST * pieces.largest[i]
+            if decayed and finish == math.inf:
+                break
+            if decayed:
+                for r in range(rows.shape[0]):
+                    pieces.base[r, count] = rest_y[r]
+                    for k in range(SIZE):
+                        pieces.series[r, count, k] = 0.0 * z[0]
+                for i in range(n):
+                    z[i] = 0.0 * z[i]
+                count += 1
+                break
+            width = PARTS * unit
+            if width > left:
+                width = left
+                _short(ladder, pieces, m, rows, width, n)
+                _accept(pieces, rows, rest_y, resting, count)
+            else:
+                while level > 0 and width * 2.0**level > left:
+                    level -= 1
+                excess = _excess(ladder, pieces, rows, rest_y, resting, level)
+                while excess > 1.0 and level > 0:
+                    level -= 1
+                    excess = _excess(ladder, pieces, rows, rest_y, resting, level)
+                if not excess < _COARSE:
+                    return -1
+                _accept(pieces, rows, rest_y, resting, count)
+                width *= 2.0**level
+                _move(ladder.growth[level], pieces, n, size)
+                if level + 1 < LEVELS and width * 2.0 <= left - width and _roomy(pieces, rows.shape[0]):
+                    level += 1
+                    if level > top:
+                        climb(ladder, level, n, size, rows.shape[0])
+                        top = level
+            now, left = now + width, left - width
+            if finish < math.inf and left <= _NOTHING * finish:
+                left, now = 0.0, finish
+            count += 1
+            pieces.times[count] = now
+        if left > 0.0 and finish < math.inf:
+            pieces.times[count] = finish
+    pieces.marks[corners] = count
+    return count
+
+
+@compiled
+def _excess(ladder: Ladder, pieces: Pieces, rows: Series, rest_y: Series, resting: bool, level: int) -> float:
+    """Write the series of a piece into the trial and return the last coefficients over what they may be."""
+    size, z = rows.shape[1], pieces.state
+    worst = 0.0
+    for r in range(rows.shape[0]):
+        series = pieces.trial[r]
+        terms = 0.0
+        for k in range(SIZE):
+            row = ladder.maps[level, r, k]
+            total = row[0] * z[0]
+            for j in range(1, size):
+                total = total + row[j] * z[j]
+            series[k] = total
+            if k < 2:
+                whole = 0.0
+                for j in range(size):
+                    whole += abs(row[j].real) * abs(z[j].real)
+                terms = max(terms, whole)
+        spread = 0.0
+        for k in range(1, SIZE):
+            spread += abs(series[k].real)
+        base = rest_y[r].real if resting else 0.0
+        scale = max(pieces.scale[r], abs(series[0].real + base) + spread)
+        last = max(abs(series[DEGREE].real), abs(series[DEGREE - 1].real))
+        pieces.terms[r] = terms
+        allowed = _HELD * scale + _ROUNDING * terms
+        worst = max(worst, last / allowed) if allowed > 0.0 else worst
+    return worst
+
+
+@compiled
+def _roomy(pieces: Pieces, count: int) -> bool:
+    """Whether a piece of twice the width may be held: c'_16 is about 5 c_8² / Σ|c| of an exponential."""
+    for r in range(count):
+        series = pieces.trial[r]
+        spread = 0.0
+        for k in range(1, SIZE):
+            spread += abs(series[k].real)
+        middle = max(abs(series[8].real), abs(series[7].real)) - _NOISE * pieces.terms[r]
+        if middle > 0.0 and 5.0 * middle * middle > _GROWS * _HELD * max(pieces.scale[r], 1e-300) * spread:
+            return False
+    return True
+
+
+@compiled
+def _accept(pieces: Pieces, rows: Series, rest_y: Series, resting: bool, count: int) -> None:
+    """Take the trial over as a piece."""
+    for r in range(rows.shape[0]):
+        series = pieces.trial[r]
+        spread = 0.0
+        for k in range(SIZE):
+            pieces.series[r, count, k] = series[k]
+            spread += abs(series[k].real) if k else 0.0
+        base = rest_y[r] if resting else 0.0 * rest_y[r]
+        pieces.base[r, count] = base
+        pieces.scale[r] = max(pieces.scale[r], abs(series[0].real + base.real) + spread)
+
+
+@compiled
+def _move(growth: Series, pieces: Pieces, n: int, size: int) -> None:
+    """Move the state over a piece."""
+    z, moved = pieces.state, pieces.other
+    for i in range(size):
+        total = 0.0 * z[0]
+        for j in range(0 if i < n else n, size):
+            total = total + growth[i, j] * z[j]
+        moved[i] = total
+    for i in range(size):
+        z[i] = z[i] + moved[i]
+
+
+@compiled
+def _short(ladder: Ladder, pieces: Pieces, m: Series, rows: Series, width: float, n: int) -> None:
+    """Write the trial of a piece shorter than the first level's by powers of time, and move the state over it."""
+    size, z, moved, term = m.shape[0], pieces.state, pieces.other, pieces.term
+    powers = ladder.sums  # (17, N): only its first numbers, one for each power and row in turn
+    for j in range(size):
+        term[0, j] = z[j]
+    for k in range(1, _TERMS):
+        factor = width / k
+        for i in range(size):
+            total = 0.0 * z[0]
+            for j in range(0 if i < n else n, size):
+                total = total + m[i, j] * term[k - 1, j]
+            term[k, i] = total * factor
+    for j in range(size):
+        total = 0.0 * z[0]
+        for k in range(_TERMS - 1, -1, -1):
+            total = total + term[k, j]
+        z[j] = total
+    for r in range(rows.shape[0]):
+        for k in range(_TERMS):
+            total = 0.0 * z[0]
+            for j in range(size):
+                total = total + rows[r, j] * term[k, j]
+            moved[k] = total
+        for node in range(SIZE):
+            theta = NODES[node] / PARTS
+            total = 0.0 * z[0]
+            for k in range(_TERMS - 1, -1, -1):
+                total = total * theta + moved[k]
+            powers[node, 0] = total
+        series = pieces.trial[r]
+        half = DEGREE // 2
+        for i in range(half + 1):
+            total = 0.0 * z[0]
+            for k in range(half + 1):
+                total = total + EVEN[i, k] * (powers[k, 0] + powers[DEGREE - k, 0])
+            series[2 * i] = total
+        for i in range(half):
+            total = 0.0 * z[0]
+            for k in range(half):
+                total = total + ODD[i, k] * (powers[k, 0] - powers[DEGREE - k, 0])
+            series[2 * i + 1] = total

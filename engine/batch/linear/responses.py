@@ -1,0 +1,389 @@
+"""Metrics of responses to any command, and of poles, for many candidates of a linear diagram without delays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.batch.collocation.screening import Screened
+from engine.batch.linear import poles, readings
+from engine.batch.linear.commands import Command, NotCoveredError, commanded
+from engine.batch.linear.evaluate import Drive, Watched, evaluate
+from engine.batch.linear.march import Plan
+from engine.batch.linear.readings import Wanted
+from engine.model.errors import EngineError, UnresolvedError
+from engine.model.masks import Envelope, Polyline
+
+if TYPE_CHECKING:
+    from engine.analysis.measuring import MetricRequest
+    from engine.diagram.diagram import Diagram
+    from engine.model.linear_system import Array, StackedSystem
+
+Flags = npt.NDArray[np.bool_]
+
+_CODES: Final[Mapping[str, int]] = {
+    "overshoot": readings.OVERSHOOT, "undershoot": readings.UNDERSHOOT, "rise_time": readings.RISE,
+    "settling_time": readings.ENTRY, "response_time": readings.ENTRY, "peak": readings.PEAK,
+    "max_velocity": readings.PEAK, "max_acceleration": readings.PEAK, "control_effort": readings.PEAK,
+    "peak_time": readings.PEAK_TIME, "control_effort_rms": readings.RMS, "iae": readings.IAE, "ise": readings.ISE,
+    "itae": readings.ITAE, "ie": readings.IE, "residual_vibration": readings.RESIDUAL,
+    "steady_state_error": readings.ERROR, "recovery_time": readings.RECOVERY, "tracking_error": readings.TRACKING,
+    "envelope": readings.ENVELOPE,
+}  # fmt: skip
+_ERRORS: Final = frozenset({"iae", "ise", "itae", "ie", "steady_state_error"})
+_INTEGRALS: Final = frozenset({"iae", "ise", "itae", "ie"})
+_HELD: Final = frozenset({"tracking_error", "envelope"})
+_RESPONSE_BAND: Final = 0.05
+_MOST_STATES: Final = 64
+_LONGEST: Final = 1e9
+_FEW: Final = 32
+"""Fewer candidates are not shared among threads."""
+_PERIODS: Final = 3.0
+_BESIDE: Final = 1e-6
+
+
+@dataclass(kw_only=True, eq=False)
+class _Response:
+    """The requests of one output's response to one command: ``columns`` of the results."""
+
+    inputs: list[int]
+    output: int
+    signals: list[Any]
+    columns: list[int] = field(default_factory=list)
+    requests: list[MetricRequest] = field(default_factory=list)
+    orders: list[int] = field(default_factory=list)
+
+    @property
+    def marks(self) -> list[float]:
+        """Instants at which pieces must end, s."""
+        found = {self.loading}
+        for request in self.requests:
+            if request.duration is not None:
+                found.add(request.duration)
+            found.update(t for line, _ in _lines_of(request) for t in line.times)
+        return sorted(found)
+
+    @cached_property
+    def loading(self) -> float:
+        """When the last command begins, s."""
+        return max((s.breakpoints()[0] for s in self.signals if s.breakpoints()), default=0.0)
+
+    @cached_property
+    def start(self) -> float:
+        """When the first command begins, s."""
+        return min((t for s in self.signals for t in s.breakpoints()), default=0.0)
+
+    @cached_property
+    def endless(self) -> bool:
+        """Whether a command never settles."""
+        return any(s.final() is None for s in self.signals)
+
+    @cached_property
+    def beyond(self) -> float:
+        """How much longer than a lifetime an endless command is followed, s."""
+        last = max((t for s in self.signals for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
+        return last + _PERIODS * max((s.repeats_after() or 0.0 for s in self.signals), default=0.0)
+
+    @cached_property
+    def until(self) -> float:
+        """Up to when the requests look, s: infinite where one has no duration."""
+        ends = []
+        for request in self.requests:
+            until = request.duration if _within(request) else None
+            whole = np.inf if until is None else until
+            ends.append(max((line.times[-1] for line, _ in _lines_of(request)), default=whole))
+        return max(ends)
+
+    def command(self, horizon: float) -> Command:
+        """Return the command as states."""
+        return commanded(self.signals, horizon, self.marks)
+
+
+def _within(request: MetricRequest) -> bool:
+    """Return whether a request looks no further than its duration."""
+    return request.windowed or request.metric in _INTEGRALS or request.metric == "control_effort_rms"
+
+
+class Responses:
+    """The batched evaluator of those metrics of a diagram that responses and poles tell.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    requests : sequence of MetricRequest
+    varied : sequence of str
+        Parameter paths that will vary.
+    threads : int, optional
+        As many as there are processors for this process by default.
+
+    Attributes
+    ----------
+    measured : tuple of bool
+        Which requests it answers; the others stay NaN and doubtful.
+    """
+
+    def __init__(
+        self,
+        diagram: Diagram,
+        requests: Sequence[MetricRequest],
+        varied: Sequence[str] = (),
+        *,
+        threads: int | None = None,
+    ) -> None:
+        self._diagram = diagram
+        self._requests = tuple(requests)
+        self._threads = threads or len(os.sched_getaffinity(0))
+        self._responses: dict[tuple[Any, ...], _Response] = {}
+        self._of_poles: list[int] = []
+        covered = bool(requests) and not diagram.nonlinear and _has_no_delays(diagram, varied)
+        for column, request in enumerate(self._requests):
+            if covered and request.metric in poles.METRICS:
+                self._of_poles.append(column)
+            elif covered and request.metric in _CODES:
+                self._register(column, request)
+        mine = {column for response in self._responses.values() for column in response.columns} | set(self._of_poles)
+        self.measured = tuple(column in mine for column in range(len(self._requests)))
+
+    def _register(self, column: int, request: MetricRequest) -> None:
+        diagram, output = self._diagram, str(request.output)
+        order = request.order(diagram)
+        if not request.signals or output not in diagram.outputs or not isinstance(order, int):
+            return
+        if any(name not in diagram.inputs for name in request.signals):
+            return
+        if request.compares and diagram.references.unlike(request.signals, output):
+            return
+        if request.metric == "recovery_time" and request.options.recovery_band is None:
+            return
+        if request.metric in _HELD and not _lines_of(request):
+            return
+        key = (tuple((name, id(signal)) for name, signal in request.signals.items()), output)
+        response = self._responses.get(key)
+        if response is None:
+            response = _Response(
+                inputs=[diagram.inputs.index(name) for name in request.signals],
+                output=diagram.outputs.index(output),
+                signals=list(request.signals.values()),
+            )
+            try:
+                response.command(1.0)
+            except (NotCoveredError, UnresolvedError):
+                return
+        if request.metric in _HELD and response.endless:
+            return
+        response.columns.append(column)
+        response.requests.append(request)
+        response.orders.append(order)
+        self._responses[key] = response
+
+    def __call__(self, overrides: Mapping[str, Array]) -> Screened:
+        """Return the metrics for arrays (B,) of parameter values; complex ones carry derivatives."""
+        (members,) = {len(values) for values in overrides.values()}
+        kind = complex if any(np.iscomplexobj(values) for values in overrides.values()) else float
+        found = Screened.unknown(members, len(self._requests), dtype=kind)
+        stack = self._diagram.realize_stack(overrides)
+        found.valid[:] = stack.valid
+        if stack.delays.shape[1] or not stack.a.shape[1] or stack.a.shape[1] > _MOST_STATES:
+            return found
+        here = np.flatnonzero(stack.valid & ~np.any(stack.x0 != 0, axis=1))
+        growths = [np.full(members, -np.inf)]
+        if self._of_poles:
+            growths.append(self._poles(stack, here, found))
+        growths += [self._response(response, stack, here, found) for response in self._responses.values()]
+        worst = np.max(growths, axis=0)  # NaN where one is not known
+        known = np.nanmax(growths, axis=0)
+        found.growth[here] = np.where(known >= 0, known, worst)[here]
+        return found
+
+    def _poles(self, stack: StackedSystem, here: Array, found: Screened) -> Array:
+        growth = np.full(len(stack.valid), np.nan)
+        if here.size:
+            for column in self._of_poles:
+                value, doubt, own = poles.measured(self._requests[column].metric, stack.a[here])
+                found.values[here, column] = value if np.iscomplexobj(found.values) else value.real
+                found.doubtful[here, column] = doubt
+                growth[here] = own
+        return growth
+
+    def _response(self, response: _Response, stack: StackedSystem, here: Array, found: Screened) -> Array:
+        """Enter the metrics of one response, and return the growth of what lies between its command and its output."""
+        growth = np.full(len(stack.valid), np.nan)
+        a, b = stack.a[here], stack.b1[here][:, :, response.inputs]
+        c, d = stack.c1[here, response.output], stack.d11[here, response.output][:, response.inputs]
+        if not here.size:
+            return growth
+        for rows, kept in _alike(a, b, c):
+            if not len(kept):
+                continue
+            part = a[rows][:, kept][:, :, kept]
+            values = np.linalg.eigvals(part.real)
+            own = poles.growth_of(values)
+            growth[here[rows]] = own
+            found.doubtful[np.ix_(here[rows][own >= 0], np.array(response.columns))] = False
+            stable = np.flatnonzero(own < 0)
+            if stable.size:
+                these = rows[stable]
+                self._follow(
+                    response, part[stable], b[these][:, kept], c[these][:, kept], d[these], values[stable], found,
+                    here[these],
+                )  # fmt: skip
+        return growth
+
+    def _follow(
+        self, response: _Response, a: Array, b: Array, c: Array, d: Array, values: Array, found: Screened, members: Array
+    ) -> None:  # fmt: skip
+        if response.endless:
+            ends = poles.lifetime_of(values) + response.beyond
+            ends = np.where(np.isinf(response.until), np.maximum(ends, response.marks[-1]), response.until)
+        else:
+            ends = np.full(len(a), response.until)
+        ends = np.where((ends > _LONGEST) & np.isfinite(ends), np.nan, ends)
+        try:
+            command = response.command(float(np.nanmax(ends, initial=0.0, where=np.isfinite(ends))))
+        except (NotCoveredError, UnresolvedError):
+            return
+        plan, drive = _driven(response, command)
+        watched, wanted = self._wanted(response, command)
+        kind = np.result_type(a, b, c, d, found.values)
+        arrays = [np.array(part, dtype=kind, order="C") for part in (a, b, c, d)]
+        numbers = np.full((len(a), len(response.columns)), np.nan, dtype=kind)
+        doubt = np.ones(numbers.shape, dtype=bool)
+
+        def work(span: slice) -> None:
+            flow, driven, seen, through = (part[span] for part in arrays)
+            evaluate(
+                flow, driven, seen, through, plan, drive, watched, wanted, ends[span], numbers[span], doubt[span]
+            )  # fmt: skip
+
+        spans = _spans(len(a), self._threads)
+        if len(spans) == 1:
+            work(spans[0])
+        else:
+            with ThreadPoolExecutor(len(spans)) as pool:
+                list(pool.map(work, spans))
+        if drive.climbs:  # what is left of an error is the difference of two numbers that grow: the exact path decides
+            for k, request in enumerate(response.requests):
+                if request.metric in _INTEGRALS and request.duration is None:
+                    doubt[:, k] |= np.isfinite(numbers[:, k])
+            numbers[doubt] = np.nan
+        at = np.ix_(members, np.array(response.columns))
+        found.values[at], found.doubtful[at] = numbers, doubt
+
+    def _wanted(self, response: _Response, command: Command) -> tuple[Watched, Wanted]:
+        """Return what is watched and what is read off it."""
+        references, output = self._diagram.references, self._diagram.outputs[response.output]
+        names = [self._diagram.inputs[number] for number in response.inputs]
+        named = references.input_of(names, output)
+        reference = np.array([float(name == named) for name in names])
+        own_error = output in references.errors
+        rows: dict[tuple[bool, int], int] = {}
+        codes, row, first, stop, lines = [], [], [], [], []
+        numbers = np.zeros((len(response.requests), 2))
+        last = int(np.searchsorted(command.times, command.last))
+        for k, (request, order) in enumerate(zip(response.requests, response.orders, strict=True)):
+            key = (request.metric in _ERRORS, order)
+            row.append(rows.setdefault(key, len(rows)))
+            codes.append(_CODES[request.metric])
+            until = request.duration if _within(request) else None
+            stop.append(-1 if until is None else int(np.searchsorted(command.times, until)))
+            first.append(last if request.metric == "residual_vibration" else 0)
+            numbers[k, 0] = _number(request)
+            lines += _lines(k, request, command)
+        kinds = [(1.0 if own_error else -1.0) if error else 1.0 for error, _ in rows]
+        watched = Watched(
+            kinds=np.array(kinds), orders=np.array([order for _, order in rows], np.int64), reference=reference,
+            errors=np.array([error for error, _ in rows], np.int64),
+        )  # fmt: skip
+        wanted = Wanted(
+            codes=np.array(codes, np.int64), row=np.array(row, np.int64), first=np.array(first, np.int64),
+            stop=np.array(stop, np.int64), numbers=numbers, lines=np.array(lines, dtype=float).reshape(-1, 7),
+            start=float(response.start), loading=int(np.searchsorted(command.times, response.loading)),
+        )  # fmt: skip
+        return watched, wanted
+
+
+def _has_no_delays(diagram: Diagram, varied: Sequence[str]) -> bool:
+    """Return whether a diagram has states and no delays, nor gets one where a parameter that varies is not 0."""
+    values = {name: diagram.parameters[name].value for name in varied if name in diagram.parameters}
+    try:
+        stack = diagram.realize_stack({name: np.array([v, v or _BESIDE]) for name, v in values.items()}, members=2)
+    except EngineError:
+        return False
+    return 0 < stack.a.shape[1] <= _MOST_STATES and not stack.delays.shape[1]
+
+
+def _lines_of(request: MetricRequest) -> list[tuple[Polyline, float]]:
+    """Return the straight lines that a response is held against, each with the side that is looked at."""
+    if request.metric == "tracking_error" and isinstance(request.mask, Polyline):
+        return [(request.mask, 1.0)]
+    if request.metric == "envelope" and isinstance(request.mask, Envelope):
+        return list(request.mask.sides)
+    return []
+
+
+def _number(request: MetricRequest) -> float:
+    """Return the number that a reading takes: a band, a duration or a unit."""
+    if request.metric == "settling_time":
+        return request.options.settling_band
+    if request.metric == "response_time":
+        return _RESPONSE_BAND
+    if request.metric == "recovery_time":
+        return float(request.options.recovery_band or 0.0)
+    if isinstance(request.mask, Envelope):
+        return request.mask.unit
+    return float(request.duration or 0.0)
+
+
+def _lines(k: int, request: MetricRequest, command: Command) -> list[tuple[float, ...]]:
+    return [
+        (
+            k, int(np.searchsorted(command.times, part.start)), int(np.searchsorted(command.times, part.end)),
+            part.start, part.value, part.slope, sign,
+        )
+        for line, sign in _lines_of(request)
+        for part in line.segments
+    ]  # fmt: skip
+
+
+def _driven(response: _Response, command: Command) -> tuple[Plan, Drive]:
+    last = -1 if command.endless else int(np.searchsorted(command.times, command.last))
+    climbs = command.endless and not command.turning and all(s.repeats_after() is None for s in response.signals)
+    plan = Plan(times=command.times, states=command.states, last=last, impulses=command.impulses)
+    drive = Drive(
+        flow=command.flow, drive=command.drive, jumps=command.jumps, sizes=np.abs(command.states).max(axis=0),
+        rate=command.rate, climbs=int(climbs),
+    )  # fmt: skip
+    return plan, drive
+
+
+def _alike(a: Array, b: Array, c: Array) -> list[tuple[Array, Array]]:
+    """Return (members, states between command and output) for each pattern of what acts on what."""
+    count = len(a)
+    pattern = np.concatenate([(part != 0).reshape(count, -1) for part in (a, b, c)], axis=1)
+    if (pattern == pattern[0]).all():
+        return [(np.arange(count), _between(a[0] != 0, (b[0] != 0).any(axis=1), c[0] != 0))]
+    _, first, which = np.unique(pattern, axis=0, return_index=True, return_inverse=True)
+    return [
+        (np.flatnonzero(which.ravel() == k), _between(a[at] != 0, (b[at] != 0).any(axis=1), c[at] != 0))
+        for k, at in enumerate(first)
+    ]
+
+
+def _between(acts: Flags, driven: Flags, seen: Flags) -> Array:
+    """Return the states that a command reaches and from which an output is reached."""
+    for _ in range(len(acts)):
+        driven = driven | (acts @ driven)
+        seen = seen | (acts.T @ seen)
+    return np.flatnonzero(driven & seen)
+
+
+def _spans(count: int, threads: int) -> list[slice]:
+    share = max(_FEW, -(-count // threads))
+    return [slice(first, min(first + share, count)) for first in range(0, count, share)]
