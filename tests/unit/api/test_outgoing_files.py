@@ -7,6 +7,7 @@ import io
 import h5py
 import numpy as np
 
+from api.formats import Values
 from api.formats.writing import PIECE, Column, Outgoing, hdf5
 
 SAMPLES = np.sin(np.arange(3 * PIECE + 5.0))
@@ -16,9 +17,9 @@ def test_hdf5_holds_its_thread_for_a_piece_at_a_time() -> None:
     """It held it until all was written: some forty exports kept everybody waiting, and went on without whoever asked."""
     reads = []
 
-    def read(channel: int, start: int, stop: int) -> np.ndarray:
+    def read(channel: int, start: int, stop: int) -> Values:
         reads.append((channel, start))
-        return (channel + 1) * SAMPLES[start:stop]
+        return np.asarray((channel + 1) * SAMPLES[start:stop])
 
     outgoing = Outgoing(
         name="x", columns=[Column(name="a"), Column(name="b")], sample_rate=10.0,
