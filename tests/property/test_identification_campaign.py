@@ -97,7 +97,9 @@ def all_ended() -> list[Ended]:
 
 def test_every_one_ends_soon_with_an_answer_or_a_named_refusal(all_ended: list[Ended]) -> None:
     for one in all_ended:
-        assert one.status == str(Status.CONVERGED) or one.refused, one
+        # one that is spoilt may find no rest within its evaluations, and says so
+        ends = {str(Status.CONVERGED), *([str(Status.BUDGET)] if case(one.number).fault else [])}
+        assert one.status in ends or one.refused, one
         assert one.seconds <= LONGEST, one
         assert one.room <= LARGEST, one
         assert one.evaluations <= 200, one
