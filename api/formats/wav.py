@@ -49,6 +49,8 @@ def open_file(file: BinaryIO) -> Recording:
         For another file, or samples that are neither PCM nor floating point.
     """
     sound, remarks = _parts(file)
+    if not sound.frames:
+        raise FormatError("a WAV file must have samples, got none: it is cut off, or empty")
     bounded("the samples", sound.frames * sound.channels)
     series = [
         Series(name=f"channel {i + 1}", index=i, count=sound.frames, sample_rate=float(sound.rate))
