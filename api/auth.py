@@ -25,10 +25,10 @@ from api.errors import KNOWN, problem_of
 from api.handlers import problem_response
 from api.presence import POLICY_VIOLATION, Stay
 from api.problems import Problem
-from api.rates import Allowance, Rates
+from api.rate_limits import Allowance, Rates
 from api.services.access.keys import caller_of
 from api.services.access.sign_ins import holder_of, visitor_of
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from storage.audit import ACTOR, Actor
 
 PROTECTED = "/v1"

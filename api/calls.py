@@ -20,7 +20,7 @@ from starlette.types import Receive
 from api.problems import Problem
 from api.schemas.replies import JobReply
 from api.services.jobs.computing import Recall
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.studies.results import encoded, keep
 from api.services.studies.studied import proven, studied, submit
 from storage.repositories import Answer, IdempotencyRepository

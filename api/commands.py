@@ -62,7 +62,7 @@ def serve(argv: Sequence[str]) -> int:
 
     with uncollected():
         from api import serving
-        from api.beside import worker_beside
+        from api.child_process import worker_beside
         from api.main import create_app
 
     beside = None if given.no_worker else worker_beside()
@@ -192,7 +192,7 @@ def _prepare(settings: Settings) -> None:
     """Migrate the database, and make the first key where there is none."""
     with uncollected():
         from api.services.access.keys import bootstrap
-        from api.services.operation.installation import vault_of
+        from api.services.operation.app_context import vault_of
         from storage import key_file
         from storage.errors import UNAVAILABLE, DatabaseUrlError, VaultError
         from storage.repositories.webhooks import renew_secrets

@@ -24,7 +24,7 @@ from api.handlers import validation_problem
 from api.problems import Problem, invalid
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
 from api.services.jobs.computing import Recall
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.studies.live import Panel, curves, measured, open_panel
 
 #: How long values must rest before they are measured, s: longer than a frame of the screen, shorter than a thought.

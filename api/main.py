@@ -15,22 +15,22 @@ from starlette.types import ASGIApp
 
 from api import handlers, live, pages
 from api.auth import Authentication, bearer
-from api.beside import Beside
-from api.edge import Edge
+from api.child_process import Beside
 from api.examples import add_examples
 from api.metrics import Measured, Metrics
 from api.problems import MEDIA_TYPE
-from api.rates import Rates
+from api.rate_limits import Rates
 from api.routers import HEALTH, ROUTERS, SIGN_IN
 from api.schemas.replies import ProblemReply
+from api.security_headers import Edge
 from api.services.access.openid import Provider
 from api.services.jobs.computing import Computing
+from api.services.operation.app_context import Installation, vault_of
 from api.services.operation.housekeeping import INTERVAL, tidy
-from api.services.operation.installation import Installation, vault_of
 from api.services.rigs.following import look_after
 from api.services.schedules.ticking import INTERVAL as TICK
 from api.services.schedules.ticking import tick
-from api.services.webhooks.courier import Courier
+from api.services.webhooks.webhook_delivery import Courier
 from api.settings import Settings
 from api.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE
@@ -40,7 +40,7 @@ from storage.session import CONNECTIONS, open_database
 if TYPE_CHECKING:
     from fastapi.telemetry import TelemetryConfig
 
-    from api.siblings import Siblings
+    from api.shared_memory import Siblings
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
 

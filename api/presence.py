@@ -9,8 +9,8 @@ from contextlib import suppress
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from api.services.access.callers import Callers
-from api.services.operation.installation import Caller
+from api.services.access.principal_cache import Callers
+from api.services.operation.app_context import Caller
 from storage.errors import UNAVAILABLE
 
 #: s between two looks at a caller's key or sign-in.

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 from prometheus_client.multiprocess import mark_process_dead
 
 from api.arguments import stopped_by_signals
-from api.beside import Kept, worker_beside
-from api.siblings import SiblingOfWorker, Siblings
+from api.child_process import Kept, worker_beside
+from api.shared_memory import SiblingOfWorker, Siblings
 
 if TYPE_CHECKING:
     from api.settings import Settings

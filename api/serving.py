@@ -16,7 +16,7 @@ from ipaddress import IPv4Network, IPv6Network
 import uvicorn
 from starlette.types import ASGIApp
 
-from api.heads import BoundedHead
+from api.http_limits import BoundedHead
 from api.memory import Memory
 
 Network = IPv4Network | IPv6Network

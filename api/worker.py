@@ -18,7 +18,7 @@ from api.errors import KNOWN, problem_of
 from api.problems import Problem
 from api.services.identifications import identifications
 from api.services.jobs.computing import Computing
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 from api.services.optimizations import optimizations, spreading
 from api.services.recordings import datasets, parsing, processing
 from api.services.studies import studied

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from api.pointers import Place
 from api.problems import invalid
 from api.units import UnitError, declared, known, to_si
+from engine.diagram.connections import Opening
 from engine.diagram.diagram import Diagram
-from engine.diagram.wires import Opening
 from engine.model.errors import EngineError
 from engine.model.metric_options import Options
 from engine.model.names import no_parameter

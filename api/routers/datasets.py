@@ -25,7 +25,7 @@ from api.calls import (
 )
 from api.schemas.datasets import CommitRequest, DatasetRequest, PreviewRequest
 from api.schemas.replies import ChannelReply, DatasetHead, DatasetReply, FunctionReply, Page, PreviewReply, SegmentReply
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings import datasets, functions, recorded_exports
 from storage.repositories import Answer
 

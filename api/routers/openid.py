@@ -13,7 +13,7 @@ from api.calls import InstallationDep
 from api.problems import Problem
 from api.services.access import sign_ins
 from api.services.access.openid import Attempt, Provider
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 
 router = APIRouter(prefix="/sign-in", include_in_schema=False)
 

@@ -15,19 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.analysis.commanded import CommandParameter, Motions
+from engine.analysis.dc_gain import Resting, without_digits
 from engine.analysis.derivatives import differentiated, with_rate
-from engine.analysis.resting import Resting, without_digits
 from engine.analysis.sampled_subjects import loop_subject, path_subject
+from engine.exact.frequency.dc_gain import static_gain
 from engine.exact.frequency.path import connected, merged, path
 from engine.exact.frequency.poles import Poles, poles
 from engine.exact.frequency.response import FrequencyResponse
-from engine.exact.frequency.rest import static_gain
 from engine.exact.nonlinear import response as nonlinear
 from engine.exact.sampled_data.build import sampled_system
 from engine.exact.sampled_data.poles import sampled_poles
 from engine.exact.time.curve import Curve
-from engine.exact.time.fading import fading
-from engine.exact.time.following import followed
+from engine.exact.time.horizon import followed
+from engine.exact.time.settling_tail import fading
 from engine.exact.time.trajectory import Trajectory, respond
 from engine.metrics._base import Absent, LoopSubject, PathSubject, SystemSubject, TimeSubject
 from engine.metrics._window import still_to_go
@@ -38,8 +38,8 @@ from engine.model.tangent import INFINITESIMAL, slopes
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
-    from engine.diagram.wires import Opening
     from engine.exact.nonlinear.outcome import Outcome
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array

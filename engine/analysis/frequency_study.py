@@ -27,8 +27,8 @@ from engine.model.metric_options import USUAL, Options
 from engine.model.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
-    from engine.diagram.wires import Opening
     from engine.exact.frequency.poles import Poles
     from engine.model.linear_system import Array
 

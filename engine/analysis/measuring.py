@@ -22,8 +22,8 @@ from engine.model.verdicts import Measured, Verdict
 
 if TYPE_CHECKING:
     from engine.analysis.commanded import CommandParameter
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
-    from engine.diagram.wires import Opening
     from engine.metrics import Metric
     from engine.model.masks import Mask
     from engine.signals import Signal

@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from engine.diagram.blocks import Blocks
 from engine.diagram.channels import Channels
+from engine.diagram.connections import LOOP, Opening, Wires
 from engine.diagram.described import describe
-from engine.diagram.exact_rest import ExactRest
 from engine.diagram.flatten import Flat, flatten
+from engine.diagram.precise_dc_gain import ExactRest
 from engine.diagram.rates import assemble_by_rates
 from engine.diagram.realize import Interconnection, Wiring
 from engine.diagram.references import References
-from engine.diagram.wires import LOOP, Opening, Wires
 from engine.elements import Realization
 from engine.elements._base import Values
 from engine.elements._sampler import Sampler

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from scipy.linalg import lapack
 
 from engine.elements import Ports, Realization
-from engine.model.circles import circles
 from engine.model.errors import DiagramError, IllPosedError, Path
+from engine.model.strongly_connected_components import circles
 
 Array = npt.NDArray[Any]
 

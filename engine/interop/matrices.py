@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.diagram.connections import Opening
 from engine.diagram.diagram import Diagram
-from engine.diagram.wires import Opening
 from engine.exact.frequency.path import merged
 from engine.exact.frequency.poles import poles
 from engine.model.linear_system import LaneSystem, LinearSystem

@@ -1,7 +1,7 @@
 """The proof of an optimum: every goal in every scenario measured again, twice.
 
 Once by the exact engine, which finds crossings and peaks on the continuous response and the continuous frequency axis, with the
-real filters and exact delays; and once by `optimizers.witness`, which shares no code with anything that an optimiser evaluates.
+real filters and exact delays; and once by `optimizers.independent_check`, which shares no code with anything that an optimiser evaluates.
 The worse of the two counts.
 """
 
@@ -15,10 +15,10 @@ import numpy as np
 
 from engine.model.verdicts import Measured
 from optimizers.evaluation.compared import compared, number_of
-from optimizers.evaluation.excess import BROKEN, signed_excess
+from optimizers.evaluation.constraint_violation import BROKEN, signed_excess
 from optimizers.evaluation.measuring import measured as measured_goals
+from optimizers.independent_check import Statement, witnessed
 from optimizers.problem import Goal, Problem, Sense
-from optimizers.witness import Statement, witnessed
 
 TOLERANCE = 1e-6
 """Largest violation (relative to the bound; SI where the bound is 0) at which a goal counts as met."""

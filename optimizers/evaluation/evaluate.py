@@ -3,7 +3,7 @@
 Values are what goals compare of their metrics (`optimizers.evaluation.compared`).
 
     objective(p) = max_s or mean_s Σ_g w_g σ_g f_g(p, s) / n_g + max over soft g of w_g max(excess_g, 0)
-    violation(p) = max over hard g and s of excess_g,   excess as `optimizers.evaluation.excess` has it
+    violation(p) = max over hard g and s of excess_g,   excess as `optimizers.evaluation.constraint_violation` has it
 
 σ is 1 to minimise, -1 to maximise. Without any sense the objective is the worst weighted excess itself, of the soft goals or
 else of all, negative where there is room. It is the largest of several smooth functions, which is how a descent sees it.
@@ -27,7 +27,7 @@ from engine.model.errors import EngineError
 from engine.model.verdicts import Measured, Verdict
 from optimizers.evaluation.certificate import TOLERANCE
 from optimizers.evaluation.compared import Exact, compared, compared_slopes, exactly, numbers_of
-from optimizers.evaluation.excess import BROKEN, excess_slopes, signed_excess
+from optimizers.evaluation.constraint_violation import BROKEN, excess_slopes, signed_excess
 from optimizers.evaluation.measuring import measured as measured_goals
 from optimizers.evaluation.measuring import screened as screened_requests
 from optimizers.problem import Across, Problem, Sense, Vector

@@ -20,8 +20,8 @@ from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem
 from optimizers.search.blocks import in_blocks
-from optimizers.search.evenly import sobol_sequence
 from optimizers.search.result import Monitor, Quiet, Result
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import Stopped, Tracker
 
 _SAMPLE = 1024

@@ -24,9 +24,9 @@ from optimizers.convex.youla import best_linear
 from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Vector
-from optimizers.search.evenly import sobol_sequence
 from optimizers.search.report import conclude, unstable_advice
 from optimizers.search.result import Monitor, Result, Status
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 128

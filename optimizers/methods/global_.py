@@ -23,10 +23,10 @@ from optimizers.evaluation.evaluate import UNSTABLE, Assessment, Evaluator, Matr
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
 from optimizers.search.blocks import in_blocks
-from optimizers.search.evenly import sobol_sequence
 from optimizers.search.proving import descend_to_proof, polish
 from optimizers.search.report import conclude, unstable_advice
 from optimizers.search.result import Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE = 1024

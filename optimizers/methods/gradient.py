@@ -20,11 +20,11 @@ from optimizers.evaluation.evaluate import UNSTABLE, Evaluator, Matrix
 from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, Vector
 from optimizers.search.blocks import in_blocks
-from optimizers.search.cloud import search_around
-from optimizers.search.evenly import sobol_sequence
+from optimizers.search.cross_entropy import search_around
 from optimizers.search.proving import descend_to_proof, polish
 from optimizers.search.report import conclude, unstable_advice
 from optimizers.search.result import Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import SAFETY, Descent, Stopped, Tracker
 
 _SAMPLE, _FEW = 4096, 512

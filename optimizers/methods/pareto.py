@@ -26,11 +26,11 @@ from optimizers.methods._base import MAX_SECONDS, Method
 from optimizers.problem import Problem, ProblemError, Sense, Vector
 from optimizers.search.blocks import in_blocks
 from optimizers.search.candidates import Candidates, packed, unpacked
-from optimizers.search.evenly import sobol_sequence
 from optimizers.search.front_refinement import CLOUD, DESCENT, ROUNDS, Refinement
 from optimizers.search.fronts import hypervolume, knee, undominated
 from optimizers.search.report import conclude, unstable_advice
 from optimizers.search.result import Front, FrontPoint, Keeper, Monitor, Result, Status, kept_by
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import Stopped, Tracker
 
 _MOST_POINTS = 200

@@ -21,8 +21,8 @@ from optimizers.problem.bounds import check_reachable
 from optimizers.problem.errors import ProblemError, listed
 
 if TYPE_CHECKING:
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
-    from engine.diagram.wires import Opening
     from optimizers.problem.experiments import Experiment
 
 ON_AIM = 0.01

@@ -16,9 +16,9 @@ import numpy as np
 
 from optimizers.evaluation.evaluate import Evaluator
 from optimizers.problem import Goal, Problem, Sense, Vector
-from optimizers.search.bundle import Polish
 from optimizers.search.result import Quiet
 from optimizers.search.search import SAFETY, Descent, Tracker
+from optimizers.search.successive_linear_programming import Polish
 
 _BANDS = {"settling_time": 0.02, "response_time": 0.05}
 _INSIDE = 1e-5

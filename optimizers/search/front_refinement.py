@@ -15,7 +15,7 @@ import numpy as np
 from optimizers.evaluation.evaluate import Assessment, Evaluator, Matrix
 from optimizers.problem import Problem, Sense, Vector
 from optimizers.search.candidates import Candidates, packed, unpacked
-from optimizers.search.cloud import search_around
+from optimizers.search.cross_entropy import search_around
 from optimizers.search.result import Quiet
 from optimizers.search.search import SAFETY, Descent, Tracker
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from optimizers.problem import Axis, Vector
-from optimizers.search.evenly import latin_hypercubes, sobol_sequence
 from optimizers.search.result import GridMap
+from optimizers.search.sampling_plan import latin_hypercubes, sobol_sequence
 
 Matrix = npt.NDArray[np.float64]
 

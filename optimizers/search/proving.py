@@ -8,9 +8,9 @@ from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.evaluation.compared import exactly
 from optimizers.evaluation.evaluate import Evaluator, Local
 from optimizers.problem import Vector
-from optimizers.search.bundle import Polish
 from optimizers.search.companion import descend_beside
 from optimizers.search.search import SAFETY, STATIONARY, Descent, Tracker
+from optimizers.search.successive_linear_programming import Polish
 
 _ROUNDS = 3
 _EVALUATIONS = 60

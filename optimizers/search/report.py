@@ -19,9 +19,9 @@ from scipy.optimize import nnls
 from engine.model.verdicts import Measured, Verdict
 from optimizers.evaluation.certificate import TOLERANCE, Certificate, certify, disagreement, worst_scenario
 from optimizers.evaluation.compared import exactly, number_of
+from optimizers.evaluation.constraint_violation import signed_excess
 from optimizers.evaluation.effort import Stage, during
 from optimizers.evaluation.evaluate import Evaluator, Local, Matrix
-from optimizers.evaluation.excess import signed_excess
 from optimizers.problem import Goal, Problem, Vector
 from optimizers.search.result import Front, GoalReport, GridMap, Result, Status
 from optimizers.search.search import STATIONARY, Tracker

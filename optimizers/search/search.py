@@ -25,9 +25,9 @@ from scipy.optimize import minimize as scipy_minimize
 
 from engine.model.interruption import interruptible
 from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.constraint_violation import BROKEN, excess, excess_slopes
 from optimizers.evaluation.effort import Stage, during, elapsed
 from optimizers.evaluation.evaluate import Assessment, Evaluator, Local, Matrix
-from optimizers.evaluation.excess import BROKEN, excess, excess_slopes
 from optimizers.problem import Vector
 from optimizers.search.result import HistoryPoint, Monitor
 

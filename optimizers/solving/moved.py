@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.constraint_violation import BROKEN, signed_excess
 from optimizers.evaluation.evaluate import UNSTABLE, Assessment, Evaluator
-from optimizers.evaluation.excess import BROKEN, signed_excess
 from optimizers.problem import Axis, Goal, Problem, Sense, Vector
 from optimizers.search.result import Monitor, Move, Result
 

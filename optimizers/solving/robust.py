@@ -24,13 +24,13 @@ from scipy.optimize import Bounds
 from scipy.optimize import minimize as scipy_minimize
 
 from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.constraint_violation import signed_excess
 from optimizers.evaluation.evaluate import Assessment, Evaluator, Local, Matrix
-from optimizers.evaluation.excess import signed_excess
 from optimizers.problem import Across, Problem, Scenario, Vector
 from optimizers.problem.turned import turned
 from optimizers.search.blocks import in_blocks
-from optimizers.search.evenly import sobol_sequence
 from optimizers.search.result import Monitor, Result, Robustness, Share, Status, Unwatched
+from optimizers.search.sampling_plan import sobol_sequence
 from optimizers.search.search import Stopped, Tracker
 
 _ROUNDS = 6

@@ -21,7 +21,7 @@ from storage.errors import UNAVAILABLE, StateError
 from storage.jobs import private_calls
 from storage.jobs.children import Zygote
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
-from storage.jobs.keeping import Keeper
+from storage.jobs.maintenance import Keeper
 from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor, Traced, untraced
 from storage.repositories.workers import HEARTBEAT_INTERVAL, RETIRED, STALE_AFTER, WorkerRepository

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline
 from optimizers.evaluation.measuring import measured
+from optimizers.independent_check import witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.witness import witnessed
 from tests.property.test_optimizers import SERVOS, STEP
 
 TIMED = (

@@ -12,8 +12,8 @@ from engine.batch.screening import Screening
 from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.signals import make
 from optimizers.evaluation.certificate import TOLERANCE
+from optimizers.evaluation.constraint_violation import signed_excess
 from optimizers.evaluation.evaluate import Assessment, Evaluator
-from optimizers.evaluation.excess import signed_excess
 from optimizers.problem import Axis, Experiment, Goal, Problem, Sense, Variable
 
 STEP = {"u": make("step", {})}

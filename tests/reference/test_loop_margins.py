@@ -14,8 +14,8 @@ from engine.analysis.study import frequency_response
 from engine.batch.screening import Screening
 from engine.diagram.diagram import Diagram
 from engine.model.verdicts import Verdict
+from optimizers.independent_check import witnessed
 from optimizers.problem import Goal, Problem, Sense, Variable
-from optimizers.witness import witnessed
 from tests.reference.systems import block, system, unity_loop
 
 NAMES = ("gain_margin", "gain_margin_up", "gain_margin_down", "disk_margin")

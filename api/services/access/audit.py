@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from storage.audit import entries
 from storage.models import AuditEntry
 

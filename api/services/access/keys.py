@@ -9,8 +9,8 @@ from sqlalchemy.orm import Session
 
 from api.problems import invalid
 from api.schemas.access import KeyRequest, RotationRequest
-from api.services.access.callers import Found
-from api.services.operation.installation import Caller
+from api.services.access.principal_cache import Found
+from api.services.operation.app_context import Caller
 from storage.errors import NotFoundError
 from storage.models import DEFAULT_WORKSPACE, ApiKey
 from storage.models.base import utc_now

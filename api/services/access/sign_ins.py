@@ -8,9 +8,9 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.problems import Problem
-from api.services.access.callers import Found
 from api.services.access.openid import Person
-from api.services.operation.installation import Caller, Installation
+from api.services.access.principal_cache import Found
+from api.services.operation.app_context import Caller, Installation
 from storage.errors import NotFoundError
 from storage.repositories import SignInRepository, Visitor, WorkspaceRepository
 from storage.session import Database

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.schemas.access import WorkspaceRequest
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from storage import quotas
 from storage.models import Workspace
 from storage.repositories import WorkspaceRepository

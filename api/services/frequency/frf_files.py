@@ -11,7 +11,7 @@ from api.formats import FormatError
 from api.formats.writing.uff import FrequencyResponse, write
 from api.problems import Problem
 from api.services.frequency.frfs import KIND
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from storage.errors import NotFoundError
 from storage.repositories import ResultRepository
 

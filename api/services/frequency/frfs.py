@@ -26,7 +26,7 @@ from api.schemas.frfs import FrfRequest
 from api.services.frequency.measured_frfs import formed, frfs_of, segment_of, sensors_of
 from api.services.frequency.measured_parts import Part, check_lines, part_of_recording
 from api.services.jobs import costs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.functions import measured_part
 from api.services.studies.results import Study
 from api.services.systems.systems import Subject, subject_of

@@ -14,7 +14,7 @@ from api.convert.recordings import Values, in_si
 from api.convert.recordings import window as part_of
 from api.pointers import Place
 from api.problems import invalid
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_of
 from api.services.recordings.instants import even_rate, uneven
 from engine.recordings.spectra.frf import Frf

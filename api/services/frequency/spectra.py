@@ -24,7 +24,7 @@ from api.problems import at, invalid
 from api.schemas.spectra import SpectrumRequest
 from api.services.frequency.measured_parts import check_lines, part_of_recording
 from api.services.jobs import costs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
 from api.services.studies.results import Study
 from api.services.studies.studies import Variant, each, frequencies_of, study_of, variants_of

@@ -19,7 +19,7 @@ from api.convert.recordings import Values
 from api.pointers import Place
 from api.schemas.identifications import AnyIdentification, BlackBoxRequest, DirectRequest, InverseDynamicsRequest
 from api.services.jobs import jobs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import read_recording
 from api.services.recordings.recordings import check_lengths
 from optimizers.black_box import black_box, checked

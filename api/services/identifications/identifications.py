@@ -17,7 +17,7 @@ from api.schemas.jobs import RecordedInput
 from api.services.identifications import direct_identifications
 from api.services.identifications.measured_experiments import dataset_of, frequency_experiment_of
 from api.services.jobs import jobs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.recordings import recording_of
 from api.services.systems.systems import Subject, compiled, subject_of
 from engine.diagram.diagram import Diagram

@@ -24,7 +24,7 @@ from api.convert.recordings import physical
 from api.convert.values import listed
 from api.problems import Problem
 from api.services.lineage.lineage import graph_to_wire
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from api.services.recordings.datasets import to_wire
 from api.services.studies.results import versions
 from optimizers import methods

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE
 from storage.repositories import WorkerRepository

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from datetime import datetime, timedelta
 
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 from storage import audit
 from storage.blobs import forget_unused
 from storage.errors import UNAVAILABLE

@@ -21,7 +21,7 @@ from api.problems import invalid
 from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
 from api.services.jobs import jobs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.optimizations import spreading
 from api.services.recordings.datasets import reader_of
 from api.services.systems.systems import Subject, compiled, document_of, subject_of

@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.problems import Problem
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from api.services.optimizations.optimizations import KIND
 from storage.models import Job
 from storage.repositories import JobRepository, ResultRepository

@@ -19,7 +19,7 @@ from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest,
 from api.schemas.queue import QueueDocument
 from api.services.jobs import jobs
 from api.services.lineage.lineage import check_free
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings import raw_samples
 from api.services.recordings.importing import zone_of
 from api.services.recordings.instants import Instants, even_rate, uneven

@@ -15,7 +15,7 @@ from api.formats import SpectralFunction, catalogue
 from api.pointers import Place
 from api.problems import Problem, invalid
 from api.services.frequency.measured_parts import Part
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.importing import options, stated
 from api.services.recordings.spooling import refusing, spooled
 from api.units import UnitError, known

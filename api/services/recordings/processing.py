@@ -15,7 +15,7 @@ from api.convert.recordings import physical
 from api.problems import at, invalid
 from api.schemas.processing import ProcessingRequest, ResampleStep
 from api.services.jobs import jobs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import check_ready, to_wire
 from api.services.recordings.instants import Instants, even_rate
 from api.services.studies.results import versions

@@ -10,7 +10,7 @@ from api.convert.recordings import physical
 from api.formats import FormatError, Values
 from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
 from api.problems import invalid
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_of, check_ready
 from api.services.recordings.instants import Instants, uneven
 from storage.repositories import DatasetRepository

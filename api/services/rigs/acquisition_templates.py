@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from api.problems import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.rigs import acquisitions
 from storage.models import AcquisitionTemplate
 from storage.repositories import AcquisitionTemplateRepository

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from api.convert.acquisitions import agent_request, check_against_rig
 from api.problems import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
 from storage.errors import NotFoundError
 from storage.models import Acquisition, AcquisitionAttempt, Rig

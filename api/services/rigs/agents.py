@@ -11,7 +11,7 @@ from api.convert.values import check_unit
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.acquisitions import AgentRequest, RigInputDocument
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from api.units import UnitError, to_si
 from storage.models import Agent, Rig
 from storage.models.base import utc_now

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from api.problems import Problem
 from api.schemas.acquisitions import AttemptDatasetRequest, FinishRequest, HeartbeatRequest
 from api.schemas.datasets import DatasetRequest
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from api.services.recordings import datasets
 from api.services.rigs.agents import LEASE
 from storage.clock import shared_now

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from api.errors import KNOWN, problem_of
 from api.problems import invalid
 from api.schemas.datasets import DatasetRequest
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings import datasets
 from api.services.rigs.agents import LEASE
 from api.services.schedules import scheduled

@@ -14,7 +14,7 @@ from api.schemas.identifications import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.validations import ValidationRequest
 from api.services.identifications import identifications
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.optimizations import optimizations
 from api.services.rigs import acquisitions
 from api.services.validations import validations

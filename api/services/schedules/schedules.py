@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from api.problems import Problem, at
 from api.schemas.schedules import ScheduleRequest
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.schedules import scheduled, ticking
 from api.services.schedules.calendars import calendar
 from api.services.schedules.newest import current_body, with_newest

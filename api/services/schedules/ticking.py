@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from api.errors import KNOWN, problem_of
 from api.logs import CURRENT_REQUEST
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.schedules import scheduled
 from api.services.schedules.calendars import Plan, calendar, plan
 from api.services.schedules.newest import current_body

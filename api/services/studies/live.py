@@ -21,7 +21,7 @@ from api.convert.studies import check_metrics
 from api.convert.values import measured_to_wire, number, opening
 from api.problems import at, invalid
 from api.schemas.live import LiveOpen
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
 from api.services.studies.live_overlay import overlays
 from api.services.studies.studies import check_open_at
@@ -29,8 +29,8 @@ from api.services.systems.systems import Subject, subject_of
 from engine.analysis.evaluation import Evaluation
 from engine.analysis.measuring import MetricRequest, measure
 from engine.analysis.study import frequency_response, simulate
+from engine.diagram.connections import Opening
 from engine.diagram.diagram import LOOP, Diagram
-from engine.diagram.wires import Opening
 from engine.exact.time import sampling
 from engine.metrics import catalogue
 from engine.model.errors import EngineError

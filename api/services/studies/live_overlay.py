@@ -17,7 +17,7 @@ from api.convert.signals import check_name
 from api.convert.values import listed, numbers
 from api.problems import invalid
 from api.schemas.live import LiveMeasured
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import read_recording
 from api.units import UnitError, factor
 from engine.diagram.diagram import Diagram

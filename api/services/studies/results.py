@@ -13,7 +13,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from api.convert.values import listed
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from storage.lineage import remember, sources_in
 from storage.models import Result
 from storage.repositories import ResultRepository

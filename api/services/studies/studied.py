@@ -16,7 +16,7 @@ from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRe
 from api.services.frequency import frfs, spectra
 from api.services.jobs import jobs
 from api.services.jobs.computing import LargeError, Recall
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.studies import studies
 from api.services.studies.results import Study, with_text
 from api.services.systems.systems import at_revision, current_revision

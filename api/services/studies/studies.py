@@ -31,7 +31,7 @@ from api.pointers import Place
 from api.problems import at, invalid
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
 from api.services.jobs import costs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
 from api.services.studies.results import Study
 from api.services.systems.systems import Subject, subject_of
@@ -39,8 +39,8 @@ from engine.analysis.commanded import CommandParameter
 from engine.analysis.influence import influence
 from engine.analysis.prediction import predict
 from engine.analysis.study import MetricRequest, frequency_response, simulate
+from engine.diagram.connections import Opening
 from engine.diagram.diagram import Diagram
-from engine.diagram.wires import Opening
 from engine.metrics import catalogue
 from engine.model.errors import EngineError, IllPosedError
 from engine.model.names import no_parameter

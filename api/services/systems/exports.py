@@ -13,7 +13,7 @@ from api.convert.values import opening, overrides_from_wire
 from api.pointers import Place
 from api.problems import invalid
 from api.schemas.studies import StateSpaceRequest
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.studies.studies import constants_from_wire
 from api.services.systems.systems import compiled, subject_of
 from engine.diagram.diagram import Diagram

@@ -18,7 +18,7 @@ from api.pointers import Place
 from api.problems import invalid
 from api.schemas.systems import SystemDocument
 from api.services.lineage.lineage import check_free, check_origin
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from engine.diagram.diagram import Diagram
 from storage.errors import NotFoundError
 from storage.models import System, SystemRevision

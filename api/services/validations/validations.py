@@ -22,7 +22,7 @@ from api.problems import at, invalid
 from api.schemas.validations import ValidationRequest
 from api.services.identifications.identified import Adjusted, adjusted_by
 from api.services.jobs import costs, jobs
-from api.services.operation.installation import Caller, Installation
+from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.recordings import recording_of
 from api.services.studies.results import Study
 from api.services.systems.systems import Subject, compiled, subject_of

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.services.operation.installation import Caller
+from api.services.operation.app_context import Caller
 from storage.models import Alert, Schedule, ScheduleRun
 from storage.repositories import AlertRepository
 

@@ -8,8 +8,8 @@ from sqlalchemy.orm import Session
 
 from api.problems import invalid
 from api.schemas.webhooks import WebhookRequest
-from api.services.operation.installation import Caller, Installation
-from api.services.webhooks.outside import ForbiddenUrlError, checked_url, judged
+from api.services.operation.app_context import Caller, Installation
+from api.services.webhooks.ssrf_guard import ForbiddenUrlError, checked_url, judged
 from storage.models import Webhook, WebhookDelivery
 from storage.repositories import WebhookRepository
 from storage.repositories.webhooks import new_secret

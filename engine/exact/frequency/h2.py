@@ -19,7 +19,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from engine.exact.frequency.path import evenly_scaled
 from engine.exact.frequency.poles import poles
-from engine.exact.time.following import followed
+from engine.exact.time.horizon import followed
 from engine.model.errors import UnresolvedError
 from engine.model.tangent import INFINITESIMAL, slopes
 from engine.signals.step import Step

@@ -18,8 +18,8 @@ from scipy.linalg import eig
 
 from engine.exact.frequency.neutral import neutral
 from engine.exact.frequency.pole_guesses import guesses
-from engine.model.circles import circles
 from engine.model.linear_system import balancing
+from engine.model.strongly_connected_components import circles
 from engine.model.tangent import slopes
 from engine.model.verdicts import Verdict
 

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from scipy.linalg import matrix_balance
 
 from engine.elements._nonlinear import slopes
-from engine.model.circles import circles
 from engine.model.errors import IllPosedError, UnresolvedError
+from engine.model.strongly_connected_components import circles
 
 if TYPE_CHECKING:
     from engine.exact.laws.laws import Law

@@ -14,7 +14,7 @@ from engine.exact.sampled_data.build import sampled_system
 from engine.exact.sampled_data.crossings import Crossing, crossings
 from engine.exact.sampled_data.delayed import Begun, delay_margins
 from engine.exact.sampled_data.period import Period
-from engine.model.circles import circles
+from engine.model.strongly_connected_components import circles
 from engine.model.tangent import INFINITESIMAL
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from engine.exact.frequency import poles as continuous
 from engine.exact.frequency.poles import Poles
 from engine.exact.sampled_data.crossings import spectra
 from engine.exact.sampled_data.period import Period
-from engine.model.circles import circles
 from engine.model.linear_system import LaneSystem
+from engine.model.strongly_connected_components import circles
 from engine.model.tangent import slopes
 
 if TYPE_CHECKING:

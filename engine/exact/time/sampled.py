@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.frequency.dc_gain import static_gain
 from engine.exact.frequency.path import connected, path
 from engine.exact.frequency.poles import poles
-from engine.exact.frequency.rest import static_gain
 from engine.exact.time.at_samples import means, moments, values_at
 from engine.exact.time.propagate import exponentials
 from engine.exact.time.short_delay import lifted

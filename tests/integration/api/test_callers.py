@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import event
 
-from api.services.access.callers import FRESH, Callers
 from api.services.access.keys import caller_of
+from api.services.access.principal_cache import FRESH, Callers
 from api.services.access.sign_ins import visitor_of
 from storage import Database, open_database
 from storage.models import DEFAULT_WORKSPACE
@@ -89,9 +89,9 @@ def test_a_key_that_ends_is_out_at_that_moment_without_a_question(door, monkeypa
         _, token = door.key(end)
         assert await door.lets_in(token)
         door.questions = 0
-        monkeypatch.setattr("api.services.access.callers.utc_now", lambda: end - timedelta(milliseconds=1))
+        monkeypatch.setattr("api.services.access.principal_cache.utc_now", lambda: end - timedelta(milliseconds=1))
         assert await door.lets_in(token)
-        monkeypatch.setattr("api.services.access.callers.utc_now", lambda: end)
+        monkeypatch.setattr("api.services.access.principal_cache.utc_now", lambda: end)
         found = door.callers.find(token.encode(), partial(caller_of, door.database, token))
         assert await found is None
         assert door.questions == 0
@@ -117,7 +117,7 @@ def test_who_waited_longer_than_the_idle_are_remembered_gets_an_answer(door) -> 
 
 
 def test_more_callers_than_one_question_asks_for_get_their_answers(door, monkeypatch) -> None:
-    monkeypatch.setattr("api.services.access.callers._MOST_KNOWN", 3)
+    monkeypatch.setattr("api.services.access.principal_cache._MOST_KNOWN", 3)
 
     async def story() -> None:
         keys = [door.key()[0] for _ in range(10)]

@@ -15,8 +15,8 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from api.edge import ALWAYS
-from api.heads import LONGEST_HEAD, MOST_HEADERS, PIECE, BoundedHead
+from api.http_limits import LONGEST_HEAD, MOST_HEADERS, PIECE, BoundedHead
+from api.security_headers import ALWAYS
 from api.serving import configuration
 from tests.integration.coroutines import run
 

@@ -8,8 +8,8 @@ import numpy as np
 from sqlalchemy import distinct, func, select, update
 
 from api.services.jobs.computing import Computing
+from api.services.operation.app_context import Installation
 from api.services.operation.housekeeping import tidy
-from api.services.operation.installation import Installation
 from api.settings import Settings
 from storage.blobs import put_bytes, sha256_of
 from storage.jobs.queue import JobQueue

@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import insert
 
 from api.services.jobs.computing import Computing
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 from api.services.schedules import ticking
 from api.settings import Settings
 from api.tracing import Traces, traces_of

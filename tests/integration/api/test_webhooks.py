@@ -13,10 +13,10 @@ from sqlalchemy import select
 
 import servotune
 from api.services.jobs.computing import Computing
+from api.services.operation.app_context import Installation
 from api.services.operation.housekeeping import tidy
-from api.services.operation.installation import Installation
 from api.services.webhooks import alerts
-from api.services.webhooks.courier import MOST_ATTEMPTS, MOST_FAILURES, PAUSES, Courier
+from api.services.webhooks.webhook_delivery import MOST_ATTEMPTS, MOST_FAILURES, PAUSES, Courier
 from api.settings import Settings
 from servotune.webhooks import SignatureError, verify
 from storage import open_database

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from sqlalchemy import select, update
 
-from api.services.operation.installation import Installation
+from api.services.operation.app_context import Installation
 from api.services.schedules import ticking
 from storage import Database
 from storage.clock import WALL, utc_now

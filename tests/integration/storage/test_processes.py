@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from storage.jobs.pulse import Pulse
+from storage.jobs.liveness import Pulse
 from storage.models import Worker
 from storage.processes import alive, this_process
 from storage.repositories import WorkerRepository

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import pytest
 
-from storage.jobs.pulse import Pulse
+from storage.jobs.liveness import Pulse
 from storage.models import DEFAULT_WORKSPACE, JobStatus, Worker
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, WorkerRepository

@@ -6,7 +6,7 @@ from ipaddress import ip_address, ip_network
 
 import pytest
 
-from api.services.webhooks.outside import ForbiddenUrlError, checked_url, is_public, judged, look_up
+from api.services.webhooks.ssrf_guard import ForbiddenUrlError, checked_url, is_public, judged, look_up
 
 PUBLIC = ["1.1.1.1", "93.184.215.14", "2606:4700:4700::1111", "64:ff9b::101:101", "::ffff:1.1.1.1", "2002:101:101::"]
 #: From the special-purpose registries of IANA (RFC 6890), and how IPv6 carries such addresses.

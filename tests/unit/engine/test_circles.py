@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from engine.model.circles import circles
+from engine.model.strongly_connected_components import circles
 
 
 @pytest.mark.parametrize("seed", range(20))

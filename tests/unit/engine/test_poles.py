@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
+from engine.exact.frequency.dc_gain import static_gain
 from engine.exact.frequency.path import path
 from engine.exact.frequency.poles import poles
-from engine.exact.frequency.rest import static_gain
 from engine.model.linear_system import LaneSystem, LinearSystem
 from engine.model.tangent import INFINITESIMAL
 from engine.model.verdicts import Verdict

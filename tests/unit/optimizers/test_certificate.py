@@ -10,7 +10,7 @@ from engine.model.metric_options import Options
 from engine.model.verdicts import Measured, Verdict
 from engine.signals import make
 from optimizers.evaluation.certificate import certify, violation_of, worst_scenario
-from optimizers.evaluation.excess import BROKEN
+from optimizers.evaluation.constraint_violation import BROKEN
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optimizers.evaluation.constraint_violation import BROKEN, excess, excess_slopes, signed_excess
 from optimizers.evaluation.evaluate import UNSTABLE
-from optimizers.evaluation.excess import BROKEN, excess, excess_slopes, signed_excess
 from optimizers.problem import Goal
 
 

@@ -14,10 +14,10 @@ from optimizers.evaluation.evaluate import Evaluator
 from optimizers.methods import minimize
 from optimizers.problem import Problem
 from optimizers.search.blocks import in_blocks
-from optimizers.search.bundle import Polish
-from optimizers.search.cloud import search_around
+from optimizers.search.cross_entropy import search_around
 from optimizers.search.result import Status, Unwatched
 from optimizers.search.search import Stopped, Tracker
+from optimizers.search.successive_linear_programming import Polish
 from tests.unit.optimizers.landscapes import landscape
 
 BOX = {"x": (-2.0, 3.0), "y": (-2.0, 3.0)}

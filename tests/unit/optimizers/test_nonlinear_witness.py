@@ -12,8 +12,8 @@ from engine.model.masks import Envelope, Polyline
 from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.evaluation.measuring import measured
+from optimizers.independent_check import Statement, witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.witness import Statement, witnessed
 from tests.unit.engine.diagrams import block, document
 
 LINE = Polyline(times=(0.0, 3.0), values=(0.0, 2.0))

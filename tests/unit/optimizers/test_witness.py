@@ -14,8 +14,8 @@ from engine.model.metric_options import Options
 from engine.model.verdicts import Measured
 from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
+from optimizers.independent_check import witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
-from optimizers.witness import witnessed
 from tests.unit.optimizers.oscillator import STEP, oscillator
 
 

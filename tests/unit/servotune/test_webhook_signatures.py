@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from api.services.webhooks.courier import signature
+from api.services.webhooks.webhook_delivery import signature
 from servotune.webhooks import SignatureError, verify
 
 # The example of the reference implementations (github.com/standard-webhooks/standard-webhooks).

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 if TYPE_CHECKING:
     from engine.model.linear_system import LinearSystem
-    from optimizers.witness.march import Real
+    from optimizers.independent_check.march import Real
 
 Complex = npt.NDArray[np.complex128]
 Height = Callable[[Complex, "Real"], "Real"]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from engine.exact.frequency.rest import known_gain
+from engine.exact.frequency.dc_gain import known_gain
 from engine.model.errors import EngineError, UnresolvedError
 
 if TYPE_CHECKING:
+    from engine.diagram.connections import Opening
     from engine.diagram.diagram import Diagram
-    from engine.diagram.exact_rest import ExactRest
-    from engine.diagram.wires import Opening
+    from engine.diagram.precise_dc_gain import ExactRest
     from engine.exact.frequency.poles import Poles
     from engine.model.linear_system import Array, LaneSystem
 

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from engine.model.masks import Envelope, Polyline
-from optimizers.witness import timing
-from optimizers.witness.march import CannotFollowError
-from optimizers.witness.switched import Follower
-from optimizers.witness.timing import READINGS, Trace
+from optimizers.independent_check import timing
+from optimizers.independent_check.march import CannotFollowError
+from optimizers.independent_check.switched import Follower
+from optimizers.independent_check.timing import READINGS, Trace
 
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest
     from engine.diagram.diagram import Diagram
     from engine.signals import Signal
-    from optimizers.witness.march import March
+    from optimizers.independent_check.march import March
 
 _COARSE: Final = 1e-7
 _FINE: Final = 1e-10

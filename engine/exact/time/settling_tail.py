@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.exact.frequency.rest import states_at_rest
+from engine.exact.frequency.dc_gain import states_at_rest
 from engine.exact.time.origin import Origin
 from engine.exact.time.trajectory import respond
 

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from engine.model.errors import EngineError
 from engine.model.masks import Envelope, FrequencyBounds, Polyline
-from optimizers.witness import margins, timing
-from optimizers.witness.march import CannotFollowError, March, Marcher
-from optimizers.witness.sweep import Sweep
-from optimizers.witness.timing import READINGS, Trace
-from optimizers.witness.windows import Runs
+from optimizers.independent_check import margins, timing
+from optimizers.independent_check.march import CannotFollowError, March, Marcher
+from optimizers.independent_check.sweep import Sweep
+from optimizers.independent_check.timing import READINGS, Trace
+from optimizers.independent_check.windows import Runs
 
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest

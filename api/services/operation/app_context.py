@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from api.beside import Beside
-from api.services.access.callers import Callers, Count
+from api.child_process import Beside
 from api.services.access.openid import Provider
+from api.services.access.principal_cache import Callers, Count
 from api.services.jobs.computing import Computing
 from api.settings import Settings
 from api.tracing import Traces

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.exact.frequency.rest import known_gain
+from engine.exact.frequency.dc_gain import known_gain
 from engine.exact.time.chebyshev import NODES
 from engine.exact.time.trajectory import respond
 from engine.model.errors import UnresolvedError

@@ -7,6 +7,6 @@ read off them (`timing`, `margins`) is written out again. What it cannot follow 
 
 from __future__ import annotations
 
-from optimizers.witness.statement import Statement, witnessed
+from optimizers.independent_check.statement import Statement, witnessed
 
 __all__ = ["Statement", "witnessed"]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.elements._nonlinear import Moment
-from optimizers.witness.march import CannotFollowError
+from optimizers.independent_check.march import CannotFollowError
 
 if TYPE_CHECKING:
     from engine.exact.laws.laws import Law

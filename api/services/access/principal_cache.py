@@ -2,7 +2,7 @@
 
 What a caller shows belongs to one key or sign-in for ever, and what that may do never changes; only whether it still opens
 does. So all who came lately are asked for together, and nobody is let in on an answer older than `FRESH`. What is revoked
-in one process of a service (`api.siblings`) is out at once in all of them; what another service of the same database revokes,
+in one process of a service (`api.shared_memory`) is out at once in all of them; what another service of the same database revokes,
 within that second.
 """
 
@@ -26,7 +26,7 @@ from storage.repositories import open_principals
 from storage.session import Database
 
 if TYPE_CHECKING:  # an installation has its callers
-    from api.services.operation.installation import Caller
+    from api.services.operation.app_context import Caller
 
 #: s for which an answer of the database counts: the longest time that a key opens here after it was revoked elsewhere.
 FRESH = 1.0

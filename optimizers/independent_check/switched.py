@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
-from optimizers.witness.equations import Equations, Instants, seen
-from optimizers.witness.march import NODES, CannotFollowError, March
+from optimizers.independent_check.equations import Equations, Instants, seen
+from optimizers.independent_check.march import NODES, CannotFollowError, March
 
 if TYPE_CHECKING:
     from engine.elements._nonlinear import Change, Moment

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optimizers.witness.sweep import Complex, Height, Sweep
+from optimizers.independent_check.sweep import Complex, Height, Sweep
 
 if TYPE_CHECKING:
     from engine.model.masks import FrequencyBounds, Magnitude
-    from optimizers.witness.march import Real
+    from optimizers.independent_check.march import Real
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _QUIET = 1e-9

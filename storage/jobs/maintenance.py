@@ -11,10 +11,10 @@ from sqlalchemy.orm import Session
 
 from storage import models
 from storage.errors import UNAVAILABLE
-from storage.jobs import reconciliation
+from storage.jobs import requeue
 from storage.jobs.claims import Claims
+from storage.jobs.liveness import Pulse
 from storage.jobs.private_calls import recover
-from storage.jobs.pulse import Pulse
 from storage.jobs.queue import JobQueue
 from storage.jobs.supervision import Supervisor, overdue_detail
 from storage.repositories import jobs
@@ -109,22 +109,22 @@ class Keeper:
     def _begin_again(self) -> None:
         """Put jobs that the engine claimed and never began back into the queue."""
         with self._database.session() as session:
-            claimed = reconciliation.claimed(session, self._worker)
+            claimed = requeue.claimed(session, self._worker)
         forgotten = self._claims.forgotten(claimed, in_hand=self._supervisor.in_hand)
         if not forgotten:
             return
         with self._database.session() as session:
-            rows = reconciliation.holders(session, forgotten)
+            rows = requeue.holders(session, forgotten)
             self._queue.carry(session, rows)
         for job in rows:
             _log.warning("job %s was claimed and never begun, and is in the queue again", job.id)
 
     def _reconcile(self) -> None:
         with self._database.session() as session:
-            strangers = reconciliation.strangers(session)
+            strangers = requeue.strangers(session)
         recover(strangers)
         with self._database.session() as session:
-            lost = reconciliation.uncarried(session)
+            lost = requeue.uncarried(session)
             self._queue.carry(session, lost)
         for job in lost:
             _log.warning("job %s was carried by nobody and is in the queue again", job.id)

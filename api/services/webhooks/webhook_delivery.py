@@ -24,8 +24,8 @@ from importlib.metadata import version
 
 import httpx
 
-from api.services.operation.installation import Installation
-from api.services.webhooks.outside import Address, ForbiddenUrlError, Lookup, checked_url, judged, look_up
+from api.services.operation.app_context import Installation
+from api.services.webhooks.ssrf_guard import Address, ForbiddenUrlError, Lookup, checked_url, judged, look_up
 from storage.errors import UNAVAILABLE, VaultError
 from storage.models.base import utc_now
 from storage.repositories import webhooks

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
-from optimizers.witness.march import NODES, TO_SERIES, March
+from optimizers.independent_check.march import NODES, TO_SERIES, March
 
 if TYPE_CHECKING:
     from engine.model.masks import Envelope, Polyline
     from engine.signals import Signal
-    from optimizers.witness.march import Real
+    from optimizers.independent_check.march import Real
 
 _LOOKS = np.linspace(0.0, 1.0, 33)
 _TO_LOOKS = chebyshev.chebvander(2 * _LOOKS - 1, len(NODES) - 1) @ TO_SERIES

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from optimizers.evaluation.constraint_violation import excess, excess_slopes
 from optimizers.evaluation.evaluate import Local, Matrix
-from optimizers.evaluation.excess import excess, excess_slopes
 from optimizers.problem import Vector
 from optimizers.search.search import NEAR, STATIONARY, Tracker
 
