@@ -31,7 +31,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 	@touch $@
 
 $(WARM): $(INSTALLED)
-	@echo 'Compiling the kernels (about a minute, once for a machine) ...'
+	@echo 'Compiling the kernels (a minute or two, once for a machine) ...'
 	@$(BIN)/python -m engine.batch.linear.warm & $(BIN)/python -m engine.batch.kernels.warm && wait $$!
 	@touch $@
 
