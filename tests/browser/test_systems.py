@@ -25,7 +25,7 @@ def test_a_wrong_key_is_told_and_a_right_one_opens(browser, service) -> None:
     page.goto("/systems?q=x")
     page.get_by_test_id("key").fill("a-key-that-opens-nothing")
     page.get_by_role("button", name="Sign in").click()
-    expect(page.get_by_text("the key must be one that exists")).to_be_visible()
+    expect(page.get_by_text("the key must be a valid one")).to_be_visible()
     page.get_by_test_id("key").fill(KEY)
     page.get_by_role("button", name="Sign in").click()
     expect(page.get_by_role("heading", name="Systems", exact=True)).to_be_visible()

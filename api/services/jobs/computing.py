@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, TypeVar
 
 from anyio import to_thread
@@ -33,6 +34,8 @@ CHILD, REFUSED = "api.requested:run", "refused"
 _LOOK_INTERVAL = 0.05
 #: How soon (s) an alarm that met an import goes off again, and where the interpreter's own frames of an import come from.
 _AFTER_IMPORT, _IMPORTING = 0.01, "<frozen importlib._bootstrap>"
+#: How soon (s) an alarm that nobody has heard goes off again.
+_UNHEARD = 0.5
 
 _log = logging.getLogger("servotune.api")
 T = TypeVar("T")
@@ -87,6 +90,7 @@ class _Alarm:
     The numerics know no clock, so the interpreter is asked to raise: between two bytecodes, after the compiled call
     that runs. The lock makes sure that nothing is raised once the computation has ended, or while that thread holds it.
     Nothing is raised within an import: a module that was left half-loaded would fail for everybody until the service ends.
+    What is raised within a callback of a weak reference or a finalizer is dropped by the interpreter: it is raised again.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -104,16 +108,17 @@ class _Alarm:
         self._timer.start()
 
     def fire(self) -> None:
-        """Go off, now or as soon as no import runs."""
+        """Go off, now or as soon as no import runs, until it is heard."""
         with self.lock:
-            if self._ended or self._fired:
+            if self._ended:
                 return
+            self._timer.cancel()
             if _imports(self._thread):
-                self._timer.cancel()
                 self._fire_in(_AFTER_IMPORT)
                 return
             self._fired = True
             _raise_in(self._thread, _OverdueError)
+            self._fire_in(_UNHEARD)
 
     def stop(self) -> None:
         """Stop counting; an alarm that has gone off, but was not heard yet, is raised here."""
@@ -123,6 +128,18 @@ class _Alarm:
         if self._fired:
             _raise_in(self._thread, None)
             raise _OverdueError
+
+
+@cache
+def _report_no_lost_alarms() -> None:
+    """Leave alarms that a callback has dropped out of what the interpreter reports: they go off again."""
+    report = sys.unraisablehook
+
+    def reported(unraisable: sys.UnraisableHookArgs) -> None:
+        if not issubclass(unraisable.exc_type, _OverdueError):
+            report(unraisable)
+
+    sys.unraisablehook = reported
 
 
 def _imports(thread: int) -> bool:
@@ -155,6 +172,7 @@ class Computing:
         for name in ("quick", "large", "threads"):
             object.__setattr__(self, name, Lane(self.settings.compute_slots, self.settings.waiting_requests))
         object.__setattr__(self, "_children", Zygote(CHILD))
+        _report_no_lost_alarms()
 
     def close(self) -> None:
         """End every process that computes."""

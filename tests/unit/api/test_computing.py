@@ -7,6 +7,7 @@ import importlib
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -83,6 +84,26 @@ def test_an_import_is_never_left_half_done(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(RecalledError):
         in_thread(slots, work, recall)
     assert loaded == [True]
+
+
+def test_an_alarm_that_a_callback_has_dropped_goes_off_again() -> None:
+    """The interpreter drops what is raised in a callback of a weak reference: the computation had no limit then."""
+    slots, finished = computing(request_seconds=0.05), []
+
+    class Thing:
+        pass
+
+    def work() -> None:
+        thing = Thing()
+        reference = weakref.ref(thing, lambda _: busy(60))  # the alarm ends this, and nobody hears of it
+        del thing
+        assert reference() is None
+        busy(60)
+        finished.append(True)
+
+    with pytest.raises(Problem), slots.slot():
+        work()
+    assert finished == []
 
 
 def test_an_alarm_never_goes_off_after_the_computation() -> None:
