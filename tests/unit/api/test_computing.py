@@ -8,8 +8,10 @@ import sys
 import threading
 import time
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -86,24 +88,49 @@ def test_an_import_is_never_left_half_done(tmp_path: Path, monkeypatch: pytest.M
     assert loaded == [True]
 
 
-def test_an_alarm_that_a_callback_has_dropped_goes_off_again() -> None:
+class Timer:
+    """A timer of threading that goes off when the test says so."""
+
+    started: ClassVar[list[Timer]] = []
+
+    def __init__(self, seconds: float, work: Callable[[], None]) -> None:
+        self.go_off, self.daemon = work, False
+
+    def start(self) -> None:
+        self.started.append(self)
+
+    def cancel(self) -> None:
+        if self in self.started:
+            self.started.remove(self)
+
+
+def test_an_alarm_that_a_callback_has_dropped_goes_off_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The interpreter drops what is raised in a callback of a weak reference: the computation had no limit then."""
-    slots, finished = computing(request_seconds=0.05), []
+    monkeypatch.setattr("api.services.jobs.computing.threading.Timer", Timer)
+    monkeypatch.setattr(Timer, "started", [])
+    slots, passed = computing(), []
 
     class Thing:
         pass
 
+    def drop(_: object) -> None:
+        (alarm,) = Timer.started
+        alarm.go_off()
+        passed.append("callback")
+
     def work() -> None:
         thing = Thing()
-        reference = weakref.ref(thing, lambda _: busy(60))  # the alarm ends this, and nobody hears of it
-        del thing
+        reference = weakref.ref(thing, drop)
+        del thing  # the alarm ends the callback, and nobody hears of it
         assert reference() is None
-        busy(60)
-        finished.append(True)
+        (again,) = Timer.started
+        again.go_off()
+        passed.append("computation")
 
-    with pytest.raises(Problem), slots.slot():
+    with pytest.raises(Problem, match="must be computed within"), slots.slot():
         work()
-    assert finished == []
+    assert passed == []
+    assert Timer.started == []
 
 
 def test_an_alarm_never_goes_off_after_the_computation() -> None:
