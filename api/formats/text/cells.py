@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 MISSING = ("", "NaN")
 """Cells that stand for a missing sample unless an import description says otherwise."""
+SWITCHES = {"true": 1.0, "false": 0.0}
+"""What states are written as, in any case of letters."""
 _WORDS = {"", "nan", "n/a", "na", "#n/a", "null", "none", "--", "-"}
 
 _DECIMALS = {".": r"\.", ",": ","}
@@ -65,6 +67,8 @@ class Marks:
     def value(self, cell: str) -> float | None:
         """Return the number in a cell, None where it is no finite number."""
         text = cell.replace("\u2212", "-")
+        if (state := SWITCHES.get(text.lower())) is not None:
+            return state
         if self._plain.fullmatch(text) is None:
             if self._grouped is None or self._grouped.fullmatch(text) is None:
                 return None

@@ -10,12 +10,14 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from itertools import pairwise
 
 from api.formats import FormatError
 from api.formats.spectral.names import frequency_scale
 from api.formats.text.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
 from api.formats.text.clock import Clock, Order, clock_for, is_stamp
+from api.formats.text.epochs import epoch_of
 from api.formats.text.header import COMMENTS, TIME_NAME, Header, header_of, stated_count, stated_rate
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -43,6 +45,8 @@ class Guess:
         By column, where a header has them.
     time : int, optional
         Column of the instants; ``clock`` where they are times of day, otherwise they are numbers.
+    start : datetime, optional
+        Of the first row, where instants that are numbers count from 1970.
     counter : int, optional
         Column of sample numbers.
     sample_rate, count : optional
@@ -63,6 +67,7 @@ class Guess:
     refused: Mapping[int, str] = field(default_factory=dict)
     time: int | None = None
     clock: Clock | None = None
+    start: datetime | None = None
     counter: int | None = None
     sample_rate: float | None = None
     count: int | None = None
@@ -113,6 +118,7 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
     header = header_of(lines[:begin], mark, columns)
     crowded = _crowded(lines[:begin], rows, columns, mark) if given.delimiter is None else []
     time, clock, counter, remarks = _instants(rows, columns, header, marks, given.order)
+    units, start, dated = _dated(rows, time if clock is None else None, header, marks)
     missing = {cell for row in rows for i in columns if i < len(row) and is_word_for_missing(cell := row[i])}
     return Guess(
         delimiter=mark,
@@ -122,15 +128,16 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
         numbers=tuple(columns),
         refused=_others(rows, {*columns, time}),
         names=header.names,
-        units=header.units,
+        units=units,
         time=time,
         clock=clock,
+        start=start,
         counter=counter,
         sample_rate=stated_rate(lines[:begin]),
         count=stated_count(lines[:begin]),
         missing=tuple(sorted({*MISSING, *missing})),
         usual=Counter(map(len, rows)).most_common(1)[0][0] if rows and given.delimiter is None else 0,
-        remarks=(*header.remarks, *crowded, *_doubtful(rows, columns, marks, given), *remarks),
+        remarks=(*header.remarks, *crowded, *_doubtful(rows, columns, marks, given), *remarks, *dated),
     )
 
 
@@ -320,6 +327,20 @@ def _instants(
         remark = f"column {rising[0]} rises from row to row: it is taken as the time in s (time.unit says otherwise)"
         return rising[0], None, counter, [remark]
     return None, None, counter, []
+
+
+def _dated(
+    rows: Sequence[Sequence[str]], time: int | None, header: Header, marks: Marks
+) -> tuple[Mapping[int, str], datetime | None, list[str]]:
+    """Return the units, the date of the first row and a remark where instants that are numbers count from 1970."""
+    cell = "" if time is None else next((row[time] for row in rows if time < len(row)), "")
+    first = marks.value(cell)
+    found = None if time is None or first is None else epoch_of(first, header.units.get(time, ""))
+    if time is None or found is None:
+        return header.units, None, []
+    unit, start = found
+    said = f"instants such as {cell} are taken as {unit} since 1970 (UTC): the first is {start.isoformat()}"
+    return {**header.units, time: unit}, start, [said]
 
 
 def _is_counter(rows: Sequence[Sequence[str]], column: int, names: Mapping[int, str], units: Mapping[int, str]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,6 +24,7 @@ from api.formats.text.txt import Lines, TextLayout, lines_of, read
 _HEAD = 1 << 18
 _LOOKED_AT = 50
 _CHUNK = 1 << 20
+_SAMPLE = re.compile(r"sample|messpunkt|messwert", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +108,7 @@ def open_file(file: BinaryIO, options: TableOptions) -> Recording:
         read=rows,
         refused=refused,
         layout=layout,
-        remarks=(*found.remarks, *said, *noted),
+        remarks=(*_maker(found), *found.remarks, *said, *noted),
         stated_count=found.count,
     )
 
@@ -159,7 +161,7 @@ def _body(file: BinaryIO, found: Guess, *, most: int | None = None) -> Iterator[
 def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[Series]:
     time = found.time if options.time is None else options.time
     columns = {*found.numbers, *options.columns, *(() if time is None else (time,))}
-    start = None
+    start = found.start if time == found.time else None
     if found.clock is not None and time == found.time:
         row = next(line for line in lines[found.header_lines :] if line.strip())
         cells = cut(row, found.delimiter)
@@ -179,6 +181,16 @@ def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[S
             doubt=found.clock.doubt if i == found.time and found.clock else "",
         )
         for i in sorted(columns)
+    ]
+
+
+def _maker(found: Guess) -> list[str]:
+    """Return what is to be said of a table that is laid out as TIA Portal of Siemens exports a trace."""
+    ours = {found.time, found.counter} == {0, 1}
+    if not ours or not (_SAMPLE.match(found.names.get(found.counter or 0, "")) and len(found.names) > 2):
+        return []
+    return [
+        "it is laid out as TIA Portal (Siemens) exports a trace: sample numbers and instants, then each signal by its tag"
     ]
 
 

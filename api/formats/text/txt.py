@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import FormatError
-from api.formats.text.cells import Marks, cut
+from api.formats.text.cells import SWITCHES, Marks, cut
 from api.formats.text.clock import Clock
 
 BLOCK_ROWS = 8192
@@ -33,6 +33,7 @@ MAX_LINE_CHARACTERS = 1 << 20
 _HEAD_OF_GROUPS, _GROUP = re.compile(r"[+-]?[1-9]\d{0,2}"), re.compile(r"\d{3}(?:\.\d*)?")
 _FEW = 32
 """Rows that are read one by one where they cannot be read together."""
+_SWITCH = re.compile(rf"(?<![\w.+-])({'|'.join(SWITCHES)})(?![\w.+-])", re.IGNORECASE)
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -206,19 +207,25 @@ def _quickly(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | 
     if decimal == ",":
         # a point is no decimal mark where commas are, and must not pass as one
         lines = [line.replace(".", "?").replace(",", ".") for line in lines]
-    quote = '"' if any('"' in line for line in lines) else None
+    values = _loaded(lines, layout)
+    if values is None and any(map(_SWITCH.search, lines)):
+        values = _loaded([_SWITCH.sub(lambda state: f"{SWITCHES[state[0].lower()]:g}", line) for line in lines], layout)
+    return values if values is not None and len(values) == len(lines) and bool(np.isfinite(values).all()) else None
+
+
+def _loaded(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | None:
+    """Return the values as numpy reads them, None where it does not."""
     try:
-        values = np.loadtxt(
+        return np.loadtxt(
             lines,
-            delimiter=None if blank else layout.delimiter,
+            delimiter=None if layout.delimiter == " " else layout.delimiter,
             usecols=layout.columns,
             comments=None,
-            quotechar=quote,
+            quotechar='"' if any('"' in line for line in lines) else None,
             ndmin=2,
         )
     except ValueError:
         return None
-    return values if len(values) == len(lines) and bool(np.isfinite(values).all()) else None
 
 
 def _too_few(line: int, column: int, count: int) -> FormatError:
