@@ -18,6 +18,9 @@ from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, 
 
 _NUMBERS = {3: {0, 1, 2, 3, *range(9, 17)}, 4: set(range(6))}
 """Types of data of each version that are plain numbers."""
+_WORDS = {3: {7}, 4: {6, 7, 8, 9, 17}}
+"""Types of data of each version that are text."""
+_STRUCTURE = "it is a structure: its parts are channels of their own"
 _TEXTS = {3: {11, 12}, 4: {7, 8, 11}}
 """Conversions of each version that make texts of numbers."""
 
@@ -89,6 +92,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
     places: list[_Place] = []
     series: list[Series] = []
     refused: dict[str, str] = {}
+    taken: set[str] = set()
     used = [group for group in range(len(source.groups)) if source.groups[group].channel_group.cycles_nr]
     names = Counter(channel.name for group in used for channel in source.groups[group].channels)
     start = source.header.start_time
@@ -102,16 +106,23 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
         master = source.masters_db.get(group)
         label = labels.setdefault(_digest(source, group, count, timed=master is not None), _label(source, group))
         known = len([one for one in series if one.group == label and one.role == "time"])
+        own = {channel.name for channel in source.groups[group].channels}
         for index, channel in enumerate(source.groups[group].channels):
             name = channel.name if names[channel.name] == 1 else f"{channel.name} (group {group})"
+            if name in taken:
+                name = f"{channel.name} (group {group}, channel {index})"
+            taken.add(name)
             if channel.data_type not in _NUMBERS[version]:
-                refused[name] = "its values are no plain numbers: decode frames of a bus with their database first"
+                parts = source.groups[group].channel_dependencies[index]
+                refused[name] = _STRUCTURE if parts else _why_refused(channel, version)
                 continue
             if source.groups[group].channel_dependencies[index]:
                 elements = _elements(source, group, index)
                 if not elements:
-                    refused[name] = "it is a structure: its parts are channels of their own"
+                    refused[name] = _STRUCTURE
                 for label_of, element in elements.items():
+                    if f"{channel.name}{label_of}" in own:
+                        continue  # it is a channel of its own
                     series.append(
                         Series(
                             name=f"{name}{label_of}",
@@ -145,6 +156,16 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
     return places, series, refused
 
 
+def _why_refused(channel: Any, version: int) -> str:
+    """Return why the values of a channel are none."""
+    if channel.data_type in _WORDS[version]:
+        return "it holds text, a channel must hold numbers"
+    return (
+        f"it holds {channel.bit_count // 8} bytes a sample, a channel must hold one number: decode frames of a bus (CAN, LIN ...) with "
+        "their database first, with asammdf's extract_bus_logging, and send the file that this writes"
+    )
+
+
 def _elements(source: Any, group: int, index: int) -> dict[str, tuple[str, int]]:
     """Return the numbers of an array by what is added to its name: [1][0]; its axes are arrays of their own."""
     samples = source.get(group=group, index=index, record_offset=0, record_count=1, samples_only=True)[0]
@@ -168,8 +189,8 @@ def _check_places(group: Any, number: int) -> None:
     for channel in group.channels:
         if hasattr(channel, "byte_offset"):
             end = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
-        else:  # version 3
-            end = 8 * channel.additional_byte_offset + channel.start_offset + channel.bit_count
+        else:  # versions 2 and 3; the blocks of version 2 end before that offset
+            end = 8 * getattr(channel, "additional_byte_offset", 0) + channel.start_offset + channel.bit_count
         if end > 8 * size:
             raise FormatError(
                 f"channel {channel.name!r} must lie within the {size} bytes of a record of group {number}, got its end at bit "

@@ -3,6 +3,8 @@
     # Hz S RI R 50     unit, parameter, form (RI, MA, DB) and resistance;  then f, and two numbers for each pair of ports
 
 A record may go on over several lines: it begins where the count of numbers is odd. S21 is the response of port 2 to port 1.
+Version 1 has what is no S normalised: Z, h11 and g22 are in units of R, Y, h22 and g11 in units of 1/R. In version 2 numbers that
+stand before [Network Data] belong to keywords.
 """
 
 from __future__ import annotations
@@ -25,7 +27,10 @@ _CHUNK = 1 << 20
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMS = ("RI", "MA", "DB")
 """Real and imaginary part, magnitude and degrees, decibels and degrees."""
-_PARAMETERS = {"S": ("", ""), "Z": ("V", "A"), "Y": ("A", "V"), "G": ("", ""), "H": ("", "")}
+_PARAMETERS = ("S", "Z", "Y", "G", "H")
+_HYBRID = {"H": ("VI", "IV"), "G": ("IV", "VI")}
+"""What the ports of G and H respond with, and what to: v1 = h11 i1 + h12 v2, i2 = h21 i1 + h22 v2."""
+_VOLT_AMPERE = {"V": "V", "I": "A"}
 _KEYWORD = re.compile(r"\[(?P<name>[^\]]+)\]\s*(?P<value>.*)")
 
 
@@ -55,29 +60,40 @@ def open_file(file: BinaryIO) -> Recording:
     if not records:
         raise FormatError("a Touchstone file must hold frequencies with their values, got none")
     pairs = {len(record) // 2 for record in records}
-    ports = math.isqrt(max(pairs))
-    if len(pairs) > 1 or ports**2 != max(pairs):
+    most = max(pairs)
+    shape = head.keywords.get("matrix format", "full")
+    ports = math.isqrt(most) if shape == "full" else (math.isqrt(8 * most + 1) - 1) // 2
+    if len(pairs) > 1 or most != (ports**2 if shape == "full" else ports * (ports + 1) // 2):
         raise FormatError(
             f"each frequency must have a value for each pair of ports, got {' and '.join(map(str, sorted(pairs)))}: the file "
-            "is damaged, or its matrices are not full (write it as full matrices)"
+            f"is damaged, or its matrices are not {shape} (write it as full matrices)"
         )
+    if head.parameter in _HYBRID and ports != 2:
+        raise FormatError(f"{head.parameter} must be of 2 ports, got {ports}: write S or Z")
     numbers = np.array(records)
     values = _values(head.form, numbers[:, 1::2], numbers[:, 2::2])
-    factor = {"Z": head.resistance, "Y": 1.0 / head.resistance}.get(head.parameter, 1.0) if not head.keywords else 1.0
-    order = _order(head, ports)
-    units = _PARAMETERS[head.parameter]
-    functions = [
-        _function(
-            f"{head.parameter}{to + 1}{'' if ports < 10 else ','}{by + 1}",
-            (f"{to + 1}", f"{by + 1}"),
-            units,
-            head.scale * numbers[:, 0],
-            factor * values[:, place],
-        )
-        for place, (to, by) in enumerate(order)
-    ]
-    said = f"{head.parameter} of {ports} ports, {head.form}, reference {head.resistance:g} ohm: response 2 over reference 1 is {head.parameter}21"
+    labels = head.keywords.get("mixed-mode order", "").upper().split() or [str(port + 1) for port in range(ports)]
+    between = "" if all(len(label) == 1 for label in labels) else ","
+    functions = []
+    for (to, by), place in _order(head, ports, shape).items():
+        units = _units(head.parameter, to, by)
+        factor = 1.0
+        if "version" not in head.keywords:
+            factor = {("V", "A"): head.resistance, ("A", "V"): 1.0 / head.resistance}.get(units, 1.0)
+        name = f"{head.parameter}{labels[to]}{between}{labels[by]}"
+        points = labels[to], labels[by]
+        functions.append(_function(name, points, units, head.scale * numbers[:, 0], factor * values[:, place]))
+    reference = head.keywords.get("reference") or f"{head.resistance:g}"
+    said = f"{head.parameter} of {ports} ports, {head.form}, reference {reference} ohm: response 2 over reference 1 is {head.parameter}21"
     return Recording(series=[], read=_no_channels, functions=functions, remarks=[said, *head.remarks])
+
+
+def _units(parameter: str, to: int, by: int) -> tuple[str, str]:
+    """Return the units of a response and of what it responds to, "" for waves."""
+    if parameter == "S":
+        return "", ""
+    out, into = {"Z": ("VV", "II"), "Y": ("II", "VV")}.get(parameter) or _HYBRID[parameter]
+    return _VOLT_AMPERE[out[min(to, 1)]], _VOLT_AMPERE[into[min(by, 1)]]
 
 
 def open_frd(file: BinaryIO) -> Recording:
@@ -147,6 +163,7 @@ def _read(file: BinaryIO) -> tuple[_Head, list[list[float]]]:
     """Return the head, and the numbers of each frequency."""
     head = _Head()
     records: list[list[float]] = []
+    last = ""
     lines = Lines(_pieces(file))
     for number, line in enumerate(lines, start=1):
         plain = line.split("!", 1)[0].strip()
@@ -154,7 +171,10 @@ def _read(file: BinaryIO) -> tuple[_Head, list[list[float]]]:
         if keyword and keyword["name"].strip().lower() in {"end", "noise data"}:
             break
         if keyword:
-            head.keywords[keyword["name"].strip().lower()] = keyword["value"].strip().lower()
+            last = keyword["name"].strip().lower()
+            head.keywords[last] = keyword["value"].strip().lower()
+        elif "version" in head.keywords and "network data" not in head.keywords and not plain.startswith("#"):
+            head.keywords[last] = f"{head.keywords[last]} {plain.lower()}".strip()
         elif plain.startswith("#"):
             _option(head, plain[1:].upper().split(), number)
             head.lines = number
@@ -164,8 +184,8 @@ def _read(file: BinaryIO) -> tuple[_Head, list[list[float]]]:
         raise FormatError(
             "a Touchstone file must have its line of options (# Hz S RI R 50) before its numbers, got none"
         )
-    if head.keywords.get("matrix format", "full") != "full":
-        raise FormatError(f"matrices must be full, got {head.keywords['matrix format']}: write the file so")
+    if (shape := head.keywords.get("matrix format", "full")) not in {"full", "lower", "upper"}:
+        raise FormatError(f"[Matrix Format] must be Full, Lower or Upper, got {shape[:20]!r}: write the matrices full")
     head.remarks += _end(file, lines, records, begin=head.lines)
     return head, records
 
@@ -229,10 +249,14 @@ def _option(head: _Head, words: Sequence[str], line: int) -> None:
             )
 
 
-def _order(head: _Head, ports: int) -> list[tuple[int, int]]:
-    """Return (response, reference) of each pair in the order of the file: of two ports columns come first."""
+def _order(head: _Head, ports: int, shape: str) -> dict[tuple[int, int], int]:
+    """Return the place of each (response, reference) in the record: of two ports columns come first, halves are symmetric."""
     rows = [(to, by) for to in range(ports) for by in range(ports)]
+    if shape != "full":
+        half = [(to, by) for to, by in rows if (by <= to if shape == "lower" else by >= to)]
+        places = {pair: place for place, pair in enumerate(half)}
+        return {(to, by): places.get((to, by), places.get((by, to), 0)) for to, by in rows}
     by_columns = (
         ports == 2 and head.keywords.get("two-port data order", head.keywords.get("two-port order", "21_12")) == "21_12"
     )
-    return [(to, by) for by, to in rows] if by_columns else rows
+    return {(to, by) if not by_columns else (by, to): place for place, (to, by) in enumerate(rows)}

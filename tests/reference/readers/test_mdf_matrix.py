@@ -92,6 +92,50 @@ def test_samples_called_invalid_are_missing(compression: int, tmp_path: Path) ->
     np.testing.assert_array_equal(read["y"], values)
 
 
+def test_frames_of_a_bus_are_refused_with_the_remedy_which_works(tmp_path: Path) -> None:
+    """A log of CAN: what is said of the frames is a channel, the frames are not until a database has decoded them."""
+    v4 = asammdf.blocks.v4_constants
+    speed = RNG.integers(-200, 200, size=COUNT).astype("<i2")
+    fields = [("ID", "<u4"), ("DLC", "u1"), ("DataLength", "u1"), ("DataBytes", "(8,)u1"), ("Dir", "u1")]
+    frames = np.zeros(
+        COUNT, dtype=[("CAN_DataFrame.BusChannel", "u1"), *((f"CAN_DataFrame.{a}", b) for a, b in fields)]
+    )
+    for field, value in (("BusChannel", 1), ("ID", 291), ("DLC", 8), ("DataLength", 8)):
+        frames[f"CAN_DataFrame.{field}"] = value
+    frames["CAN_DataFrame.DataBytes"][:, :2] = speed.view("u1").reshape(COUNT, 2)
+    bus = asammdf.Source("CAN1", "CAN1", "", v4.SOURCE_BUS, v4.BUS_TYPE_CAN)
+    with asammdf.MDF(version="4.11") as file:
+        file.append(asammdf.Signal(frames, TIME, name="CAN_DataFrame", source=bus), acq_source=bus, acq_name="CAN1")
+        file.groups[-1].channel_group.flags |= v4.FLAG_CG_BUS_EVENT
+        logged = Path(file.save(tmp_path / "log.mf4", overwrite=True))
+    found = opened("mdf", logged, tmp_path)
+    np.testing.assert_array_equal(arrays(found)["CAN_DataFrame.ID"], 291.0)
+    assert found.refused["CAN_DataFrame"] == "it is a structure: its parts are channels of their own"
+    assert "extract_bus_logging" in found.refused["CAN_DataFrame.DataBytes"]
+    database = tmp_path / "drive.dbc"
+    database.write_text(
+        'VERSION ""\nNS_ :\nBS_:\nBU_: ECU\n\nBO_ 291 Drive: 8 ECU\n SG_ speed : 0|16@1- (0.5,0) [-100|100] "rad/s" ECU\n'
+    )
+    with asammdf.MDF(logged) as file, file.extract_bus_logging({"CAN": [(database, 0)]}) as decoded:
+        path = Path(decoded.save(tmp_path / "decoded.mf4", overwrite=True))
+    found = opened("mdf", path, tmp_path)
+    np.testing.assert_array_equal(arrays(found)["speed"], 0.5 * speed)
+    assert next(one.unit for one in found.series if one.name == "speed") == "rad/s"
+
+
+def test_texts_and_blocks_of_version_2(tmp_path: Path) -> None:
+    with asammdf.MDF(version="2.14") as file:
+        words = np.array([b"stop", b"go"] * (COUNT // 2))
+        file.append(
+            [asammdf.Signal(words, TIME, name="word", encoding="latin-1"), asammdf.Signal(TIME + 1.0, TIME, name="x")],
+            common_timebase=True,
+        )
+        path = Path(file.save(tmp_path / "file.mdf", overwrite=True))
+    found = opened("mdf", path, tmp_path)
+    np.testing.assert_array_equal(arrays(found)["x"], TIME + 1.0)
+    assert found.refused == {"word": "it holds text, a channel must hold numbers"}
+
+
 def test_arrays_are_refused_by_name(tmp_path: Path) -> None:
     values = np.rec.fromarrays([RNG.normal(size=(COUNT, 3))], dtype=[("field", "(3, )<f8")])
     with asammdf.MDF(version="4.10") as file:

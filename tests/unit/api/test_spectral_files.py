@@ -293,6 +293,86 @@ def test_impedances_are_in_ohm_and_noise_is_passed_over(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.functions[0].read()[1], 75 * TIP, rtol=1e-12)
 
 
+# v1 = z11 i1 + z12 i2, v2 = z21 i1 + z22 i2: the other parameters of a two-port follow from these
+IMPEDANCES = np.array([[200 + 3j, 20 - 1j], [30 + 2j, 80 - 5j]]) * (1 + 0.01 * np.arange(80))[:, None, None]
+DETERMINANT = np.linalg.det(IMPEDANCES)
+Z = {(i + 1, j + 1): IMPEDANCES[:, i, j] for i in range(2) for j in range(2)}
+PARAMETERS = {
+    "Z": (IMPEDANCES, [["VA", "VA"], ["VA", "VA"]]),
+    "Y": (np.linalg.inv(IMPEDANCES), [["AV", "AV"], ["AV", "AV"]]),
+    "H": ([[DETERMINANT / Z[2, 2], Z[1, 2] / Z[2, 2]], [-Z[2, 1] / Z[2, 2], 1 / Z[2, 2]]], [["VA", "VV"], ["AA", "AV"]]),
+    "G": ([[1 / Z[1, 1], -Z[1, 2] / Z[1, 1]], [Z[2, 1] / Z[1, 1], DETERMINANT / Z[1, 1]]], [["AV", "AA"], ["VV", "VA"]]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("parameter", PARAMETERS)
+def test_parameters_of_two_ports_are_in_ohm_and_siemens(parameter: str, version: int, tmp_path: Path) -> None:
+    """Version 1 has them over those of the reference resistance, version 2 as they are."""
+    found, units = PARAMETERS[parameter]
+    values = found if isinstance(found, np.ndarray) else np.moveaxis(np.array(found), -1, 0)
+    scale = {"VA": 1 / 75, "AV": 75.0}
+    normal = np.array([[scale.get(unit, 1.0) for unit in row] for row in units])
+    head = "[Version] 2.0" if version == 2 else ""
+    more = "[Number of Ports] 2\n[Two-Port Data Order] 21_12\n[Reference]\n75\n75\n[Begin Information]\nmade here\n[End Information]\n[Network Data]"
+    text = touchstone(
+        values * (normal if version == 1 else 1.0), "RI", option=f"# Hz {parameter} {{form}} R 75", scale=1.0, head=head
+    ).decode()
+    if version == 2:
+        text = text.replace(" R 75\n", f" R 75\n{more}\n") + "[End]\n"
+    for one in opened("touchstone", text.encode(), tmp_path).functions:
+        to, by = int(one.response) - 1, int(one.reference) - 1
+        assert one.name == f"{parameter}{one.response}{one.reference}"
+        assert one.response_unit + one.reference_unit == units[to][by]
+        np.testing.assert_allclose(one.read()[1], values[:, to, by], rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", ["Full", "Lower", "Upper"])
+@pytest.mark.parametrize("ports", [2, 3])
+def test_shapes_of_matrices_of_version_2(shape: str, ports: int, tmp_path: Path) -> None:
+    values = RNG.normal(size=(HZ.size, ports, ports)) + 1j
+    values = values + values.swapaxes(1, 2)
+    rows = []
+    for hz, one in zip(HZ, values, strict=True):
+        cells = [[f"{float(v.real)!r} {float(v.imag)!r}" for v in row] for row in one]
+        kept = {
+            "Full": cells,
+            "Lower": [row[: i + 1] for i, row in enumerate(cells)],
+            "Upper": [row[i:] for i, row in enumerate(cells)],
+        }
+        rows.append(f"{float(hz)!r} " + "\n".join(" ".join(row) for row in kept[shape]))
+    head = [
+        "[Version] 2.0",
+        "# Hz S RI R 50",
+        f"[Number of Ports] {ports}",
+        "[Two-Port Data Order] 12_21",
+        f"[Matrix Format] {shape}",
+    ]
+    content = "\n".join(
+        [
+            *head,
+            f"[Number of Frequencies] {HZ.size}",
+            "[Reference] 50 75 0.01"[: 16 if ports == 2 else None],
+            "[Network Data]",
+            *rows,
+            "[End]",
+            "",
+        ]
+    )
+    recording = opened("touchstone", content.encode(), tmp_path)
+    assert len(recording.functions) == ports**2
+    for one in recording.functions:
+        np.testing.assert_array_equal(one.read()[1], values[:, int(one.response) - 1, int(one.reference) - 1])
+
+
+def test_ports_of_mixed_modes_have_their_names(tmp_path: Path) -> None:
+    content = b"[Version] 2.0\n# Hz S RI R 50\n[Number of Ports] 2\n[Two-Port Data Order] 12_21\n[Mixed-Mode Order] D1,2 C1,2\n[Network Data]\n1 1 0 2 0 3 0 4 0\n2 1 0 2 0 3 0 4 0\n[End]\n"
+    found = {one.name: one for one in opened("touchstone", content, tmp_path).functions}
+    assert set(found) == {"SD1,2,D1,2", "SD1,2,C1,2", "SC1,2,D1,2", "SC1,2,C1,2"}
+    assert (found["SC1,2,D1,2"].response, found["SC1,2,D1,2"].reference) == ("C1,2", "D1,2")
+    np.testing.assert_array_equal(found["SC1,2,D1,2"].read()[1], [3.0, 3.0])
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -301,7 +381,8 @@ def test_impedances_are_in_ohm_and_noise_is_passed_over(tmp_path: Path) -> None:
         (b"# Hz Q RI R 50\n", "line 1 must be of HZ, .* got 'Q'"),
         (b"# Hz S RI R\n1 2 3\n", "R must be followed by a resistance"),
         (b"# Hz S RI R 50\n1 2 3 4 5\n2 3 4 5 6\n", "a value for each pair of ports, got 2"),
-        (b"[Matrix Format] Lower\n# Hz S RI R 50\n1 2 3\n", "matrices must be full, got lower"),
+        (b"[Matrix Format] Band\n# Hz S RI R 50\n1 2 3\n", "must be Full, Lower or Upper, got 'band'"),
+        (b"# Hz H RI R 50\n1 2 3\n2 2 3\n", "H must be of 2 ports, got 1"),
         (b"# Hz S RI R 50\n", "must hold frequencies"),
     ],
 )
