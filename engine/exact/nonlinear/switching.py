@@ -208,13 +208,13 @@ class Switchboard:
 
     def _change(self, number: int, guard: int, seen: Moment) -> None:
         law, before = self.system.laws[number], self.modes[number]
-        known = self._scale.get(self._surface(number, guard), 0.0)
         self._adopt(number, law.element.switch(guard, seen, before, law.values))
         after = self.modes[number]
-        # what is 0 as well is the same surface from its other side: what counts as 0 on one side does so on the other
+        # what is 0 at once is a surface seen from its other side, or left just now: it counts as 0 in parts of what it is made of
         for k, other in enumerate(law.element.guards(seen, after, law.values) if after != before else ()):
-            if abs(float(np.ravel(other)[0].real)) <= NEGLIGIBLE * known:
-                self._scale.setdefault(self._surface(number, k), known)
+            size = self._in_its_unit(number, k, self._states, self._largest)
+            if abs(float(np.ravel(other)[0].real)) <= NEGLIGIBLE * size:
+                self._scale.setdefault(self._surface(number, k), size)
         if not law.element.idle(after) and law.element.held(before) is law.element.held(after) is None:
             self._reopened = True
         self.switches += 1
