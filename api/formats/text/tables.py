@@ -24,7 +24,7 @@ from api.formats.text.txt import Lines, TextLayout, lines_of, read
 _HEAD = 1 << 18
 _LOOKED_AT = 50
 _CHUNK = 1 << 20
-_SAMPLE = re.compile(r"sample|messpunkt|messwert", re.IGNORECASE)
+_SAMPLE, _STAMP = re.compile(r"sample|messpunkt", re.IGNORECASE), re.compile(r"time ?stamp|zeitstempel", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,8 +186,15 @@ def _series(found: Guess, options: TableOptions, lines: Sequence[str]) -> list[S
 
 def _maker(found: Guess) -> list[str]:
     """Return what is to be said of a table that is laid out as TIA Portal of Siemens exports a trace."""
-    ours = {found.time, found.counter} == {0, 1}
-    if not ours or not (_SAMPLE.match(found.names.get(found.counter or 0, "")) and len(found.names) > 2):
+    names = found.names
+    if (
+        {found.time, found.counter} != {0, 1}
+        or found.header_lines != 1
+        or not any("." in name for name in names.values())
+    ):
+        return []
+    sample, stamp = names.get(found.counter or 0, ""), names.get(found.time or 0, "")
+    if not (_SAMPLE.match(sample) and _STAMP.match(stamp)):
         return []
     return [
         "it is laid out as TIA Portal (Siemens) exports a trace: sample numbers and instants, then each signal by its tag"

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from api.formats import FormatError, Recording, Series, Values
-from api.services.recordings.importing import Plan, settle
+from api.services.recordings.importing import Plan, place_of, settle
 
 _SHOWN = 20
 _SHARED = ("gaps", "time_zone", "uneven")
 """What a description says of all groups."""
+_OWN = {"columns", "time"}
+"""What it says of the group that has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,8 +82,9 @@ class Part:
 def parts_of(format_: str, recording: Recording, given: Mapping[str, Any]) -> list[Part]:
     """Return what is taken from a file, the group that was asked for, or the first, before the others.
 
-    What the description says of columns and times is about the first part. Where it names columns, they are all that is
-    taken. Another group that cannot be taken as it is, is refused by its name in the first recording.
+    What the description says of columns and a time is about the group that has them, a sample rate about the first. Where it
+    names columns, they are all that is taken, each group of them a part unless it names the group, too. Another group that cannot be taken as it is, is refused by its name in the
+    first recording.
 
     Raises
     ------
@@ -89,31 +92,59 @@ def parts_of(format_: str, recording: Recording, given: Mapping[str, Any]) -> li
         For a group that is not there, or a first part that cannot be taken.
     """
     wanted, chosen = given.get("group"), given.get("columns")
-    if chosen and wanted is None:
-        return [Part(name="", recording=recording, plan=settle(format_, recording, given))]
-    groups = groups_of(recording)
+    groups = groups_of(_of_columns(recording, given) if chosen and wanted is None else recording)
     first = _picked(groups, wanted)
-    others = [] if chosen else [group for group in groups if group is not first]
+    if len(groups) == 1:
+        return [Part(name="", recording=recording, plan=settle(format_, recording, given))]
+    others = [] if chosen and wanted is not None else [group for group in groups if group is not first]
     parts, refused = [], dict(recording.refused)
     for group in others:
         try:
-            plan = settle(format_, group.recording, {key: given[key] for key in _SHARED if key in given})
+            shared = {key: given[key] for key in _SHARED if key in given}
+            plan = settle(format_, group.recording, shared | _own(recording, group, given))
             parts.append(Part(name=group.name, recording=group.recording, plan=plan))
         except FormatError as error:
             names = ", ".join(one.name for one in group.recording.series[:_SHOWN])
             refused[group.name] = f"{error.message} ({names}): send the file once more with this group in import"
     whole = replace(first.recording, refused=refused)
-    if len(groups) == 1:
-        return [Part(name="", recording=whole, plan=settle(format_, whole, given))]
     there = ", ".join(group.name for group in groups[:_SHOWN])
     said = f"the file holds {len(groups)} groups of channels, each with its own time: {there}; this is {first.name}"
+    asked = given
+    if wanted is None:
+        given = {key: value for key, value in given.items() if key not in _OWN} | _own(recording, first, given)
     try:
         plan = settle(format_, whole, given)
     except FormatError as error:
+        if chosen and wanted is None:
+            settle(format_, recording, asked)  # together they say better what is wrong with them
         raise FormatError(f"{error.message} ({said})", line=error.line, column=error.column) from error
     plan.document["group"] = first.name
     plan.remarks.append(said)
     return [Part(name=first.name, recording=whole, plan=plan), *parts]
+
+
+def _of_columns(recording: Recording, given: Mapping[str, Any]) -> Recording:
+    """Return a file as if its only channels were the columns that a description names."""
+    chosen = {place_of(recording, column) for column in given["columns"]}
+    kept = chosen | {place for place, one in enumerate(recording.series) if one.role == "time"}
+    if given.get("time"):
+        kept.add(place_of(recording, given["time"]))
+    found = narrowed(recording, sorted(kept))
+    return replace(
+        found, series=[replace(one, role="channel") if one.role == "counter" else one for one in found.series]
+    )
+
+
+def _own(recording: Recording, group: Group, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a description says of the series of one group: its columns, its time."""
+    own = {one.index for one in group.recording.series}
+
+    def is_own(column: Mapping[str, Any]) -> bool:
+        return recording.series[place_of(recording, column)].index in own
+
+    columns = [column for column in given.get("columns") or () if is_own(column)]
+    time = given.get("time")
+    return {**({"columns": columns} if columns else {}), **({"time": time} if time and is_own(time) else {})}
 
 
 def _picked(groups: Sequence[Group], name: str | None) -> Group:

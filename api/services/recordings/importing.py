@@ -156,10 +156,17 @@ def _chosen(recording: Recording, columns: Sequence[Mapping[str, Any]] | None) -
                 f"a recording must have at most {MOST_CHANNELS} channels, got {len(found)}: name those to take in columns"
             )
         return found
-    return [(_place(recording, column), column) for column in columns]
+    return [(place_of(recording, column), column) for column in columns]
 
 
-def _place(recording: Recording, column: Mapping[str, Any]) -> int:
+def place_of(recording: Recording, column: Mapping[str, Any]) -> int:
+    """Return the place of the series that a description names.
+
+    Raises
+    ------
+    FormatError
+        For one that the file does not have.
+    """
     name, index = column.get("source"), column.get("index")
     for place, one in enumerate(recording.series):
         if one.name == name if name is not None else one.index == index:
@@ -205,7 +212,7 @@ def _stated_rate(recording: Recording, series: Sequence[Series]) -> float | None
 def _time(recording: Recording, series: Sequence[Series], given: Mapping[str, Any]) -> int | None:
     """Return the place of the instants: as given, or found where no sample rate is given."""
     if given.get("time") is not None:
-        place = _place(recording, given["time"])
+        place = place_of(recording, given["time"])
         _check_lengths([recording.series[place], *series])
         return place
     if "sample_rate" in given or any(one.sample_rate is not None for one in series):

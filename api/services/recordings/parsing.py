@@ -14,7 +14,7 @@ from api.formats import MOST_VALUES, FormatError, Recording, Values, catalogue
 from api.formats.text.txt import lines_of
 from api.services.recordings import raw_samples
 from api.services.recordings.functions import described
-from api.services.recordings.groups import parts_of
+from api.services.recordings.groups import Part, parts_of
 from api.services.recordings.importing import Plan, options, stated
 from api.services.recordings.spooling import Progress, refusing, spooled
 from api.services.recordings.timing import Timing, axis_of, said_of_uneven, timing_of
@@ -170,6 +170,7 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
         return {
             **found,
             "import": plan.document,
+            "groups": [_proposal(part) for part in parts] if len(parts) > 1 else [],
             "header": _header(file, plan.document.get("header_lines", 0)),
             "channels": channels,
             **times,
@@ -179,10 +180,29 @@ def look(body: Mapping[str, Any], *, database: Database, workspace: str, progres
         }
 
 
+def _proposal(part: Part) -> dict[str, Any]:
+    """Return what would be taken of a group: its columns as a description has them, and its time."""
+    document = part.plan.document
+    return {
+        "name": part.name,
+        "sample_rate": part.plan.sample_rate,
+        "sample_count": part.recording.series[part.plan.places[0]].count,
+        **{key: document[key] for key in ("columns", "time") if key in document},
+    }
+
+
 def _without_plan(found: dict[str, Any], recording: Recording, remarks: Sequence[str]) -> dict[str, Any]:
     """Return a look at a file of which no channel is taken."""
     nothing = dict.fromkeys(("import", "sample_rate", "sample_count", "uneven", "start_time"))
-    return {**found, **nothing, "header": [], "channels": [], "scalars": dict(recording.scalars), "remarks": [*remarks]}
+    return {
+        **found,
+        **nothing,
+        "groups": [],
+        "header": [],
+        "channels": [],
+        "scalars": dict(recording.scalars),
+        "remarks": [*remarks],
+    }
 
 
 def _times(recording: Recording, plan: Plan, *, whole: bool) -> dict[str, Any]:

@@ -11,6 +11,8 @@ import scipy.signal
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
+from tests.integration.api.conftest import finished
+from tests.integration.api.documents import sha256
 from tests.integration.api.test_imports import imported, matlab, values
 from tests.unit.api.test_labview_columns import file_of
 
@@ -82,6 +84,48 @@ def test_the_group_that_was_asked_for_is_the_recording_that_was_sent(client):
     assert [group["name"] for group in first["groups"]] == ["slow", "fast"]
     wrong = imported(client, "tdms", tdms_of_two_rates(), group="medium")
     assert "group must be one of the file's (fast, slow), got 'medium'" in wrong["error"]["detail"]
+
+
+def proposed(client, content, *names):
+    """Return what a look at a file finds, and the columns of some names that it proposes, whatever their groups."""
+    where = client.post("/v1/datasets", json={"name": "bench", "format": "tdms"}).headers["Location"]
+    client.put(f"{where}/segments/{sha256(content)}", content=content)
+    job = client.post(f"{where}/preview", json={"segments": [sha256(content)]}).json()["job"]
+    assert finished(client, job)["status"] == "succeeded"
+    look = client.get(f"/v1/jobs/{job['id']}/result").json()
+    return look, [one for group in look["groups"] for one in group["columns"] if one["name"] in names]
+
+
+def test_columns_of_several_groups_are_several_recordings(client):
+    """What a page sends, which names every column: it was refused for their lengths, or held one group alone."""
+    content = tdms_of_two_rates()
+    look, columns = proposed(client, content, "fast/force", "temperature")
+    assert [(one["name"], one["sample_rate"], one["sample_count"]) for one in look["groups"]] == [
+        ("fast", 1000, 1000),
+        ("slow", 10, 77),
+    ]
+    columns[1] |= {"name": "oil", "scale": 2.0, "unit": "K"}
+    first = imported(client, "tdms", content, columns=columns)
+    assert first["status"] == "ready", first["error"]
+    fast, slow = first["groups"]
+    assert (fast["channels"], slow["channels"]) == (["fast/force"], ["oil"])
+    second = client.get(f"/v1/datasets/{slow['dataset_id']}").json()
+    np.testing.assert_allclose(values(client, second, "oil"), 2 * SLOW, rtol=1e-15)
+    assert second["channels"][0]["unit"] == "K"
+
+
+def test_columns_of_one_group_are_one_recording(client):
+    content = tdms_of_two_rates()
+    _, columns = proposed(client, content, "temperature", "slow/force")
+    only = imported(client, "tdms", content, columns=columns)
+    assert (only["status"], only["groups"], only["sample_rate"]) == ("ready", [], 10)
+    np.testing.assert_array_equal(values(client, only, "slow/force"), SWITCH.astype(float))
+
+
+def test_columns_beside_another_group_are_refused(client):
+    _, columns = proposed(client, tdms_of_two_rates(), "temperature")
+    wrong = imported(client, "tdms", tdms_of_two_rates(), columns=columns, group="fast")
+    assert "a column must be one of the file's (fast/force), got 'temperature'" in wrong["error"]["detail"]
 
 
 def test_groups_are_brought_to_one_time_when_that_is_asked_for(client):
