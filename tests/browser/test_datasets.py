@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from contextlib import closing
@@ -10,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from nptdms import ChannelObject, TdmsWriter
 from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.browser.driving import faults
@@ -64,6 +66,85 @@ def test_a_file_of_frequency_responses_is_shown_and_has_modes(page: Page, tmp_pa
     expect(page.get_by_test_id("modes").get_by_role("row").nth(1)).to_contain_text("75.4", timeout=60_000)
     expect(page.get_by_text("As the file has them")).to_be_visible()
     assert faults(page) == []
+
+
+def two_rates() -> bytes:
+    """A force at 1000 samples/s, and a temperature and a switch at 10 samples/s."""
+    target = io.BytesIO()
+    with TdmsWriter(target) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(
+                    "fast", "force", np.sin(np.arange(1000) / 50), {"wf_increment": 1e-3, "unit_string": "N"}
+                ),
+                ChannelObject(
+                    "slow", "temperature", 20 + np.arange(77) / 10, {"wf_increment": 0.1, "unit_string": "degC"}
+                ),
+                ChannelObject("slow", "switch", np.arange(77) % 2, {"wf_increment": 0.1}),
+            ]
+        )
+    return target.getvalue()
+
+
+def test_groups_of_a_file_are_taken_by_their_boxes(page: Page, tmp_path, client) -> None:
+    file = tmp_path / "rates.tdms"
+    file.write_bytes(two_rates())
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    page.get_by_role("button", name="Send").click()
+    page.wait_for_url("**/datasets/ds_*/import**")
+    groups = page.get_by_test_id("import-groups")
+    expect(groups).to_contain_text("1 of 1 channel, 1000 samples, 1000 a second", timeout=90_000)
+    expect(groups).to_contain_text("2 of 2 channels, 77 samples, 10 a second")
+    assert faults(page) == []
+    take = page.get_by_role("checkbox", name="Take temperature")
+    groups.get_by_role("checkbox", name="slow").uncheck()
+    expect(take).not_to_be_checked()
+    groups.get_by_role("checkbox", name="slow").check()
+    expect(take).to_be_checked()
+    page.get_by_role("checkbox", name="Take switch").uncheck()
+    expect(groups).to_contain_text("1 of 2 channels")
+    page.get_by_label("Name of column 2").fill("oil")
+    expect(page).to_have_url(re.compile("1.name=oil"))  # what was changed stands in the address
+    page.reload()
+    expect(groups).to_contain_text("1 of 2 channels", timeout=90_000)
+    page.get_by_role("button", name="Import", exact=True).click()
+    page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
+    groups = page.get_by_role("navigation", name="Groups of the file")
+    expect(groups).to_contain_text("fast", timeout=90_000)
+    expect(page.get_by_text("1000 samples")).to_be_visible(timeout=90_000)
+    assert faults(page) == []
+    first = client.get(f"/v1/datasets/{page.url.rsplit('/', 1)[1]}").json()
+    assert [(one["name"], one["sample_rate"], one["channels"]) for one in first["groups"]] == [
+        ("fast", 1000, ["force"]),
+        ("slow", 10, ["oil"]),
+    ]
+    groups.get_by_role("link", name="slow").click()
+    expect(page.get_by_role("heading", name="rates: slow")).to_be_visible()
+    expect(page.get_by_role("img", name="oil over time")).to_be_visible(timeout=90_000)
+
+
+def test_uneven_instants_are_resampled_where_that_is_chosen(page: Page, tmp_path, client) -> None:
+    times = np.cumsum(np.random.default_rng(5).uniform(0.6, 1.4, size=300)) / 100
+    file = tmp_path / "uneven.csv"
+    file.write_text("time [s],x [mm]\n" + "".join(f"{t:.6f},{math.sin(t):.6f}\n" for t in times))
+    page.goto("/datasets")
+    page.locator("input[type=file]").set_input_files(file)
+    page.get_by_role("button", name="Send").click()
+    page.wait_for_url("**/datasets/ds_*/import**")
+    expect(page.get_by_text("300 samples at uneven instants")).to_be_visible(timeout=90_000)
+    page.get_by_label("Uneven instants").select_option("resample")
+    page.get_by_role("button", name="Import", exact=True).click()
+    expect(page.get_by_label("Resampled to")).to_have_attribute("aria-invalid", "true")
+    page.get_by_label("Resampled to").fill("200")
+    page.get_by_label("Between them").select_option("cubic")
+    assert faults(page) == []
+    page.get_by_role("button", name="Import", exact=True).click()
+    page.wait_for_url(re.compile(r"/datasets/ds_\w+$"))
+    where = f"/v1/datasets/{page.url.rsplit('/', 1)[1]}"
+    expect(page.get_by_role("img", name="x over time")).to_be_visible(timeout=90_000)
+    made = client.get(where).json()
+    assert (made["status"], made["sample_rate"], made["uneven"]) == ("ready", 200, False)
 
 
 def test_a_text_file_is_understood_imported_and_looked_at(page: Page, tmp_path, client) -> None:

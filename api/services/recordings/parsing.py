@@ -188,6 +188,7 @@ def _proposal(part: Part) -> dict[str, Any]:
         "sample_rate": part.plan.sample_rate,
         "sample_count": part.recording.series[part.plan.places[0]].count,
         **{key: document[key] for key in ("columns", "time") if key in document},
+        "first": [listed(numbers(_first(part.recording, place)[:_LOOK_ROWS])) for place in part.plan.places],
     }
 
 

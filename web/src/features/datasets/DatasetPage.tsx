@@ -1,4 +1,4 @@
-import { Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
+import { Anchor, Button, Group, MultiSelect, NativeSelect, SimpleGrid, Stack, Text, Title, useComputedColorScheme } from "@mantine/core";
 import { keepPreviousData, useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -123,6 +123,22 @@ export function DatasetPage() {
               t("datasets.open")
             )}
           </Text>
+        )}
+        {dataset.data.groups.length > 1 && (
+          <Group gap="xs" component="nav" aria-label={t("datasets.groupsOf")}>
+            <Text fz="sm">{t("datasets.groupsOf")}</Text>
+            {dataset.data.groups.map((group) =>
+              group.dataset_id === id ? (
+                <Text key={group.dataset_id} fz="sm" fw={700} aria-current="page">
+                  {group.name}
+                </Text>
+              ) : (
+                <Anchor key={group.dataset_id} component={Link} to={`/datasets/${group.dataset_id}`} fz="sm">
+                  {group.name}
+                </Anchor>
+              ),
+            )}
+          </Group>
         )}
         {ready && dataset.data.functions.length > 0 && <Functions id={id} functions={dataset.data.functions} />}
         {ready && names.length > 0 && (

@@ -2,7 +2,7 @@ import { zodResolver } from "@hookform/resolvers/zod";
 import { Alert, Button, Checkbox, Group, List, NativeSelect, NumberInput, Paper, Progress, Stack, Table, Text, TextInput } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useEffect } from "react";
-import { Controller, useForm } from "react-hook-form";
+import { Controller, FormProvider, useForm } from "react-hook-form";
 import { useTranslation } from "react-i18next";
 import { Link, useNavigate, useParams, useSearchParams } from "react-router";
 import { api, must } from "@/shared/api/client";
@@ -15,7 +15,8 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, prettyUnit } from "@/shared/units/format";
 import { FunctionTable, type FunctionHead } from "./Functions";
-import { fieldsOf, importOf, importSchema, isTable, layoutOf, readDraft, writeDraft, type ImportDocument, type ImportFields, type Look } from "./importing";
+import { GroupBoxes, UnevenFields } from "./ImportParts";
+import { fieldsOf, firstOf, importOf, importSchema, isTable, layoutOf, readDraft, writeDraft, type ImportDocument, type ImportFields, type Look } from "./importing";
 import { datasetQuery } from "./recording";
 import { forgetManifest, manifestOf, type Manifest } from "./upload";
 
@@ -164,14 +165,11 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
   const place = (i: number) => columns.slice(0, i).filter((column) => column.take).length;
   const wrongCell = (i: number, key: "name" | "unit" | "scale" | "offset" | "quantity") => faultAt(t, form, columns[i]!.take ? problem : null, `columns.${i}.${key}`, `/import/columns/${place(i)}/${key}`);
   const wrong = (key: Exclude<keyof ImportFields, "columns">, pointer: string) => faultAt(t, form, problem, key, pointer);
-  const shown = ["/import/delimiter", "/import/decimal", "/import/thousands", "/import/comment", "/import/header_lines", "/import/missing", "/import/time", "/import/sample_rate", "/import/gaps", "/import/time_zone", ...columns.flatMap((column, i) => (column.take ? ["name", "unit", "scale", "offset", "quantity"].map((key) => `/import/columns/${place(i)}/${key}`) : []))];
+  const shown = ["/import/delimiter", "/import/decimal", "/import/thousands", "/import/comment", "/import/header_lines", "/import/missing", "/import/time", "/import/sample_rate", "/import/gaps", "/import/uneven", "/import/time_zone", ...columns.flatMap((column, i) => (column.take ? ["name", "unit", "scale", "offset", "quantity"].map((key) => `/import/columns/${place(i)}/${key}`) : []))];
   const number = (name: `columns.${number}.scale` | `columns.${number}.offset`, label: string, error: string | undefined) => <Controller control={control} name={name} render={({ field }) => <NumberInput size="xs" w={100} aria-label={label} hideControls value={Number.isNaN(field.value) ? "" : field.value} onChange={(value) => field.onChange(value === "" ? NaN : Number(value))} error={error} classNames={{ input: "numbers" }} />} />;
-  const taken = look.import?.columns ?? [];
-  const sample = (index: number) => {
-    const at = taken.findIndex((column) => (column.index ?? look.series.find((one) => one.name === column.source)?.index) === index);
-    return at < 0 ? "" : (look.channels[at]?.first ?? []).slice(0, 3).map((value) => (value === null ? "–" : formatNumber(value))).join("   ");
-  };
+  const sample = (index: number) => firstOf(look, index).slice(0, 3).map((value) => (value === null ? "–" : formatNumber(value))).join("   ");
   return (
+    <FormProvider {...form}>
     <form onSubmit={(event) => void handleSubmit((fields) => commit.mutate(fields))(event)} noValidate data-testid="import">
       <Stack gap="md">
         {look.sample_count !== null && (
@@ -222,6 +220,7 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
             {watch("time") !== "" && <NativeSelect size="xs" label={t("importing.order")} {...register("order")} data={(["", "ymd", "mdy", "dmy"] as const).map((value) => ({ value, label: t(`importing.orders.${value || "none"}`) }))} />}
             <Controller control={control} name="sample_rate" render={({ field }) => <NumberInput size="xs" w={150} label={t("datasets.rate")} hideControls suffix=" 1/s" value={field.value ?? ""} onChange={(value) => field.onChange(value === "" ? undefined : Number(value))} error={wrong("sample_rate", "/import/sample_rate")} />} />
             <NativeSelect size="xs" label={t("importing.gaps")} {...register("gaps")} data={(["fill", "close"] as const).map((value) => ({ value, label: t(`importing.gapKinds.${value}`) }))} />
+            <UnevenFields wrong={wrong} />
             <TextInput w={170} label={t("schedules.zone")} {...register("time_zone")} error={wrong("time_zone", "/import/time_zone")} />
           </Group>
           {table && (
@@ -230,6 +229,7 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
             </Button>
           )}
         </Paper>
+        <GroupBoxes look={look} />
         <Table.ScrollContainer minWidth={900}>
           <Table>
             <Table.Thead>
@@ -252,6 +252,11 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
                   </Table.Td>
                   <Table.Td>
                     {column.label} {look.series[i]?.unit ? `[${prettyUnit(look.series[i].unit)}]` : ""}
+                    {column.group !== "" && (
+                      <Text fz="xs" c="dimmed">
+                        {column.group}
+                      </Text>
+                    )}
                     {/* Of a table of text only the beginning has been read: how many there are is not known yet. */}
                     {!!look.series[i]?.sample_count && (
                       <Text fz="xs" c="dimmed">
@@ -295,5 +300,6 @@ function Mapping({ id, manifest, look, onLook }: { id: string; manifest: Manifes
         </Group>
       </Stack>
     </form>
+    </FormProvider>
   );
 }

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { frfRequest, frfSchema, readFrf, writeFrf } from "./frf";
 import { withParameters } from "@/shared/forms/address";
-import { fieldsOf, importOf, importSchema, layoutOf, readDraft, writeDraft, type Look } from "./importing";
+import { fieldsOf, firstOf, groupsOf, importOf, importSchema, layoutOf, readDraft, withGroup, writeDraft, type Look } from "./importing";
 import { drawnOf, stretchOf, usualSegment } from "./recording";
 
 const look: Look = {
@@ -11,7 +11,7 @@ const look: Look = {
     { index: 2, name: "Count", sample_count: 5, unit: "", role: "counter" },
   ],
   refused: {},
-  import: { delimiter: ";", decimal: ",", thousands: ".", comment: "#", header_lines: 2, missing: ["", "NaN"], allow_truncated: false, columns: [{ index: 1, name: "force", unit: "kN", scale: 0.5, offset: 0, quantity: "" }], time: { index: 0, unit: "s" }, gaps: "fill", time_zone: "UTC" },
+  import: { delimiter: ";", decimal: ",", thousands: ".", comment: "#", header_lines: 2, missing: ["", "NaN"], allow_truncated: false, columns: [{ index: 1, name: "force", unit: "kN", scale: 0.5, offset: 0, quantity: "" }], time: { index: 0, unit: "s" }, gaps: "fill", uneven: "keep", time_zone: "UTC" },
   channels: [{ name: "force", unit: "kN", first: [1, 2, 3] }],
   sample_rate: 1000,
   sample_count: 5,
@@ -102,4 +102,42 @@ it("draws the channels that are chosen, or the first ones", () => {
   const names = Array.from({ length: 12 }, (_, i) => `c${i}`);
   expect(drawnOf(new URLSearchParams(), names)).toEqual(names.slice(0, 8));
   expect(drawnOf(new URLSearchParams("show=c11&show=c3&show=gone"), names)).toEqual(["c3", "c11"]);
+});
+
+const column = (source: string, name: string) => ({ source, name, unit: "N", quantity: "", scale: 1, offset: 0 });
+const grouped: Look = {
+  ...look,
+  series: [
+    { index: 0, name: "fast/force", sample_count: 1000, unit: "N", role: "channel" },
+    { index: 1, name: "temperature", sample_count: 77, unit: "degC", role: "channel" },
+    { index: 2, name: "slow/force", sample_count: 77, unit: "N", role: "channel" },
+  ],
+  import: { columns: [column("fast/force", "force")], sample_rate: 1000, gaps: "fill", time_zone: "UTC", group: "fast" },
+  groups: [
+    { name: "fast", sample_rate: 1000, sample_count: 1000, columns: [column("fast/force", "force")], first: [[1, 2]] },
+    { name: "slow", sample_rate: 10, sample_count: 77, columns: [column("temperature", "oil"), column("slow/force", "force")], first: [[20], [5]] },
+  ],
+};
+
+it("takes all groups of a file, some of them, or some channels of one", () => {
+  const fields = fieldsOf(grouped);
+  expect(importSchema.safeParse(fields).success).toBe(true); // names may be those of another group
+  expect(importOf(fields, false).columns?.map(({ index, name }) => [index, name])).toEqual([[0, "force"], [1, "oil"], [2, "force"]]);
+  expect(importOf(fields, false)).not.toHaveProperty("group");
+  expect(importOf(fields, false).sample_rate).toBe(1000);
+  const slow = { ...fields, columns: withGroup(fields.columns, "fast", false) };
+  expect(importOf(slow, false).columns?.map(({ index }) => index)).toEqual([1, 2]);
+  expect(importOf(slow, false)).not.toHaveProperty("sample_rate"); // it is that of the group that is left out
+  const some = { ...fields, columns: fields.columns.map((column) => (column.index === 1 ? { ...column, take: false } : column)) };
+  expect(groupsOf(grouped, some.columns).map(({ name, channels, taken }) => [name, channels, taken])).toEqual([["fast", 1, 1], ["slow", 2, 1]]);
+  expect(firstOf(grouped, 2)).toEqual([5]);
+});
+
+it("keeps uneven instants, or resamples them to a rate that it asks for", () => {
+  const fields = fieldsOf({ ...look, import: { ...look.import, uneven: { resample: { rate: 500, method: "cubic" } } } });
+  expect(importOf(fields, true).uneven).toEqual({ resample: { rate: 500, method: "cubic" } });
+  const asked = importSchema.safeParse({ ...fields, uneven_rate: undefined });
+  expect(asked.error?.issues.map((issue) => [issue.path.join("."), issue.message])).toEqual([["uneven_rate", "forms.required"]]);
+  expect(importOf({ ...fields, uneven: "keep" }, true).uneven).toBe("keep");
+  expect(importOf({ ...fields, time: "" }, true)).not.toHaveProperty("uneven");
 });
