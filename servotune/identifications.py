@@ -51,7 +51,8 @@ class Identifications:
             `"band_limited"` (behind an anti-aliasing filter); otherwise all three are tried (`"auto"`) and the best is taken.
         experiments : sequence, optional
             Several recordings in place of it: `{"dataset": ..., "inputs": ..., "outputs": ..., "parameters": {"load": 5}}`, the
-            parameters being what is known of this one alone, and `split`, `estimation`, `validation` its parts.
+            parameters being what is known of this one alone, and `split`, `estimation`, `validation` its parts where they are not
+            those of all.
         frequency_responses : sequence, optional
             Measured frequency responses beside recordings, or in place of them:
             `{"dataset": ..., "inputs": {"u": ...}, "outputs": ..., "segment": 2.0, "band": ["1 Hz", "50 Hz"]}`, or `{"frf": ...}` with

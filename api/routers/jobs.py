@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
@@ -18,7 +19,7 @@ from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respo
 from api.problems import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
-from api.schemas.replies import JobReply, Page
+from api.schemas.replies import ExpectedReply, JobReply, Page
 from api.services.identifications import direct_identifications, identifications
 from api.services.jobs import jobs
 from api.services.optimizations import optimizations, scripts
@@ -45,8 +46,21 @@ def optimize(request: OptimizationRequest, caller: Runner, service: Installation
     return creation.create(work)
 
 
-@router.post("/identifications", status_code=202, response_model=JobReply, summary="Identify parameters")
-def identify(request: AnyIdentification, caller: Runner, service: InstallationDep, creation: CreationDep) -> Response:
+@router.post(
+    "/identifications",
+    status_code=202,
+    response_model=JobReply,
+    responses={200: {"model": ExpectedReply, "description": "dry_run: what it would take; nothing is started"}},
+    summary="Identify parameters",
+)
+def identify(
+    request: AnyIdentification,
+    caller: Runner,
+    service: InstallationDep,
+    creation: CreationDep,
+    *,
+    dry_run: Annotated[bool, Query(description="only tell what it would take")] = False,
+) -> Response:
     """Prove that the recording and what is asked of it fit together, then hand them to a worker.
 
     With a system its parameters are estimated (`grey_box`). Without one, `subspace` and `transfer_function` make a model,
@@ -54,10 +68,14 @@ def identify(request: AnyIdentification, caller: Runner, service: InstallationDe
     """
     if isinstance(request, IdentificationRequest):
         prepared = identifications.prepare(service, caller, request)
+        if dry_run:
+            return respond(answer({"expected": asdict(prepared.cost), "warnings": prepared.warnings()}))
         return creation.create(
             lambda session: _accepted(identifications.submit(service, session, caller, request, prepared))
         )
     direct_identifications.prepare(service, caller, request)
+    if dry_run:
+        return respond(answer({"expected": None, "warnings": []}))
     return creation.create(lambda session: _accepted(direct_identifications.submit(service, session, caller, request)))
 
 

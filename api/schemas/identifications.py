@@ -39,6 +39,10 @@ def _path_or_document(value: Any) -> str:
     return "path" if isinstance(value, str) else "document"
 
 
+_PARTS = {"split", "estimation", "validation"}
+"""What says which part of a recording estimates and which validates; beside experiments it is about those that say nothing of it."""
+
+
 ParameterChoice = Annotated[
     Annotated[Path, Tag("path")] | Annotated[IdentifiedParameter, Tag("document")], Discriminator(_path_or_document)
 ]
@@ -137,10 +141,12 @@ class IdentificationRequest(Document):
             raise ValueError(
                 f"must have dataset, inputs and outputs, or experiments, or frequency_responses; {missing} is missing"
             )
-        windows = [name for name in ("estimation", "validation") if getattr(self, name) is not None]
-        windows += ["split"] if "split" in self.model_fields_set else []
-        if self.experiments is not None and (given or windows):
-            raise ValueError(f"must have {(given + windows)[0]} in each of its experiments, not beside them")
+        if self.experiments is not None and given:
+            raise ValueError(f"must have {given[0]} in each of its experiments, not beside them")
+        for experiment in self.experiments or ():
+            if not _PARTS & experiment.model_fields_set:
+                for part in sorted(_PARTS & self.model_fields_set):
+                    setattr(experiment, part, getattr(self, part))
         return self
 
 

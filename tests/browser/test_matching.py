@@ -89,6 +89,9 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     assert faults(page) == []
     page.get_by_role("textbox", name="At most, tau").fill("1")
     page.get_by_role("textbox", name="At most, tau").press("Enter")
+    page.get_by_role("button", name="What will it take?").click()
+    expect(page.get_by_test_id("expected")).to_contain_text(re.compile(r"About \d+ simulations, [\d.]+ s on one core"))
+    assert faults(page) == []
     page.get_by_role("button", name="Find the values").click()
     page.wait_for_url("**/jobs/job_*")
     job = page.url.rsplit("/", 1)[1]
@@ -97,6 +100,7 @@ def test_a_model_fails_is_identified_and_passes(page: Page, client, system, reco
     lower, upper = (float(text) for text in row.get_by_role("cell").nth(2).inner_text().split(" … "))
     assert lower < TAU < upper
     expect(page.get_by_test_id("correlation")).to_be_visible()
+    expect(page.get_by_test_id("effort")).to_contain_text("Expected were about")
     expect(page.get_by_test_id("fits")).to_contain_text("where it was not")
     assert faults(page) == []
     page.get_by_role("button", name="Save as revision").click()

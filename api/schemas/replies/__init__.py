@@ -37,7 +37,7 @@ from api.schemas.replies.influence import (
     PredictionReply,
     Strongest,
 )
-from api.schemas.replies.jobs import JobReply, KeptResult, ResultHead
+from api.schemas.replies.jobs import ExpectedReply, JobReply, KeptResult, ResultHead
 from api.schemas.replies.studies import (
     Crossing,
     FrequencyReply,
@@ -60,6 +60,7 @@ __all__ = [
     "DatasetReply",
     "ElasticityReply",
     "ElementEntry",
+    "ExpectedReply",
     "FaultReply",
     "FitReply",
     "FrequencyReply",

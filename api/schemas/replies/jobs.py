@@ -37,6 +37,21 @@ class JobReply(Reply):
     warnings: list[WarningReply]
 
 
+class ExpectedCost(Reply):
+    """What a search will take, right within a factor of three."""
+
+    evaluations: int = Field(description="simulations of everything with its slopes; further starts are not counted")
+    seconds: float = Field(description="on one core, s")
+    bytes: float
+
+
+class ExpectedReply(Reply):
+    """What a job that was not started would take, and what it would warn of."""
+
+    expected: ExpectedCost | None = Field(description="null where it takes no search")
+    warnings: list[WarningReply]
+
+
 class ResultHead(Reply):
     """A kept result as it is listed."""
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from api.schemas.replies import ExpectedReply
 from tests.integration.api.conftest import finished
 from tests.integration.api.documents import LAG, upload
 
@@ -93,6 +94,40 @@ def test_two_experiments_with_gains_of_their_own_give_one_time_constant(client, 
     assert found["fit"]["validation"]["y"]["fit_percent"] > 99
     assert found["datasets"] == [first, second]
     assert set(found["one_step_prediction"]) == {"y"}
+
+
+def test_a_split_beside_experiments_is_that_of_those_that_say_none(client, sqlite_worker, recordings) -> None:
+    """It was refused; a search with the same split in each gives the same values to the last digit."""
+    first, second = recordings
+    of_one = [
+        {"dataset": dataset, **CHANNELS, "parameters": {"k": gain}} for dataset, gain in ((first, 3.0), (second, 6.0))
+    ]
+    common = {"system": SYSTEM, "parameters": ["tau"], "offsets": "estimate"}
+    beside = result(client, {**common, "experiments": of_one, "split": 0.3})
+    within = result(client, {**common, "experiments": [{**one, "split": 0.3} for one in of_one]})
+    assert beside["windows"] == within["windows"]
+    assert beside["parameters"] == within["parameters"]
+    own = [{**of_one[0], "estimation": [0.0, 1.0]}, of_one[1]]
+    mixed = result(client, {**common, "experiments": own, "split": 0.3})
+    assert mixed["windows"]["estimation"] == [0.0, 1.0]
+
+
+def test_what_an_identification_takes_is_told_without_starting_it(client, long_search) -> None:
+    before = client.get("/v1/jobs", params={"kind": "identification"}).json()["items"]
+    reply = client.post("/v1/identifications", params={"dry_run": True}, json=long_search)
+    assert reply.status_code == 200, reply.text
+    told = ExpectedReply.model_validate(reply.json())
+    assert told.expected is not None
+    assert told.expected.seconds > 60
+    assert "simulations" in told.warnings[0].detail
+    direct = {"method": "static_curve", "dataset": long_search["dataset"], "input": "u", "output": "y"}
+    assert client.post("/v1/identifications", params={"dry_run": True}, json=direct).json() == {
+        "expected": None,
+        "warnings": [],
+    }
+    wrong = client.post("/v1/identifications", params={"dry_run": True}, json={**long_search, "parameters": ["none"]})
+    assert wrong.status_code == 422
+    assert client.get("/v1/jobs", params={"kind": "identification"}).json()["items"] == before
 
 
 @pytest.fixture(scope="module")

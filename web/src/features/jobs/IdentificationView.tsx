@@ -24,6 +24,11 @@ export function IdentificationView({ id, result }: { id: string; result: Identif
       <Alert color={result.status === "converged" ? "green" : "orange"} variant="outline" title={t(`jobs.outcome.${result.status}`, result.status)}>
         {result.advice}
       </Alert>
+      {result.expected && (
+        <Text fz="xs" c="dimmed" data-testid="effort">
+          {t("found.effort", { expected: result.expected.evaluations, of: formatNumber(result.expected.seconds, 2), evaluations: result.evaluations, seconds: formatNumber(result.seconds ?? 0, 2) })}
+        </Text>
+      )}
       <Actions id={id} result={result} values={values} />
       {sought.length > 0 && (
         <section>

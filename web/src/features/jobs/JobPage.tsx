@@ -1,4 +1,4 @@
-import { Button, Code, Group, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
+import { Alert, Button, Code, Group, List, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
@@ -58,6 +58,15 @@ export function JobPage() {
       <Stack gap="md">
         <ProblemAlert error={cancel.error ?? result.error} />
         {job.data.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(job.data.error as object) })} />}
+        {running && job.data.warnings.length > 0 && (
+          <Alert color="orange" variant="outline" title={t("jobs.warned")} data-testid="warned">
+            <List size="sm">
+              {job.data.warnings.map(({ detail }) => (
+                <List.Item key={detail}>{detail}</List.Item>
+              ))}
+            </List>
+          </Alert>
+        )}
         {running && (
           <section aria-live="polite">
             <Progress value={100 * (followed.progress ?? job.data.progress)} size="lg" aria-label={t("jobs.progress")} animated />

@@ -77,6 +77,10 @@ export interface IdentificationResult {
   residuals?: Record<string, { white: boolean; independent: boolean; autocorrelation: (number | null)[]; autocorrelation_bound: number | null }>;
   between_samples?: { chosen: string; tried: Record<string, { fit_percent: number | null }> } | null;
   warnings?: { pointer: string; detail: string }[];
+  /** What the search was to take, and what it took. */
+  expected?: { evaluations: number; seconds: number; bytes: number };
+  evaluations?: number;
+  seconds?: number;
   /** Of a model that was made without a document. */
   tried?: { order?: number; degree?: number; estimation?: number | null; validation: number | null }[];
   order?: number;

@@ -6,6 +6,7 @@ import { useTranslation } from "react-i18next";
 import { useNavigate } from "react-router";
 import { z } from "zod";
 import { api, must } from "@/shared/api/client";
+import type { components } from "@/shared/api/schema";
 import { isProblem } from "@/shared/api/problem";
 import { scheduleAt } from "@/shared/api/schedules";
 import { readFields, writeFields } from "@/shared/forms/address";
@@ -21,7 +22,7 @@ import { useQueryText } from "@/shared/ui/useQueryText";
 import { placesOf, readKnown, readMore, readSought, recordingsOf, writeMore, writeSought } from "./address";
 import { FurtherRecordings } from "./FurtherRecordings";
 import { MatchFields, type Matched } from "./MatchFields";
-import { OffsetsSelect, StartButtons } from "./parts";
+import { ExpectedCost, OffsetsSelect, StartButtons } from "./parts";
 
 const scalar = z.union([z.number(), z.object({ value: z.number(), unit: z.string() })]).optional();
 const schema = z.object({
@@ -34,6 +35,7 @@ const schema = z.object({
   max_evaluations: z.number("forms.number").int("forms.whole").min(1, "forms.positive"),
 });
 type Fields = z.infer<typeof schema>;
+type Expected = components["schemas"]["ExpectedReply"];
 
 const BEGIN = { split: 0.5, offsets: "none", initial_states: "rest", starts: 1, known: "", max_evaluations: 60 } as const satisfies Omit<Fields, "parameters">;
 const { parameters: _, ...SHAPE } = schema.shape;
@@ -72,7 +74,9 @@ export function GreyBoxForm({ found }: { found: Matched }) {
       void navigate(`/jobs/${job.id}`);
     },
   });
-  const problem = isProblem(start.error) ? start.error : null;
+  const ask = useMutation({ onMutate: () => start.reset(), mutationFn: (fields: Fields) => must(api.POST("/v1/identifications", { params: { query: { dry_run: true } }, body: bodyOf(fields) as never })) as unknown as Promise<Expected> });
+  const failed = start.error ?? ask.error;
+  const problem = isProblem(failed) ? failed : null;
   // With several recordings the first one is an experiment, too.
   const wrong = (pointer: string) => problem?.at(pointer) ?? problem?.at(`/experiments/0${pointer}`);
   const own = (field: keyof Fields, factor?: number) => faultAt(t, form, null, field, undefined, factor) ?? wrong(`/${field}`);
@@ -125,8 +129,9 @@ export function GreyBoxForm({ found }: { found: Matched }) {
               <NumberField control={control} name="starts" w={110} label={t("matching.starts")} description={t("matching.startsDoc")} error={own("starts")} />
               <NumberField control={control} name="max_evaluations" w={130} label={t("matching.budget")} description={t("matching.budgetDoc")} error={own("max_evaluations")} />
             </Group>
-            <ProblemAlert error={start.error} shown={shown} />
-            <StartButtons go={t("matching.find")} busy={start.isPending} onSchedule={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.identify"), { kind: "identification", body: bodyOf(fields) })))()} />
+            <ProblemAlert error={failed} shown={shown} />
+            {ask.data && <ExpectedCost {...ask.data} />}
+            <StartButtons go={t("matching.find")} busy={start.isPending} onAsk={() => void handleSubmit((fields) => ask.mutate(fields))()} asking={ask.isPending} onSchedule={() => void handleSubmit((fields) => navigate(scheduleAt(t("matching.identify"), { kind: "identification", body: bodyOf(fields) })))()} />
           </>
         )}
         {!ready && found.match.system !== "" && found.match.dataset !== "" && !found.error && <Text fz="sm">…</Text>}
