@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import os
 from ipaddress import IPv4Network, IPv6Network
 from typing import Literal
@@ -99,6 +100,11 @@ class Settings(BaseSettings):
     def secret_keys(self) -> tuple[str, ...]:
         """The keys that encrypt (the first one) and decrypt secrets in the database."""
         return _keys_of(self.secret_key)
+
+    @property
+    def job_plan(self) -> float:
+        """Bytes that a job may be expected to need before it begins: half of what it may have, for expectations are rough."""
+        return self.job_memory / 2 or math.inf
 
     @property
     def encrypted(self) -> bool:

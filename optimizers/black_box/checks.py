@@ -11,21 +11,25 @@ import numpy as np
 from optimizers.black_box.thinning import thinned
 from optimizers.problem import ProblemError
 from optimizers.recorded.recording import RecordedExperiment
+from optimizers.search.limits import MOST_BYTES
 
 Method = Literal["subspace", "transfer_function"]
 
 MOST_ORDER: Final = 20
 MOST_DELAYS: Final = 2500
 """Samples; no more than a quarter of what estimates, either."""
-MOST_BYTES: Final = 4e9
-"""What is refused: a worker that needs more ends by the system's hand, without an answer."""
 _SAMPLES_PER_COEFFICIENT: Final = 10
 _ARRAYS: Final = 3
 """Tables that are in memory at once."""
 
 
 def checked(
-    experiment: RecordedExperiment, method: Method, orders: Sequence[int], largest_delay: float
+    experiment: RecordedExperiment,
+    method: Method,
+    orders: Sequence[int],
+    largest_delay: float,
+    *,
+    most_bytes: float = MOST_BYTES,
 ) -> tuple[RecordedExperiment, int]:
     """Return the recording as it is used, and of how many samples each of its samples is the mean.
 
@@ -53,11 +57,13 @@ def checked(
             if part.stop > part.start and np.ptp(signal[part]) == 0:
                 raise ProblemError(f"{name} must vary in the estimation window, got a constant", at=(kind, name))
     used, together = thinned(experiment)
-    _check_size(used, method, orders, largest_delay)
+    _check_size(used, method, orders, largest_delay, most_bytes)
     return used, together
 
 
-def _check_size(experiment: RecordedExperiment, method: Method, orders: Sequence[int], largest_delay: float) -> None:
+def _check_size(
+    experiment: RecordedExperiment, method: Method, orders: Sequence[int], largest_delay: float, most_bytes: float
+) -> None:
     recording, window = experiment.recording, experiment.windows[0]
     part = slice(0, 0) if window is None else recording.within(window)
     samples, h, order = max(part.stop - part.start, 0), recording.sample_time, max(orders)
@@ -77,9 +83,9 @@ def _check_size(experiment: RecordedExperiment, method: Method, orders: Sequence
         3 * order + 3 if method == "transfer_function" else outputs * (order * (inputs + 1) + outputs * inputs + 1)
     )
     room_needed = 8.0 * samples * columns * _ARRAYS
-    if room_needed > MOST_BYTES:
+    if room_needed > most_bytes:
         raise ProblemError(
-            f"orders must be so low that their regressions fit into {MOST_BYTES / 1e9:g} GB, order {order} of {samples:,} samples "
+            f"orders must be so low that their regressions fit into {most_bytes / 1e9:.3g} GB, order {order} of {samples:,} samples "
             f"needs about {room_needed / 1e9:.2g} GB: ask for lower orders, or a shorter estimation",
             at=("orders",),
         )

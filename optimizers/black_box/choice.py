@@ -23,7 +23,7 @@ from optimizers.estimation.noise import fitted
 from optimizers.estimation.tall import triangle
 from optimizers.problem import ProblemError
 from optimizers.recorded.recording import RecordedExperiment
-from optimizers.search.limits import Limited
+from optimizers.search.limits import MOST_BYTES, Limited
 from optimizers.search.result import Monitor, Status, Unwatched
 
 Samples = npt.NDArray[np.float64]
@@ -101,6 +101,7 @@ def black_box(
     largest_delay: float = 0.0,
     offsets: bool = True,
     monitor: Monitor | None = None,
+    most_bytes: float = MOST_BYTES,
 ) -> BlackBox:
     """Return a model without a diagram.
 
@@ -116,6 +117,8 @@ def black_box(
         s; a transfer function is tried with every delay of whole samples up to it.
     offsets : bool
         Whether each output has an unknown constant.
+    most_bytes : float
+        Regressions that need more are refused.
     monitor : Monitor, optional
 
     Raises
@@ -125,7 +128,10 @@ def black_box(
     """
     began = time.perf_counter()
     watch = monitor or Unwatched()
-    recorded, (experiment, together) = experiment, checked(experiment, method, orders, largest_delay)
+    recorded, (experiment, together) = (
+        experiment,
+        checked(experiment, method, orders, largest_delay, most_bytes=most_bytes),
+    )
     case = _Case(experiment, offsets=offsets)
     candidates: list[tuple[Tried, Discrete, int, Samples]] = []
     tried = []

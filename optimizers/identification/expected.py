@@ -16,9 +16,8 @@ from engine.model.between_samples import tried as every_way
 from engine.model.traced import UnsuitableError
 from optimizers.problem import ProblemError
 from optimizers.recorded.recording import Identification
+from optimizers.search.limits import MOST_BYTES
 
-MOST_BYTES: Final = 4e9
-"""What is refused: a worker that needs more ends by the system's hand, without an answer."""
 _LINEAR: Final = 6e-7
 """Seconds for each sample and neighbour of a model in straight formulas,"""
 _MARCHED: Final = 2.2e-6
@@ -50,13 +49,13 @@ class Expected:
     bytes: float
 
 
-def expected(problem: Identification) -> Expected:
+def expected(problem: Identification, *, most_bytes: float = MOST_BYTES) -> Expected:
     """Return what an identification will take.
 
     Raises
     ------
     ProblemError
-        For more memory than a worker has.
+        For more memory than ``most_bytes``.
     """
     diagram, experiments = problem.diagram, problem.experiments
     states = diagram.laws().states if problem.initial_states and diagram.nonlinear else 0
@@ -74,9 +73,9 @@ def expected(problem: Identification) -> Expected:
     arrays = _ARRAYS_OF_SPLINES if splines else _ARRAYS
     longest = max((e.recording.samples * len(e.recording.outputs) for e in experiments), default=0)
     room = 8.0 * lanes * (longest * arrays + 3 * samples)
-    if room > MOST_BYTES:
+    if room > most_bytes:
         raise ProblemError(
-            f"samples x parameters must fit into {MOST_BYTES / 1e9:g} GB, {samples:,} samples with {lanes - 1} parameters and "
+            f"samples x parameters must fit into {most_bytes / 1e9:.3g} GB, {samples:,} samples with {lanes - 1} parameters and "
             f"initial states need about {room / 1e9:.2g} GB: estimate fewer at once, from a shorter recording, or from one that is "
             "decimated",
             at=("parameters",),

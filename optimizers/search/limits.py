@@ -9,10 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from engine.model.interruption import inside
 from optimizers.search.result import Keeper, Monitor, Result, Status
+
+MOST_BYTES: Final = 4e9
+"""What a search may be expected to need unless it is said otherwise: a worker that needs more than it has ends without an answer."""
 
 _FOR_THE_PROOF = 0.2
 """Part of the time that is left for the proof."""

@@ -22,6 +22,7 @@ from api.services.jobs import jobs
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import read_recording
 from api.services.recordings.recordings import check_lengths
+from api.settings import Settings
 from optimizers.black_box import black_box, checked
 from optimizers.estimation.inverse_dynamics import drive_parameters
 from optimizers.estimation.static_curve import static_curve
@@ -45,7 +46,8 @@ def prepare(service: Installation, caller: Caller, request: DirectRequest) -> No
     read = _Read(request, service.database, caller.workspace)
     if isinstance(request, BlackBoxRequest):
         experiment, settings = black_box_from_wire(request, read.channels, read.sample_time)
-        checked(experiment, settings["method"], settings["orders"], settings["largest_delay"])
+        room = service.settings.job_plan
+        checked(experiment, settings["method"], settings["orders"], settings["largest_delay"], most_bytes=room)
     elif isinstance(request, InverseDynamicsRequest):
         drive_from_wire(request, read.channels, read.sample_time)
 
@@ -64,7 +66,7 @@ def run(
     read = _Read(request, database, workspace)
     if isinstance(request, BlackBoxRequest):
         experiment, settings = black_box_from_wire(request, read.channels, read.sample_time)
-        model = black_box(experiment, monitor=Limited(monitor, seconds), **settings)
+        model = black_box(experiment, monitor=Limited(monitor, seconds), most_bytes=Settings().job_plan, **settings)
         found, said = black_box_to_wire(model), list(model.warnings)
     elif isinstance(request, InverseDynamicsRequest):
         recording, treatment, terms = drive_from_wire(request, read.channels, read.sample_time)

@@ -20,6 +20,7 @@ from api.services.jobs import jobs
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.recordings import recording_of
 from api.services.systems.systems import Subject, compiled, subject_of
+from api.settings import Settings
 from engine.diagram.diagram import Diagram
 from optimizers.identification import Expected, expected, identify
 from optimizers.recorded.recording import Identification, Recording
@@ -62,7 +63,7 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
     """
     subject = subject_of(service, caller, request.system)
     problem = _problem(request, subject.diagram, service.database, caller.workspace)
-    return Prepared(subject=subject, cost=expected(problem))
+    return Prepared(subject=subject, cost=expected(problem, most_bytes=service.settings.job_plan))
 
 
 def submit(
@@ -92,7 +93,7 @@ def run(
     request = IdentificationRequest.model_validate(body["request"])
     diagram = compiled(body["request"]["system"], place=("system",))
     problem = _problem(request, diagram, database, workspace)
-    cost = expected(problem)
+    cost = expected(problem, most_bytes=Settings().job_plan)
     monitor.progress(0.0, _words(cost))
     found = identify(problem, rng=np.random.default_rng(_SEED), monitor=Limited(monitor, seconds))
     reference = body["system_reference"]

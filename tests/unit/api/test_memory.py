@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 
 from api.memory import Memory
+from api.settings import Settings
 
 MIB = 1 << 20
 
@@ -53,3 +55,8 @@ def test_what_threads_and_rings_hold_goes_back_to_the_system() -> None:
     peak, left = map(int, done.stdout.split())
     assert peak > 300 * MIB
     assert left < peak / 10
+
+
+def test_jobs_are_planned_with_half_of_the_memory_that_they_may_have() -> None:
+    assert Settings(job_memory=2 << 30).job_plan == 1 << 30
+    assert Settings(job_memory=0).job_plan == math.inf

@@ -81,6 +81,9 @@ def test_more_memory_than_a_worker_has_is_refused_with_the_remedy():
     recording = Recording(inputs={"u": silent}, outputs={"y": silent}, sample_time=H, undecided=("u",))
     with pytest.raises(ProblemError, match=r"must fit into 4 GB, 9,000,000 samples .* decimated"):
         expected(asked(recording))
+    with pytest.raises(ProblemError, match=r"must fit into 0\.5 GB"):
+        expected(asked(recording), most_bytes=5e8)
+    assert expected(asked(recording), most_bytes=math.inf).bytes > 4e9
 
 
 def test_further_starts_are_counted():
@@ -140,6 +143,8 @@ def test_regressions_that_no_memory_holds_are_refused():
     )
     with pytest.raises(ProblemError, match="regressions fit into 4 GB"):
         checked(RecordedExperiment(recording=recording, split=1.0), "subspace", (20,), 0.0)
+    with pytest.raises(ProblemError, match=r"regressions fit into 0\.01 GB"):
+        checked(RecordedExperiment(recording=recording, split=1.0), "subspace", (2,), 0.0, most_bytes=1e7)
 
 
 def test_an_order_is_not_judged_where_nothing_moves():
