@@ -21,8 +21,22 @@ MOST_VALUES = 2_000_000_000
 LEAST_UNPACKED, MOST_RATIO = 256 << 20, 64
 """Bytes that any file may unpack to, and how many times its size a larger one may."""
 
+NUMBERS = "a channel must hold numbers"
+SAMPLES = "a channel must hold at least 2 samples"
+NO_VALUES = f"it has no values, {SAMPLES}: nothing was written to it, leave it out"
+ONE_COMPLEX = (
+    f"it is a single complex number, {SAMPLES}: save its two parts as numbers, which are kept beside the channels"
+)
+_SHOWN = 40
+
 TIME_OF_DAY = "time of day"
 """Quantity of instants that begin again at midnight."""
+
+
+def text_reason(shown: str = "") -> str:
+    """Return why a text is no channel, with its beginning."""
+    got = f" such as {shown[:_SHOWN]!r}" if shown else ""
+    return f"it is a text{got}, {NUMBERS}: write what it stands for as numbers"
 
 
 class FormatError(ValueError):

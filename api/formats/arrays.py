@@ -9,7 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from api.formats import MOST_CHANNELS, Series
+from api.formats import (
+    MOST_CHANNELS,
+    SAMPLES,
+    Series,
+)
 from api.formats.spectral.names import frequency_scale
 
 _TIME = re.compile(r"(t|time|zeit|timestamps?|temps|tiempo|timp)\b", re.IGNORECASE)
@@ -63,7 +67,8 @@ def parts_of(
     """
     long = [axis for axis, n in enumerate(shape) if n > 1]
     if not long:
-        return [], "it is a single number" if all(shape) else "it is empty"
+        what = "a single number" if all(shape) else f"empty (of shape {tuple(shape)})"
+        return [], f"it is {what}, {SAMPLES}: leave it out, or save what was recorded"
     over_lines = [axis for axis in long if shape[axis] in lines]
     if len(long) > 2 and not over_lines:
         return [], f"it has {len(long)} directions, a recording has at most 2: save its columns as matrices"

@@ -14,7 +14,17 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import MOST_RATIO, FormatError, Recording, bounded, by_channel
+from api.formats import (
+    MOST_RATIO,
+    NUMBERS,
+    ONE_COMPLEX,
+    SAMPLES,
+    FormatError,
+    Recording,
+    bounded,
+    by_channel,
+    text_reason,
+)
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
 _LARGEST_CHUNK, _LARGEST_DENSE = 256 << 20, 32 << 20
@@ -25,7 +35,11 @@ _UNIT = ("unit", "units", "Unit", "Units", "unit_string", "y_unit")
 _STEP = ("dt", "delta_t", "sample_time", "wf_increment", "increment", "TimeStep")
 _RATE = ("sample_rate", "fs", "Fs", "sampling_rate", "SampleRate", "samplerate")
 _COMPLEX = {("real", "imag"), ("r", "i"), ("re", "im")}
-_CLASSES = {"char": "a text", "cell": "a cell array", "function_handle": "a function"}
+_CLASSES = {
+    "char": "a text",
+    "cell": "a cell array, a channel must be an array of numbers: save its cells as arrays of their own (cell2mat)",
+    "function_handle": "a function, a channel must be an array of numbers: save its values",
+}
 
 
 def open_file(file: BinaryIO) -> Recording:
@@ -89,7 +103,7 @@ def _recording(
     for i, (array, name, shape) in enumerate(zip(arrays, names, shapes, strict=True)):
         if all(n == 1 for n in shape):
             if _is_complex(array):
-                refused[name] = "it is a single complex number"
+                refused[name] = ONE_COMPLEX
             else:
                 scalars[name] = float(np.asarray(array[()]).reshape(-1)[0])
             continue
@@ -156,11 +170,11 @@ def _reason(item: Any) -> str:
     if "MATLAB_object_decode" in item.attrs:
         return _class_reason(item)
     if class_ in _CLASSES:
-        return f"it is {_CLASSES[class_]}"
+        return text_reason(_short_text(item)) if class_ == "char" else f"it is {_CLASSES[class_]}"
     if "MATLAB_empty" in item.attrs or item.shape is None or 0 in item.shape:
-        return "it is empty"
+        return f"it is empty (of shape {item.shape}), {SAMPLES}: leave it out, or save what was recorded"
     if item.dtype.kind not in "iufb" and not _is_complex(item):
-        return f"its values are no plain numbers ({item.dtype})"
+        return f"its values are no plain numbers ({item.dtype}), {NUMBERS}: save them as integers or doubles"
     return _storage_reason(item)
 
 
@@ -172,9 +186,11 @@ def _storage_reason(item: Any) -> str:
     if item.chunks:
         chunk = math.prod(item.chunks) * item.dtype.itemsize
         if chunk > min(_LARGEST_CHUNK, max(_LARGEST_DENSE, MOST_RATIO * stored)):
-            return f"its chunks of {chunk} bytes are larger than {_LARGEST_CHUNK >> 20} MiB, or packed too densely ({stored} bytes are stored)"
+            return f"its chunks of {chunk} bytes are larger than {_LARGEST_CHUNK >> 20} MiB, or packed too densely ({stored} bytes are stored): write smaller ones (h5repack -l CHUNK=...)"
     elif stored < count * item.dtype.itemsize:
-        return f"it claims {count} values and has {stored} bytes of them"
+        return (
+            f"it claims {count} values and has {stored} bytes of them: it is damaged or was not closed, write it anew"
+        )
     return ""
 
 

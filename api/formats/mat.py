@@ -20,7 +20,16 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import PIECE, FormatError, Recording, by_channel, claimed, proportionate
+from api.formats import (
+    ONE_COMPLEX,
+    PIECE,
+    FormatError,
+    Recording,
+    by_channel,
+    claimed,
+    proportionate,
+    text_reason,
+)
 from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
 
 _HEAD = 128
@@ -107,7 +116,7 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
             if array.imaginary is None:
                 scalars[array.name] = float(_values(array, 0, 1)[0])
             else:
-                found.refused[array.name] = "it is a single complex number"
+                found.refused[array.name] = ONE_COMPLEX
             continue
         more, reason = parts_of(array.name, array.shape, array=i, is_complex=array.imaginary is not None, lines=lines)
         parts += more
@@ -218,18 +227,20 @@ class _Variables:
             self._array(position, end, path, dims, bits)
         elif kind == _TEXT:
             self._letters(position, end, path)
-            self._found.refused[path] = "it is a text"
+            self._found.refused[path] = text_reason(self._found.texts.get(path, ""))
         elif kind == _STRUCT:
             self._struct(position, end, path, dims, depth)
         elif kind == _CELL:
             self._cells(position, end, path, dims, depth)
         else:
             what = {
-                _OBJECT: "an object of a MATLAB class",
+                _OBJECT: "an object of a MATLAB class: save what is in it as plain arrays",
                 _SPARSE: "a sparse matrix: save it as full",
                 _FUNCTION: "a function: save its values",
             }
-            self._found.refused[path] = f"it is {what.get(kind, f'of the unknown class {kind}')}"
+            self._found.refused[path] = (
+                f"it is {what.get(kind, f'of the class {kind}, arrays of numbers are read: save its values as such an array')}"
+            )
 
     def _opaque(self, position: int, end: int, name: str) -> None:
         words = []

@@ -15,7 +15,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from api.formats import MOST_CHANNELS, PIECE, FormatError, Recording, Series, Values, proportionate
+from api.formats import (
+    MOST_CHANNELS,
+    NUMBERS,
+    PIECE,
+    FormatError,
+    Recording,
+    Series,
+    Values,
+    proportionate,
+)
 from api.formats.ros import LONGEST_ARRAY, decoder_of
 
 _BLOCK = PIECE // 16
@@ -54,9 +63,11 @@ def open_file(file: BinaryIO) -> Recording:
     topics, refused, begin = _topics(messages)
     series, places = _series(topics, begin)
     for name in [name for name, topic in topics.items() if not topic.fields]:
-        refused[name] = "its messages hold no numbers"
+        refused[name] = f"its messages hold no numbers, {NUMBERS}: record a topic that has some"
     for name in [name for name, topic in topics.items() if topic.crowded]:
-        refused[f"{name}, further numbers"] = f"only the first {MOST_CHANNELS} of a topic are taken"
+        refused[f"{name}, further numbers"] = (
+            f"only the first {MOST_CHANNELS} of a topic are taken, it has more: record those that matter in a topic of their own"
+        )
 
     def read(wanted: Sequence[int]) -> Iterator[tuple[int, Values]]:
         asked: dict[str, list[tuple[int, str]]] = {}

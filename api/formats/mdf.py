@@ -14,7 +14,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, proportionate
+from api.formats import (
+    PIECE,
+    FormatError,
+    Recording,
+    Series,
+    Values,
+    bounded,
+    proportionate,
+    text_reason,
+)
 
 _NUMBERS = {3: {0, 1, 2, 3, *range(9, 17)}, 4: set(range(6))}
 """Types of data of each version that are plain numbers."""
@@ -159,7 +168,7 @@ def _channels(source: Any, *, size: int) -> tuple[list[_Place], list[Series], di
 def _why_refused(channel: Any, version: int) -> str:
     """Return why the values of a channel are none."""
     if channel.data_type in _WORDS[version]:
-        return "it holds text, a channel must hold numbers"
+        return text_reason()
     return (
         f"it holds {channel.bit_count // 8} bytes a sample, a channel must hold one number: decode frames of a bus (CAN, LIN ...) with "
         "their database first, with asammdf's extract_bus_logging, and send the file that this writes"

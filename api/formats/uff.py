@@ -185,7 +185,7 @@ def _spectral(file: BinaryIO, function: _Function, name: str) -> SpectralFunctio
 
 def _reason(function: _Function) -> str | None:
     if function.kind not in _OVER_TIME:
-        return f"it is a {FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), neither over time nor over frequency"
+        return f"it is a {FUNCTIONS.get(function.kind, 'function')} (type {function.kind}), neither over time nor over frequency: export time responses or frequency responses of it"
     if function.even and not function.step > 0.0:
         return f"its time step must be > 0 s, got {function.step:g}: write it anew with its step, or with its abscissa"
     return None

@@ -16,7 +16,14 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import FormatError, Recording, Series, bounded, by_channel
+from api.formats import (
+    NO_VALUES,
+    FormatError,
+    Recording,
+    Series,
+    bounded,
+    by_channel,
+)
 from api.formats.arrays import is_time
 from api.formats.tdms.metadata import EPOCH, Parser, TdmsObject, names_of, parts, quoted
 from api.formats.tdms.scaling import Scaling, scaling_of
@@ -46,7 +53,7 @@ def open_file(file: BinaryIO) -> Recording:
         found = objects[path]
         group = objects.get(f"/{quoted(parts(path)[0])}", TdmsObject()).properties
         scaling, reason = scaling_of(found.properties, group, whole)
-        reason = found.reason or reason or ("it has no values" if not found.count else "")
+        reason = found.reason or reason or (NO_VALUES if not found.count else "")
         if reason:
             refused[name] = reason
             continue

@@ -12,7 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from api.formats import FormatError
+from api.formats import (
+    FormatError,
+    text_reason,
+)
 
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
 _LEAD_IN = 28
@@ -149,7 +152,7 @@ class Parser:
             return self._daqmx(head)
         kind, _, count = self._number("I"), self._number("I"), self._number("Q")
         if kind == _STRING:
-            return _Index(kind=kind, count=count, total=self._number("Q"), reason="it holds texts")
+            return _Index(kind=kind, count=count, total=self._number("Q"), reason=text_reason())
         dtype = _NUMBERS.get(kind)
         size = np.dtype(dtype).itemsize if dtype else _SIZES.get(kind, 0)
         if not size:

@@ -13,7 +13,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import pairwise
 
-from api.formats import FormatError
+from api.formats import (
+    FormatError,
+    text_reason,
+)
 from api.formats.spectral.names import frequency_scale
 from api.formats.text.cells import MISSING, Marks, cut, is_word_for_missing, thousands_of
 from api.formats.text.clock import Clock, Order, clock_for, is_stamp
@@ -22,7 +25,6 @@ from api.formats.text.header import COMMENTS, TIME_NAME, Header, header_of, stat
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _LOOK = 200
-_MOST_SHOWN = 40
 _COUNTER_NAME = re.compile(r"(sample(\s*(number|no|nr|#))?|index|n|no|nr|row|record|#|lfd)\.?\s*", re.IGNORECASE)
 _TIME_UNITS = {"s", "ms", "us", "µs", "ns", "min", "h"}
 
@@ -302,7 +304,7 @@ def _others(rows: Sequence[Sequence[str]], taken: set[int | None]) -> dict[int, 
     for i in range(min(max(map(len, rows), default=0), 10_000)):
         cells = [row[i] for row in rows if i < len(row) and row[i]]
         if i not in taken and cells:
-            others[i] = f"it holds text such as {next((c for c in cells if c), '')[:_MOST_SHOWN]!r}, not only numbers"
+            others[i] = text_reason(cells[0]) + " (cells that stand for a missing sample are named in missing)"
     return others
 
 

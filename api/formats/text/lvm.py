@@ -15,7 +15,14 @@ from typing import BinaryIO
 
 import numpy as np
 
-from api.formats import MOST_CHANNELS, FormatError, Recording, Series, Values
+from api.formats import (
+    MOST_CHANNELS,
+    NO_VALUES,
+    FormatError,
+    Recording,
+    Series,
+    Values,
+)
 from api.formats.text.cells import Marks
 from api.formats.text.endings import Rows
 from api.formats.text.side_by_side import Column, Seen, SideBySide
@@ -158,7 +165,7 @@ class _Instants:
         groups: dict[bytes, str] = {}
         for name, unit, start, step, column in zip(names, units, starts, steps, channels, strict=True):
             if seen and math.isnan(seen[column.cell].first):
-                self.refused[name] = "it has no samples in the rows of the file"
+                self.refused[name] = NO_VALUES
                 continue
             axis = column.axis if column.axis in kept else None
             group = ""

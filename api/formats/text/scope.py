@@ -13,7 +13,14 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import BinaryIO
 
-from api.formats import MOST_CHANNELS, FormatError, Recording, Series, Values
+from api.formats import (
+    MOST_CHANNELS,
+    FormatError,
+    Recording,
+    Series,
+    Values,
+    text_reason,
+)
 from api.formats.text.side_by_side import Column, Row, Seen, SideBySide
 from api.formats.text.txt import lines_of
 
@@ -85,7 +92,7 @@ def open_file(file: BinaryIO) -> Recording:
 
 def _recording(head: _Head, channels: Sequence[Column], columns: SideBySide) -> Recording:
     refused = {
-        head.said("Name", one.cell): "it holds texts"
+        head.said("Name", one.cell): text_reason()
         for one in channels
         if head.said("Data-Type", one.cell).upper() in _TEXTS
     }

@@ -302,7 +302,9 @@ def test_a_look_at_what_cannot_be_taken_shows_what_there_is(client):
     found = client.get(job["result"]).json()
     assert found["import"] is None
     assert [(one["name"], one["sample_count"]) for one in found["series"]] == [("a", 50), ("b", 40)]
-    assert found["refused"] == {"w": "it is a text"}
+    assert found["refused"] == {
+        "w": "it is a text such as 'hi', a channel must hold numbers: write what it stands for as numbers"
+    }
     assert "sample_rate must be given in import" in found["remarks"][-1]
     assert "the file holds 2 groups of channels, each with its own time: group 1, group 2" in found["remarks"][-1]
 

@@ -133,7 +133,7 @@ def test_texts_and_blocks_of_version_2(tmp_path: Path) -> None:
         path = Path(file.save(tmp_path / "file.mdf", overwrite=True))
     found = opened("mdf", path, tmp_path)
     np.testing.assert_array_equal(arrays(found)["x"], TIME + 1.0)
-    assert found.refused == {"word": "it holds text, a channel must hold numbers"}
+    assert found.refused == {"word": "it is a text, a channel must hold numbers: write what it stands for as numbers"}
 
 
 def test_arrays_are_refused_by_name(tmp_path: Path) -> None:

@@ -171,7 +171,9 @@ def test_topics_of_several_rates_are_groups(tmp_path: Path) -> None:
 
 def test_what_cannot_be_read_is_refused_by_name(tmp_path: Path) -> None:
     content = json_file({"/text": [(0, {"a": "b"})], "/x": [(i, {"x": i}) for i in range(3)]})
-    assert opened("mcap", content, tmp_path).refused == {"/text": "its messages hold no numbers"}
+    assert opened("mcap", content, tmp_path).refused == {
+        "/text": "its messages hold no numbers, a channel must hold numbers: record a topic that has some"
+    }
     found = opened("mcap", json_file({"/p": [(0, {})]}, encoding="protobuf"), tmp_path)
     assert found.refused == {
         "/p": "message 1: its messages are in 'protobuf': json, cdr (ROS 2) and ros1 are read; convert it to one of them"

@@ -127,7 +127,9 @@ def test_a_channel_without_a_sample_is_refused_by_name(tmp_path):
     channels = {"x": (even(9, 0.5), RNG.normal(size=9)), "empty": (even(0, 0.5), RNG.normal(size=0))}
     found = opened("lvm", file_of(channels, kind="Multi", step=0.5).encode(), tmp_path)
     assert [one.name for one in found.series] == ["x"]
-    assert found.refused == {"empty": "it has no samples in the rows of the file"}
+    assert found.refused == {
+        "empty": "it has no values, a channel must hold at least 2 samples: nothing was written to it, leave it out"
+    }
 
 
 def test_a_cell_that_is_no_number_is_refused_with_its_place(tmp_path):

@@ -244,7 +244,9 @@ def test_matlab_5(tmp_path, do_compression):
     assert next(one for one in found.series if one.role == "time").name == "t"
     assert found.scalars == {"Ts": 0.001}
     assert found.layout == {"sample_rate": 1000.0}
-    assert found.refused == {"name": "it is a text"}
+    assert found.refused == {
+        "name": "it is a text such as 'a text', a channel must hold numbers: write what it stands for as numbers"
+    }
 
 
 def element(kind, data):
@@ -335,7 +337,7 @@ def test_matlab_7_3(tmp_path):
     for name, values in {"x": X, "M(:,1)": X, "M(:,2)": Y, "rec.force": Y}.items():
         np.testing.assert_array_equal(read[name], values)
     assert found.refused == {
-        "word": "it is a text",
+        "word": "it is a text such as 'hi', a channel must hold numbers: write what it stands for as numbers",
         "obj": "it is an object of the MATLAB class 'timetable': save what is in it as plain arrays",
     }
 
@@ -358,7 +360,9 @@ def test_hdf5(tmp_path):
     assert (found.series[0].unit, found.series[0].sample_rate) == ("kN", 500.0)
     assert found.layout == {"sample_rate": 500.0}
     assert set(found.refused) == {"words", "huge", "external"}
-    assert found.refused["huge"] == "it claims 1000000000 values and has 0 bytes of them"
+    assert found.refused["huge"] == (
+        "it claims 1000000000 values and has 0 bytes of them: it is damaged or was not closed, write it anew"
+    )
     assert found.refused["external"] == "its values lie in other files: copy them into this one (h5repack)"
 
 

@@ -93,7 +93,9 @@ def test_a_gap_in_the_rows_is_none_of_the_channel(tmp_path: Path) -> None:
 
 def test_texts_are_refused_by_name(tmp_path: Path) -> None:
     found = opened("csv", export(kind="STRING"), tmp_path)
-    assert found.refused == {"position": "it holds texts"}
+    assert found.refused == {
+        "position": "it is a text, a channel must hold numbers: write what it stands for as numbers"
+    }
     assert [one.name for one in found.series if one.role == "channel"] == ["switch", "pressure"]
 
 

@@ -35,7 +35,10 @@ def test_the_text_of_a_daq_program(tmp_path):
         "missing": ["", "NaN"],
         "sample_rate": 1000.0,
     }
-    assert found.refused == {"Events": "it holds text such as 'DAQ Start', not only numbers"}
+    assert found.refused == {
+        "Events": "it is a text such as 'DAQ Start', a channel must hold numbers: write what it stands for as numbers "
+        "(cells that stand for a missing sample are named in missing)"
+    }
     assert [(one.name, one.index, one.role) for one in found.series] == [
         ("Sample Number", 0, "counter"),
         ("Date/Time", 1, "time"),

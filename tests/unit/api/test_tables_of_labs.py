@@ -124,7 +124,10 @@ def test_columns_of_text_and_comments_between_rows_are_no_samples(tmp_path):
     text = b't,note,x\n# warm\n0.0,"a, b",1.5\n# pause\n0.1,"c",2.5\n0.2,"d ""e""",3.5\n'
     found = opened("csv", text, tmp_path)
     assert arrays(found)["x"].tolist() == [1.5, 2.5, 3.5]
-    assert found.refused == {"note": "it holds text such as 'a, b', not only numbers"}
+    assert found.refused == {
+        "note": "it is a text such as 'a, b', a channel must hold numbers: write what it stands for as numbers "
+        "(cells that stand for a missing sample are named in missing)"
+    }
     assert found.layout["comment"] == "#"
 
 
