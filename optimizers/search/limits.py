@@ -55,6 +55,11 @@ class Limited:
         """Return whether to stop: because the caller wants it, or because the time is almost over."""
         return self._monitor.cancelled() or self._late()
 
+    def ended(self) -> bool:
+        """Return whether nothing more may follow the search: because the caller wants it, or because all of the time is over."""
+        over = self._seconds is not None and self._clock() - self._began >= self._seconds
+        return self._monitor.cancelled() or over
+
     def keep(self, state: Mapping[str, Any]) -> None:
         """Pass a state on."""
         if isinstance(self._monitor, Keeper):

@@ -7,6 +7,7 @@ as far as its bounds let it. An optimum on the edge of a jump, or one so sharp t
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,17 +16,19 @@ from optimizers.evaluation.certificate import TOLERANCE
 from optimizers.evaluation.constraint_violation import BROKEN, signed_excess
 from optimizers.evaluation.evaluate import UNSTABLE, Assessment, Evaluator
 from optimizers.problem import Axis, Goal, Problem, Sense, Vector
-from optimizers.search.result import Monitor, Move, Result
+from optimizers.search.result import Move, Result
 
 _PART = 0.01
 _MUCH = 0.1
 """Loss from which on it is told: of the objective relative to its size, of a goal relative to its bound."""
+_MANY = 10.0
+"""Loss of the objective from which on no share of it says anything: next to nothing has become something."""
 
 
-def with_moves(problem: Problem, result: Result, monitor: Monitor) -> Result:
+def with_moves(problem: Problem, result: Result, ended: Callable[[], bool]) -> Result:
     """Return the result with what its goals become when each variable moves, and warnings where that is much.
 
-    By fast evaluation. A caller that wants to stop gets the result as it is.
+    By fast evaluation. As soon as it has ``ended`` there is the result as it is.
     """
     if result.robustness is not None:
         names = tuple(None for _ in result.robustness.scenarios) if problem.scenario_names else ()
@@ -37,7 +40,7 @@ def with_moves(problem: Problem, result: Result, monitor: Monitor) -> Result:
     for v, axis in enumerate(problem.axes):
         moves[axis.parameter] = {}
         for side, value in (("down", _next(axis, here[v], -1.0)), ("up", _next(axis, here[v], 1.0))):
-            if monitor.cancelled():
+            if ended():
                 return result
             moves[axis.parameter][side] = move = None if value is None else _move(evaluator, here, v, value)
             if move is not None:
@@ -96,5 +99,8 @@ def _needle(problem: Problem, result: Result, axis: Axis, move: Move) -> list[st
     size = abs(result.objective)
     loss = (move.objective - result.objective) / size if size > 0 and problem.objectives else 0.0
     if loss > _MUCH:
-        return [f"{moved} makes the objective worse by {loss:.0%}: the optimum needs it set that exactly"]
+        told = (
+            f"worse by {loss:.0%}" if loss <= _MANY else f"{move.objective:.3g} in the place of {result.objective:.3g}"
+        )
+        return [f"{moved} makes the objective {told}: the optimum needs it set that exactly"]
     return []

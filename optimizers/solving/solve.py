@@ -131,7 +131,7 @@ def _whole(
     check_request(problem, checks=checks, samples=samples)
     parts = 1 + len(checks)
     result = watch.told(_solved(kind, problem, options or {}, Share(watch, 0.0, 0.9 / parts)))
-    result = with_moves(problem, result, watch)
+    result = with_moves(problem, result, watch.ended)
     if checks and not watch.cancelled():
         gaps = []
         for number, other in enumerate(checks, start=1):

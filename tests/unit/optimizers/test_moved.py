@@ -6,9 +6,13 @@ import math
 
 import pytest
 
-from optimizers.problem import Goal, Sense, Uncertain, Variable
-from optimizers.search.result import Unwatched
+from engine.diagram.diagram import compile_system
+from engine.signals import make
+from optimizers.problem import Experiment, Goal, Problem, Sense, Uncertain, Variable
+from optimizers.search.limits import Limited
+from optimizers.search.result import Status, Unwatched
 from optimizers.solving.solve import solve
+from tests.unit.engine.diagrams import block, document
 from tests.unit.optimizers.oscillator import damping_for, problem
 
 FEW = {"starts": 2, "seed": 1, "max_evaluations": 1500}
@@ -74,3 +78,36 @@ def test_who_wants_to_stop_is_not_kept_waiting() -> None:
             return True
 
     assert solve("gradient", problem(), FEW, monitor=Leaving()).moves == {}
+
+
+def test_a_search_that_ends_by_its_time_says_how_sharp_its_best_point_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of the time is for that as for the proof: a needle that a limited search has found was no needle."""
+    goals = (Goal(metric="settling_time", experiment="step", output="x", sense=Sense.MINIMIZE),)
+    monkeypatch.setattr(Limited, "_late", lambda limited: len(limited.found) > 0)
+    monkeypatch.setattr(Limited, "found", [], raising=False)
+    monkeypatch.setattr(Limited, "best", lambda limited, *point: limited.found.append(point))
+    found = solve("gradient", problem(goals=goals), FEW | {"max_seconds": 1e6})
+    assert found.status is Status.BUDGET
+    best, moves = found.best["c"], found.moves["c"]
+    assert (moves["down"].value, moves["up"].value) == pytest.approx((0.99 * best, 1.01 * best), rel=1e-12)
+
+
+def test_a_share_of_nothing_is_not_told() -> None:
+    """The shaper of the mode's own frequency leaves nothing: how many times nothing the next frequency leaves is no number to be told."""
+    made = compile_system(
+        document({"r": block("input"), "p": block("transfer_function", numerator=[100.0], denominator=[1.0, 1.0, 100.0])}, ["r -> p"], {"y": "p"})
+    )  # fmt: skip
+    command = make("shaped", {"shaper": "zv", "frequency": 10.0, "damping_ratio": 0.05, "command": {"kind": "step"}})
+    asked = Problem(
+        diagram=made, variables=(Variable(parameter="signals.a.r.frequency", lower=8.0, upper=12.5),),
+        goals=(Goal(metric="residual_vibration", experiment="a", output="y", sense=Sense.MINIMIZE),),
+        experiments=(Experiment(name="a", signals={"r": command}),),
+    )  # fmt: skip
+    found = solve("grid", asked, {"points": 3})
+    assert found.best["signals.a.r.frequency"] == pytest.approx(10.0, rel=1e-6)
+    told = [warning for warning in found.warnings if "signals.a.r.frequency" in warning]
+    assert len(told) == 2
+    assert all(
+        "makes the objective 0.01" in warning and "in the place of" in warning and "%" not in warning
+        for warning in told
+    )
