@@ -16,12 +16,13 @@ from __future__ import annotations
 import bisect
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
+from scipy.linalg import matrix_balance
 
 if TYPE_CHECKING:
     from engine.model.linear_system import LinearSystem
@@ -42,6 +43,8 @@ _ENDS = 1e-10
 """The last coefficients of a resolved series, relative to the signal's largest value so far."""
 _EARLY, _CALM = 1e-12, 2
 """A step is doubled after so many whose last coefficients are as small as this."""
+_CANCELLED = 1e-3
+"""What is left of a difference counts as this part of its terms at least: it is not known better than to their rounding."""
 _DRIVE = 0.1
 """The drive is integrated: its last coefficients count less."""
 _SAME = 1e-12
@@ -125,6 +128,22 @@ def _exponentials(matrices: Real) -> Real:
     return total
 
 
+def _balanced(system: LinearSystem) -> LinearSystem:
+    """Return the system in units of its states in which its matrix is even.
+
+    In SI the pressures of a hydraulic axis make it 1e13 s⁻¹, of which rounding leaves no step that is resolved.
+    """
+    if not system.states:
+        return system
+    a, (units, _) = matrix_balance(np.asarray(system.a, dtype=float), permute=False, separate=True)
+    inward, outward = {"b1": system.b1, "b2": system.b2}, {"c1": system.c1, "c2": system.c2}
+    return replace(
+        system, a=a, x0=system.x0 / units,
+        **{name: matrix / units[:, None] for name, matrix in inward.items()},
+        **{name: matrix * units for name, matrix in outward.items()},
+    )  # fmt: skip
+
+
 class Marcher:
     """A system under commands, followed from t = 0.
 
@@ -137,7 +156,7 @@ class Marcher:
     """
 
     def __init__(self, system: LinearSystem, commands: Sequence[tuple[int, Signal]], outputs: Sequence[int]) -> None:
-        self._system = system
+        self._system = system = _balanced(system)
         self._signals = [signal for _, signal in commands]
         inputs = [index for index, _ in commands]
         chosen = list(outputs)
@@ -180,12 +199,12 @@ class Marcher:
             ahead = breaks[0] if breaks else np.inf
             whole = width >= (ahead - time) * (1 - _SAME)
             used = ahead - time if whole else width
-            states, signals, quality = self._try(time, used, x, scale)
+            states, signals, size, quality = self._try(time, used, x, scale)
             if quality > _ENDS and used > _SAME * time:
                 width, calm = used / 2, 0
                 continue
             self._keep(time, used, signals)
-            scale = np.maximum(scale, np.abs(signals).max(axis=0))
+            scale = size
             x, time = states[-1], ahead if whole else time + used
             calm = calm + 1 if quality < _EARLY else 0
             if calm > _CALM:
@@ -231,8 +250,8 @@ class Marcher:
         )
         return [t for t, before in zip(instants, [-1.0, *instants], strict=False) if t - before > _SAME * t]
 
-    def _try(self, time: float, width: float, x: Real, scale: Real) -> tuple[Real, Real, float]:
-        """Return states, signals at the nodes and how far from resolved a step is."""
+    def _try(self, time: float, width: float, x: Real, scale: Real) -> tuple[Real, Real, Real, float]:
+        """Return states and signals at the nodes, how large the signals count by now, and how far from resolved a step is."""
         step = self._step(width)
         drive = self._drive(time, width)
         if width > self._shortest * (1 + _SAME):
@@ -241,9 +260,11 @@ class Marcher:
         states = step.states(x, series)
         signals = states @ self._read.T + drive @ self._direct.T
         self._loudest = np.maximum(self._loudest, np.abs(drive).max(axis=0))
-        own = np.abs(TO_SERIES @ signals)[-2:].max(axis=0) / np.maximum(scale, np.abs(signals).max(axis=0))
+        parts = np.abs(states) @ np.abs(self._read.T) + np.abs(drive) @ np.abs(self._direct.T)
+        size = np.maximum(scale, np.maximum(np.abs(signals), _CANCELLED * parts).max(axis=0))
+        own = np.abs(TO_SERIES @ signals)[-2:].max(axis=0) / size
         driving = np.abs(series[-2:]).max(axis=0) / self._loudest
-        return states, signals, float(max(own.max(initial=0.0), _DRIVE * driving.max(initial=0.0)))
+        return states, signals, size, float(max(own.max(initial=0.0), _DRIVE * driving.max(initial=0.0)))
 
     def _step(self, width: float) -> _Step:
         alike = float(f"{width:.12e}")  # widths that differ by rounding share their map

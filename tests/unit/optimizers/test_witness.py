@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.model.masks import Corners, Envelope, FrequencyBounds, Polyline, Rational
@@ -16,6 +17,7 @@ from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
 from optimizers.independent_check import witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
+from tests.unit.engine.diagrams import block, document
 from tests.unit.optimizers.oscillator import STEP, oscillator
 
 
@@ -127,6 +129,93 @@ def test_a_delay_is_exact() -> None:
     assert measured(echo(), "k", step, metric="phase_margin", **loop) == pytest.approx(math.pi / 2 - 1, rel=1e-12)
     assert measured(echo(), "k", step, metric="delay_margin", **loop) == pytest.approx(math.pi / 2 - 1, rel=1e-12)
     assert measured(echo(), "k", step, metric="gain_margin", **loop) == pytest.approx(math.pi / 2, rel=1e-12)
+
+
+def test_a_hydraulic_axis_is_measured_in_si() -> None:
+    """Of its matrix entries of 1e13 1/s rounding left no step that was resolved: the certificates of hydraulic axes had one measurement.
+
+    x/F = -(C s + a) / (D s + A (kp + ki/s)),  D = (C s + a)(m s + b) + A²,  C = V/(4 β):  x(t) = Σ r e^(p t) for a step of F.
+    """
+    area, volume, bulk, leakage, mass, friction, kp, ki, load, band = (
+        65e-4,
+        1e-3,
+        1.4e9,
+        2.7e-10,
+        300.0,
+        1200.0,
+        0.18,
+        2.0,
+        5e3,
+        1e-5,
+    )
+    axis = compile_system(
+        document(
+            {"r": block("input"), "F": block("input"), "e": block("sum", signs="+-"), "c": block("pi", kp=kp, ki=ki),
+             "m": block("linear_hydraulic_motor", area=area, volume=volume, bulk_modulus=bulk, leakage=leakage, mass=mass,
+                        viscous_friction=friction)},
+            ["r -> e.in1", "m.position -> e.in2", "e -> c", "c -> m.flow", "F -> m.force"], {"x": "m.position"},
+        )
+    )  # fmt: skip
+    oil = np.poly1d([volume / (4 * bulk), leakage])
+    loop = (oil * np.poly1d([mass, friction]) + area**2) * np.poly1d([1.0, 0.0]) * np.poly1d([1.0, 0.0])
+    loop += area * np.poly1d([kp, ki])
+    poles = loop.roots
+    residues = -load * oil(poles) / loop.deriv()(poles)
+    times = np.linspace(0.0, 2.0, 200_001)
+    x = np.real(residues @ np.exp(np.outer(poles, times)))
+    last = times[np.flatnonzero(np.abs(x) > band)[-1]]
+    step = Experiment(name="load", signals={"F": make("step", {"amplitude": load})})
+    asked: dict[str, Any] = {"experiment": "load", "output": "x"}
+    assert measured(axis, "c.kp", step, metric="peak", **asked) == pytest.approx(np.abs(x).max(), rel=1e-7)
+    assert measured(axis, "c.kp", step, metric="iae", **asked) == pytest.approx(
+        np.trapezoid(np.abs(x), times), rel=1e-7
+    )
+    recovered = measured(axis, "c.kp", step, metric="recovery_time", options=Options(recovery_band=band), **asked)
+    assert recovered == pytest.approx(last, abs=times[1])
+
+
+def test_a_small_error_of_a_large_movement_is_measured() -> None:
+    """The error of a good feed-forward is what is left of signals of 1, and known to their rounding: it was followed no further.
+
+    x' = A x + b j, the jerk j constant on each of seven phases; x = (r, r', r'', filtered r and its slope, D's filter, lag, y', y).
+    """
+    kp, kd, kv, ka, w, lag, m, b = 100.0, 2.0, 0.2, 0.0103, 2000.0, 1e-3, 0.01, 0.2
+    drive = compile_system(
+        document(
+            {"r": block("input"), "e": block("sum", signs="+-"), "pd": block("pd", kp=kp, kd=kd, filter_frequency=w),
+             "ff": block("feed_forward", kv=kv, ka=ka, filter_frequency=w), "s": block("sum", signs="++"),
+             "lag": block("transfer_function", numerator=[1.0], denominator=[lag, 1.0]),
+             "p": block("transfer_function", numerator=[1.0], denominator=[m, b, 0.0])},
+            ["r -> e.in1", "p -> e.in2", "e -> pd", "r -> ff", "pd -> s.in1", "ff -> s.in2", "s -> lag", "lag -> p"], {"e": "e"},
+        )
+    )  # fmt: skip
+    r, r1, r2, f, f1, d, u, v, y = range(9)
+    unit = np.eye(9)
+    error, f2 = unit[r] - unit[y], w**2 * (unit[r] - unit[f]) - math.sqrt(2) * w * unit[f1]
+    wanted = kp * error + kd * w * (error - unit[d]) + kv * unit[f1] + ka * f2
+    a = np.array(
+        [
+            unit[r1],
+            unit[r2],
+            0 * unit[r],
+            unit[f1],
+            f2,
+            w * (error - unit[d]),
+            (wanted - unit[u]) / lag,
+            (unit[u] - b * unit[v]) / m,
+            unit[v],
+        ]
+    )
+    step, jerk, x, peak = 2.5e-5, 400.0, np.zeros(10), 0.0
+    map_ = expm(step * np.vstack([np.column_stack([a, unit[r2]]), np.zeros(10)]))
+    for duration, sign in ((0.05, 1), (0.05, 0), (0.05, -1), (0.35, 0), (0.05, -1), (0.05, 0), (0.05, 1), (0.1, 0)):
+        x[9] = sign * jerk
+        for _ in range(round(duration / step)):
+            x = map_ @ x
+            peak = max(peak, abs(x[r] - x[y]))
+    profile = {"distance": 1.0, "max_velocity": 2.0, "max_acceleration": 20.0, "max_jerk": jerk}
+    moved = Experiment(name="a", signals={"r": make("s_curve", profile)})
+    assert measured(drive, "ff.kv", moved, metric="peak", experiment="a", output="e") == pytest.approx(peak, rel=1e-6)
 
 
 def test_what_it_cannot_follow_it_says_nothing_about() -> None:
