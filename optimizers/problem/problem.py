@@ -82,7 +82,7 @@ class Problem:
         requests = tuple(request_of(self.diagram, goal, experiments, ("goals", i)) for i, goal in enumerate(self.goals))
         varied = {variable.parameter for variable in self.variables}
         for index, scenario in enumerate(self.scenarios):
-            check_scenario(self.diagram, scenario, varied, ("scenarios", index))
+            check_scenario(self.diagram, scenario, varied, self.scenario_place(index))
         taken = varied.union(*self.scenarios)
         ranges = tuple(
             uncertain_axis(self.diagram, one, taken, ("uncertain", i)) for i, one in enumerate(self.uncertain)
@@ -115,6 +115,10 @@ class Problem:
     def scenario_name(self, index: int) -> str | None:
         """Return what a scenario is called, None where it has no name."""
         return self.scenario_names[index] if self.scenario_names else None
+
+    def scenario_place(self, index: int) -> Path:
+        """Return where the parameters of a scenario stand in the request: those of one with a name have a key of their own."""
+        return ("scenarios", index) if self.scenario_name(index) is None else ("scenarios", index, "parameters")
 
     @cached_property
     def before(self) -> dict[str, float]:

@@ -52,7 +52,7 @@ def check_applicable(problem: Problem) -> None:
     """
     start = {path: v for path, v in problem.values(problem.start()).items() if path not in problem.commands}
     for index, scenario in enumerate(problem.scenarios):
-        _check_exists(problem, {**start, **scenario}, ("scenarios", index))
+        _check_exists(problem, {**start, **scenario}, problem.scenario_place(index))
     for index, axis in enumerate(problem.ranges):
         for key, end in (("lower", axis.lower), ("upper", axis.upper)):
             _check_exists(problem, {**start, axis.parameter: end}, ("uncertain", index, key))

@@ -256,6 +256,7 @@ def test_scenarios_have_names_goals_no_sense_and_the_method_is_chosen(client) ->
     [
         ([{"name": "a", "parameters": {}}, {"name": "a", "parameters": {}}], "/scenarios/1/name", "'a' twice"),
         ([{"name": "a", "parameters": {"nothing": 1}}], "/scenarios/0/parameters/nothing", "nothing"),
+        ([{"name": "a", "parameters": {"c": 1}}], "/scenarios/0/parameters/c", "both"),
     ],
 )
 def test_named_scenarios_are_checked(client, scenarios, pointer: str, detail: str) -> None:

@@ -75,6 +75,7 @@ def test_a_log_scale_needs_positive_bounds_only_when_asked_for() -> None:
         ({"experiments": (Experiment(name="step", signals=STEP.signals, duration=0.0),)}, ("experiments", 0, "duration"), "> 0 s"),
         ({"scenarios": ({"mass": 1.0},)}, ("scenarios", 0, "mass"), "mass"),
         ({"scenarios": ({"kp": 1.0},)}, ("scenarios", 0, "kp"), "both"),
+        ({"scenarios": ({"kp": 1.0},), "scenario_names": ("heavy",)}, ("scenarios", 0, "parameters", "kp"), "both"),
         ({"scenarios": ({"lag": float("inf")},)}, ("scenarios", 0, "lag"), "finite"),
     ],
 )  # fmt: skip
