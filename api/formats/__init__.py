@@ -23,7 +23,8 @@ LEAST_UNPACKED, MOST_RATIO = 256 << 20, 64
 
 NUMBERS = "a channel must hold numbers"
 SAMPLES = "a channel must hold at least 2 samples"
-NO_VALUES = f"it has no values, {SAMPLES}: nothing was written to it, leave it out"
+NO_VALUES = "it has no values, a channel must hold samples: nothing was written to it, leave it out"
+ANOTHER = ": is it another format? leave format out, and the file tells it"
 ONE_COMPLEX = (
     f"it is a single complex number, {SAMPLES}: save its two parts as numbers, which are kept beside the channels"
 )

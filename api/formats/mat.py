@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.formats import (
+    ANOTHER,
     ONE_COMPLEX,
     PIECE,
     FormatError,
@@ -79,7 +80,7 @@ def open_file(file: BinaryIO) -> Recording:
     file.seek(0)
     head = file.read(_HEAD)
     if len(head) < _HEAD or head[126:128] not in {b"IM", b"MI"}:
-        raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else")
+        raise FormatError("a MATLAB file must begin with its header of 128 bytes, got something else" + ANOTHER)
     order = "<" if head[126:128] == b"IM" else ">"
     with ExitStack() as undo:
         found = _found(file, size, order, undo)

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from api.formats import (
+    ANOTHER,
     MOST_CHANNELS,
     NUMBERS,
     PIECE,
@@ -55,7 +56,7 @@ def open_file(file: BinaryIO) -> Recording:
     """
     file.seek(0)
     if file.read(5) != b"\x89MCAP":
-        raise FormatError("an MCAP file must begin with its mark, got something else")
+        raise FormatError("an MCAP file must begin with its mark, got something else" + ANOTHER)
 
     def messages(topics: Sequence[str] | None = None) -> Iterator[tuple[Any, Any, Any]]:
         return _messages(file, topics)

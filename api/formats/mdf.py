@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from api.formats import (
+    ANOTHER,
     PIECE,
     FormatError,
     Recording,
@@ -58,7 +59,7 @@ def open_file(file: BinaryIO) -> Recording:
         raise FormatError("reading MDF needs the package asammdf: install servotune[formats]") from error
     file.seek(0)
     if file.read(3) != b"MDF":
-        raise FormatError("an MDF file must begin with MDF, got something else")
+        raise FormatError("an MDF file must begin with MDF, got something else" + ANOTHER)
     source = MDF(f"/proc/self/fd/{file.fileno()}")
     places, series, refused = _channels(source, size=file.seek(0, 2))
 

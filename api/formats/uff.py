@@ -17,7 +17,16 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import PIECE, FormatError, Recording, Series, SpectralFunction, Values, claimed
+from api.formats import (
+    ANOTHER,
+    PIECE,
+    FormatError,
+    Recording,
+    Series,
+    SpectralFunction,
+    Values,
+    claimed,
+)
 
 _DELIMITER = b"    -1"
 _LINES = 11
@@ -229,7 +238,7 @@ def _functions(file: BinaryIO) -> tuple[list[_Function], list[int]]:
             continue
         found.append(_function(file, kind.decode("ascii", errors="replace"), binary=bool(match[2]), size=size))
     if not any_delimiter:
-        raise FormatError("a universal file must have its datasets between lines of -1, got none")
+        raise FormatError("a universal file must have its datasets between lines of -1, got none" + ANOTHER)
     if inside and found:
         raise FormatError(
             f"the file must end with -1 after {found[-1].name!r}, got its end at byte {size}: it is cut off"

@@ -15,7 +15,15 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import MOST_CHANNELS, FormatError, Recording, Series, bounded, by_channel
+from api.formats import (
+    ANOTHER,
+    MOST_CHANNELS,
+    FormatError,
+    Recording,
+    Series,
+    bounded,
+    by_channel,
+)
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN = 0xFFFFFFFF
@@ -87,7 +95,7 @@ def _parts(file: BinaryIO) -> tuple[_Sound, list[str]]:
     file.seek(0)
     head = file.read(12)
     if head[:4] not in {b"RIFF", b"RF64"} or head[8:12] != b"WAVE":
-        raise FormatError("a WAV file must begin with RIFF or RF64 and WAVE, got something else")
+        raise FormatError("a WAV file must begin with RIFF or RF64 and WAVE, got something else" + ANOTHER)
     form: Sequence[int] = ()
     long = 0
     position = 12

@@ -112,6 +112,9 @@ def test_intervals_hold_the_truth_where_nothing_is_doubted(all_ended: list[Ended
     held = [inside for one in undoubted for inside in one.inside]
     assert len(held) > (150 if WHOLE else 8)
     assert binom.ppf(1e-3, len(held), 0.95) <= sum(held)
+    if WHOLE:
+        # neither too narrow nor so wide that they tell nothing
+        assert 0.90 * len(held) <= sum(held) <= 0.99 * len(held), (sum(held), len(held))
 
 
 def test_what_is_bad_about_a_recording_is_named(all_ended: list[Ended]) -> None:

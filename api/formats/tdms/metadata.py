@@ -203,7 +203,9 @@ class Parser:
         elif mask & _INTERLEAVED:
             row = sum(index.size for _, index in described)
             if any(not index.size for _, index in described):
-                raise FormatError("interleaved values must be numbers, got texts")
+                raise FormatError(
+                    "interleaved values must be numbers, got texts: write them anew, each channel by itself"
+                )
             offset = data
             for found, index in described:
                 if index.dtype:

@@ -16,6 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from api.formats import (
+    ANOTHER,
     MOST_CHANNELS,
     NO_VALUES,
     FormatError,
@@ -258,7 +259,9 @@ def _scan(file: BinaryIO) -> tuple[dict[str, list[str]], list[_Table]]:
     file.seek(0)
     lines = enumerate(lines_of(iter(lambda: file.read(_CHUNK), b"")), start=1)
     if not next(lines, (0, ""))[1].startswith("LabVIEW Measurement"):
-        raise FormatError("a LabVIEW measurement file must begin with 'LabVIEW Measurement', got something else")
+        raise FormatError(
+            "a LabVIEW measurement file must begin with 'LabVIEW Measurement', got something else" + ANOTHER
+        )
     head = _header(lines)
     separator = _separator(head)
     tables: list[_Table] = []

@@ -267,7 +267,7 @@ def _recognition(description: Mapping[str, Any] | None) -> list[str]:
 def _first(recording: Recording, place: int) -> Values:
     for _, values in recording.read([place]):
         return values
-    raise FormatError(f"channel {recording.series[place].name!r} must have samples, got none")
+    raise FormatError(f"channel {recording.series[place].name!r} must have samples, got none: name others in columns")
 
 
 class _Taking:
@@ -295,7 +295,9 @@ class _Taking:
         for position, values in self._recording.read(wanted):
             done += values.size
             if done > MOST_VALUES:
-                raise FormatError(f"a recording must be at most {MOST_VALUES} values, got more")
+                raise FormatError(
+                    f"a recording must be at most {MOST_VALUES} values, got more: name those that matter in columns, or send it in parts"
+                )
             channel = position - shift
             if channel < 0:
                 self.times.add(values)
@@ -310,7 +312,9 @@ class _Taking:
         if np.isinf(values).any():
             at = self._qualities[channel].count + int(np.flatnonzero(np.isinf(values))[0])
             name = self._plan.channels[channel]["name"]
-            raise FormatError(f"channel {name!r} must be finite or missing, got an infinity at sample {at}")
+            raise FormatError(
+                f"channel {name!r} must be finite or missing, got an infinity at sample {at}: write it as a missing one (NaN)"
+            )
         self._qualities[channel].add(values)
         self.times.hand_on(channel, values)
 
@@ -322,7 +326,7 @@ class _Taking:
             said = ", ".join(f"{name} {count}" for name, count in counts.items())
             raise FormatError(f"the channels of a recording must have the same number of samples, got {said}")
         if not next(iter(counts.values())):
-            raise FormatError("a recording must have samples, got none")
+            raise FormatError("a recording must have samples, got none: was it begun?")
 
     def report(self, before: Sequence[str]) -> dict[str, Any]:
         """Return what was noticed; some sentences come before all others."""

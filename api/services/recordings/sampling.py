@@ -21,6 +21,7 @@ from api.services.recordings.evenness import Evenness, rounding
 
 Values = npt.NDArray[np.float64]
 
+_UNREAD = "say sample_rate in import, without time, and the instants are not looked at"
 _GAP = 1.5
 _MOST_GAPS = 100_000
 _SHOWN = 100
@@ -83,7 +84,7 @@ class TimeAxis:
             return instants
         if not np.all(np.isfinite(instants)):
             at = self.count + int(np.flatnonzero(~np.isfinite(instants))[0])
-            raise FormatError(f"time must be given for every sample, got none at sample {at}")
+            raise FormatError(f"time must be given for every sample, got none at sample {at}: {_UNREAD}")
         if instants.size >= _TELLING or not self.count:
             self._rounding = max(self._rounding, rounding(instants) * self.scale)
         instants = instants * self.scale
@@ -97,7 +98,9 @@ class TimeAxis:
         offset = self.count + instants.size - steps.size
         if np.any(steps < 0.0):
             at = int(np.flatnonzero(steps < 0.0)[0])
-            raise FormatError(f"time must not run backwards, got a step of {steps[at]:.6g} s at sample {offset + at}")
+            raise FormatError(
+                f"time must not run backwards, got a step of {steps[at]:.6g} s at sample {offset + at}: sort its rows, or {_UNREAD}"
+            )
         gaps = np.flatnonzero(steps > _GAP * self._usual + self._slack)
         self._evenness.add(instants, gaps + instants.size - steps.size)
         self.count += instants.size
@@ -115,10 +118,10 @@ class TimeAxis:
 
     def _learn(self, steps: Values) -> None:
         if not steps.size:
-            raise FormatError("time must have at least 2 instants, got 1")
+            raise FormatError(f"time must have at least 2 instants, got 1: {_UNREAD}")
         positive = steps[steps > 0.0]
         if not positive.size:
-            raise FormatError(f"time must rise, got {steps.size + 1} equal instants")
+            raise FormatError(f"time must rise, got {steps.size + 1} equal instants: {_UNREAD}")
         # the mean of what is no gap, so that steps which take turns do not count as gaps
         usual = float(steps[steps <= 1.75 * np.median(steps)].mean())
         if positive.size < steps.size:
@@ -160,7 +163,7 @@ class TimeAxis:
         steps = self.count - 1 + self.missing
         span = self._last - self._first - self._lost
         if steps < 1 or span <= 0.0:
-            raise FormatError("time must have at least 2 different instants, got fewer")
+            raise FormatError(f"time must have at least 2 different instants, got fewer: {_UNREAD}")
         found = float(f"{steps / span:.9g}")
         # a stamp is known to the clock's step or to a millionth of its usual distance, a gap to half a sample
         doubt = (max(self._slack, 1e-6 * self._usual) + 0.5 * self._usual * len(self._gaps)) / span
