@@ -214,7 +214,9 @@ def claimed(what: str, values: int, *, size: int, itemsize: float) -> None:
         When they cannot be there, or are more than one recording may have.
     """
     if values < 0 or values * itemsize > size:
-        raise FormatError(f"{what} must fit into the {size} bytes that are there, got {values} values")
+        raise FormatError(
+            f"{what} must fit into the {size} bytes that are there, got {values} values: it is cut off or damaged, send it whole"
+        )
     bounded(what, values)
 
 
@@ -249,4 +251,4 @@ def bounded(what: str, values: int) -> None:
         With the limit.
     """
     if values > MOST_VALUES:
-        raise FormatError(f"{what} must be at most {MOST_VALUES} values, got {values}")
+        raise FormatError(f"{what} must be at most {MOST_VALUES} values, got {values}: send parts of it")
