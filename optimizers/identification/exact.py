@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.exact.nonlinear.recorded import simulate_recorded
+from engine.exact.sampled_data import recorded as sampled_data
+from engine.model.errors import UnresolvedError
 from engine.model.tangent import INFINITESIMAL
 from optimizers.identification.answers import Answer, Samples
 
@@ -34,6 +36,7 @@ class ExactModel:
         self._diagram, self._known = diagram, dict(experiment.values)
         self._clock = clock
         self._outputs = tuple(recording.outputs)
+        self._sampled_alone = diagram.sampled_alone
         self._h = recording.sample_time
         self._between = recording.between_samples
         self._inputs = np.zeros((len(diagram.inputs), recording.samples))
@@ -61,7 +64,8 @@ class ExactModel:
         return Answer(values=found, slopes=np.concatenate([slopes, np.array(by_state)]))
 
     def _simulated(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples]:
-        return simulate_recorded(
+        found = self._by_matrices(laws, deviation) if self._sampled_alone else None
+        return found or simulate_recorded(
             laws,
             self._inputs,
             self._h,
@@ -70,3 +74,12 @@ class ExactModel:
             between=self._between,
             clock=self._clock,
         )
+
+    def _by_matrices(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples] | None:
+        """Return the response of a system whose only laws are samplers without limits; None where its matrices do not tell it."""
+        try:
+            return sampled_data.simulate_recorded(
+                laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation, between=self._between
+            )
+        except UnresolvedError:  # rates without a common period
+            return None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.exact.sampled_data import pieces, transport
-from engine.exact.sampled_data.cut import arriving_later, cut_beside_delays
+from engine.exact.sampled_data.cut import arriving_later, closed_by_any_gain, cut_beside_delays
 from engine.exact.sampled_data.jumps import moving_on, passing, sampling, times
 from engine.exact.sampled_data.system import SampledSystem, Sampling, common_period
 from engine.model.errors import UnresolvedError
@@ -41,7 +41,7 @@ def sampled_system(system: NonlinearSystem, *, opened: bool = False, later: Arra
     m = transport.merged(cut_beside_delays(m) if opened else m)
     samplers = [_in_transport(law, system.lanes) for law in system.laws]
     under_way = transport.lines(m, samplers, system.states)
-    flowing, total, pace = _flowing(m, samplers, under_way)
+    flowing, total, pace = _flowing(closed_by_any_gain(m) if opened else m, samplers, under_way)
     known = _Known.of(m, system.laws, under_way, flowing, total)
     lanes, n = system.lanes, system.linear_states
     flow = np.zeros((lanes, total, total), dtype=complex if system.complex else float)

@@ -10,7 +10,7 @@ on both sides of it, would be.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -35,10 +35,14 @@ _TURNS: Final = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spectrum:
-    """Eigenvalues (N,) at one value of the variable, and how far rounding may have moved each; ``known`` is False beyond all numbers."""
+    """Eigenvalues (N,) at one value of the variable, and how far rounding may have moved each; ``known`` is False beyond all numbers.
+
+    The columns of ``vectors`` are the right eigenvectors.
+    """
 
     values: Complex
     uncertainty: Real
+    vectors: Complex
     known: bool = True
 
     @property
@@ -73,15 +77,15 @@ def crossings(family: Family, grid: Real) -> list[Crossing]:
         nodes.update(zip(middles.tolist(), spectra(family(middles)), strict=True))
         further: list[tuple[float, float, int]] = []
         for (left, right, depth), middle in zip(open_, middles.tolist(), strict=True):
-            ends, inner = (nodes[left], nodes[right]), nodes[middle]
-            if not (ends[0].known and ends[1].known and inner.known):
+            first_end, inner, last_end = _evened(nodes[left], nodes[middle], nodes[right])
+            if not (first_end.known and last_end.known and inner.known):
                 continue
-            first, second = _pairs(ends[0], inner), _pairs(inner, ends[1])
-            if depth < _FINEST and _hides(ends[0], inner, ends[1], first, second):
+            first, second = _pairs(first_end, inner), _pairs(inner, last_end)
+            if depth < _FINEST and _hides(first_end, inner, last_end, first, second):
                 further += [(left, middle, depth + 1), (middle, right, depth + 1)]
             else:
-                brackets += _brackets(left, middle, ends[0], inner, first)
-                brackets += _brackets(middle, right, inner, ends[1], second)
+                brackets += _brackets(left, middle, first_end, inner, first)
+                brackets += _brackets(middle, right, inner, last_end, second)
         open_ = further
     found = [_root(family, *bracket) for bracket in brackets]
     return sorted((one for one in found if one is not None), key=lambda one: one.at)
@@ -99,11 +103,22 @@ def spectra(maps: Complex | Real) -> list[Spectrum]:
     found = []
     for k in range(len(maps)):
         if known[k]:
-            found.append(Spectrum(values=values[k].astype(complex), uncertainty=20 * _EPS * size[k]))
+            found.append(Spectrum(values=values[k].astype(complex), uncertainty=20 * _EPS * size[k], vectors=right[k]))
         else:
             n = maps.shape[-1]
-            found.append(Spectrum(values=np.full(n, np.nan + 0j), uncertainty=np.full(n, np.inf), known=False))
+            nothing = np.full(n, np.nan + 0j)
+            found.append(Spectrum(values=nothing, uncertainty=np.full(n, np.inf), vectors=right[k], known=False))
     return found
+
+
+def _evened(*found: Spectrum) -> list[Spectrum]:
+    """Return spectra of one length: eigenvalues that one of them leaves out are small."""
+    most = max(len(one.values) for one in found)
+    further = [(0, most - len(one.values)) for one in found]
+    return [
+        replace(one, values=np.pad(one.values, by), uncertainty=np.pad(one.uncertainty, by))
+        for one, by in zip(found, further, strict=True)
+    ]
 
 
 def _eigenvectors(whole: Complex | Real) -> tuple[Complex, Complex, Complex]:

@@ -6,7 +6,7 @@ A pure delay and the gain, phase or delay that a margin puts into the cut change
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ _ENTER = {"b1": "b2", "d11": "d12", "d21": "d22", "d31": "d32"}
 """What an input enters by, and what a channel enters by."""
 _SAY = {"c1": "c2", "d11": "d21", "d12": "d22", "d13": "d23"}
 """What an output is made of, and what a channel takes."""
+_CLOSES: Final = {"b1": {"a": "c1", "b2": "d12", "b3": "d13"}, "d21": {"c2": "c1", "d22": "d12", "d23": "d13"}}
+"""What the last input enters by: which matrix a closed loop adds to, and by which one the last output is made."""
+_ANY_GAIN: Final = float(np.sqrt(2))
 
 
 def cut_beside_delays(m: Mapping[str, Array]) -> dict[str, Array]:
@@ -100,3 +103,12 @@ def arriving_later(m: Mapping[str, Array], later: Array) -> dict[str, Array]:
         grown[channel] = np.concatenate([grown[channel], np.zeros((lanes, 1, columns))], axis=1)
     grown["d21"][:, -1, -1] = 1.0
     return grown
+
+
+def closed_by_any_gain(m: Mapping[str, Array]) -> dict[str, Array]:
+    """Return what states and channels of an opened loop follow when it is closed: by a gain with which nothing cancels."""
+    found = dict(m)
+    for enters, closes in _CLOSES.items():
+        for name, output in closes.items():
+            found[name] = m[name] + _ANY_GAIN * m[enters][:, :, -1:] @ m[output][:, -1:]
+    return found

@@ -33,6 +33,8 @@ _FAR: Final = 0.1
 """A crossing that turns by more than this in one step, rad, may be another one: the step is halved, so often at most."""
 _TRIES: Final = 30
 _STILL: Final = 1e-14
+_STEP: Final = 1e-9
+"""What a delay moves ln z by in a period at least; else it counts only where it brings a value behind another sample, and has no slope."""
 _ROUNDED: Final = 1e-11
 """Newton's method stands still where a correction of the phase, rad, is the first of these, or the second after many."""
 
@@ -144,9 +146,7 @@ def _step(later: Later, before: _Followed, rho: float, length: float) -> _Follow
         crossing = nearest(lambda q: period.maps(np.exp(-1j * q)), phase, expected)
         if crossing is None:
             break
-        aside = -1j * gain * INFINITESIMAL
-        re, im = np.array([complex(gain.real, aside.real)]), np.array([complex(gain.imag, aside.imag)])
-        step = complex(period.rate(crossing, re, im)[0])
+        step = -1j * gain * period.pull(crossing, gain)
         height = float(np.log(abs(crossing.eigenvalue)))
         change = height / step.real if step.real else np.inf
         if not abs(change) < 1.0:
@@ -168,10 +168,14 @@ def _moving(part: SampledSystem, later: Later, at: _Followed, turns: int) -> tup
         return np.asarray(frequency), np.asarray(delay)
     gain = complex(np.exp(-1j * at.phase))
     re, im = np.array([gain.real]), np.array([gain.imag])
-    rho, grown = np.array([at.rho]), 1 + 1j * INFINITESIMAL
-    a = complex(later.value(rho + 1j * INFINITESIMAL).rate(at.crossing, re, im)[0])
-    c = complex(later.value(rho).rate(at.crossing, re * grown, im * grown)[0])
-    e = later.moving(rho).rate(at.crossing, re, im)
+    rho = np.array([at.rho])
+    here = later.value(rho)
+    crossing = here.lifted(at.crossing, gain)
+    a = complex(later.value(rho + 1j * INFINITESIMAL).rate(crossing, re, im)[0])
+    c = gain * here.pull(at.crossing, gain)
+    e = later.moving(rho).rate(crossing, re, im)
+    if abs(a) * float(period[0].real) < _STEP:
+        a = complex(np.nan, np.nan)
     other = 1 + turns * c
     matrix = np.array([[a.real, other.imag], [a.imag, -other.real]])
     moved = np.linalg.solve(matrix, -np.stack([np.broadcast_to(e.real, (lanes,)), np.broadcast_to(e.imag, (lanes,))]))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.sampled_data.resolvent import Resolvent
 from engine.exact.sampled_data.system import Event
 from engine.exact.time.propagate import exponentials
 from engine.model.errors import UnresolvedError
@@ -188,7 +189,7 @@ def _of_sequence(part: Cut, omega: Array) -> Array:
     entries, readings = (_turns(sign * omega[:, None] * at) for sign, at in ((1, own.times), (-1, own.seen)))
     forced = _times(entries, own.entered.swapaxes(1, 2))
     through = _product(readings, _times(entries, own.through.swapaxes(1, 2))).sum(axis=2)
-    first = _solved(own.whole, _turns(omega * part.length), forced)
+    first = _solved(part, own.whole, _turns(omega * part.length), forced)
     return np.asarray(through + _product(_times(readings, own.read), first).sum(axis=2))
 
 
@@ -226,7 +227,7 @@ def _followed(part: Cut, omega: Array) -> Array:
         if np.any(event.entering):
             column = event.entering[:, :, 0]
             forced += _turned(np.stack([column, np.zeros_like(column)]), omega * time)
-    first = _solved(whole, _turns(omega * part.length), forced)
+    first = _solved(part, whole, _turns(omega * part.length), forced)
     return np.asarray((total + _product(seen, first).sum(axis=2)) / part.length)
 
 
@@ -308,24 +309,19 @@ def _within(part: Cut, fastest: float, width: Array) -> _Within:
     return found
 
 
-def _solved(whole: Array, turn: Array, right: Array) -> Array:
+def _solved(part: Cut, whole: Array, turn: Array, right: Array) -> Array:
     """Solve (turn - whole) x = right for pairs, (2, k) and (2, k, n), exact to first order; NaN where it is singular."""
-    n = whole.shape[-1]
     value, own = turn[0].real + 1j * turn[1].real, right[0].real + 1j * right[1].real
-    matrix = value[:, None, None] * np.eye(n) - whole.real
-    found = _safely(matrix, own)
+    if "resolvent" not in part.memory:
+        part.memory["resolvent"] = Resolvent(whole[0].real)
+    solve: Resolvent = part.memory["resolvent"]
+    found = solve(value, own)
     if not any(np.iscomplexobj(one) for one in (whole, turn, right)):
         return np.stack([found.real, found.imag])
-    turned = (slopes(turn[0]) + 1j * slopes(turn[1]))[:, None, None] * np.eye(n) - slopes(whole)
-    left = slopes(right[0]) + 1j * slopes(right[1]) - (turned @ found[:, :, None])[:, :, 0]
-    moved = INFINITESIMAL * 1j * _safely(matrix, left)
-    return np.stack([found.real + 1j * moved.imag, found.imag - 1j * moved.real])
-
-
-def _safely(matrix: Array, right: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError:
-        if len(matrix) == 1:
-            return np.full_like(right, np.nan)
-        return np.concatenate([_safely(m[None], r[None]) for m, r in zip(matrix, right, strict=True)])
+    turned = (slopes(turn[0]) + 1j * slopes(turn[1]))[:, None] * found
+    moved = slopes(whole) if np.iscomplexobj(whole) else np.zeros((1, 1, 1))
+    if np.any(moved):
+        turned = turned - (moved @ found[:, :, None])[:, :, 0]
+    left = slopes(right[0]) + 1j * slopes(right[1]) - turned
+    later = INFINITESIMAL * 1j * solve(value, left)
+    return np.stack([found.real + 1j * later.imag, found.imag - 1j * later.real])

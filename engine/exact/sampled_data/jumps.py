@@ -50,15 +50,17 @@ def passing(course: pieces.Course, row: Array, entering: Array, *, number: int) 
     lanes, total = row.shape
     found: list[Sampling] = []
     for value in course.values:
-        found.append(_beginning(value.begins, value.states, row, entering, number=number + len(found)))
+        taken = _beginning(value.begins, value.states, row, entering, number=number + len(found))
+        found.append(replace(taken, piece=True))
     for load in course.loads:
-        taken = np.zeros((lanes, total, total), dtype=np.result_type(load.matrix, float)) + np.eye(total)
-        taken[:, course.chain] = 0.0
-        taken[:, np.array(course.chain)[:, None], load.taken] = load.matrix
+        loaded = np.zeros((lanes, total, total), dtype=np.result_type(load.matrix, float)) + np.eye(total)
+        loaded[:, course.chain] = 0.0
+        loaded[:, np.array(course.chain)[:, None], load.taken] = load.matrix
         nothing = np.zeros((lanes, total, entering.shape[-1]))
         own = Sampling(
             label=load.at.label, number=number + len(found), period=load.at.period, delay=np.zeros(lanes), offset=load.at.first,
-            taken=taken, entering=nothing, turn=0, sampler=False,
+            taken=loaded, entering=nothing, turn=0, sampler=False,
+            piece=True,
         )  # fmt: skip
         found.append(own)
     return found

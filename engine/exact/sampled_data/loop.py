@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from engine.exact.sampled_data.aliases import marked, turns
 from engine.exact.sampled_data.build import sampled_system
 from engine.exact.sampled_data.crossings import Crossing, crossings
 from engine.exact.sampled_data.delayed import Begun, delay_margins
@@ -91,9 +92,9 @@ class SampledLoop:
         count = round((high - low) * _PER_DECADE) + 1
         grid = np.log(10.0) * np.linspace(low, high, count) + _AT_ONE
         found = []
-        for crossing in crossings(lambda q: self.period.maps(np.exp(q)), grid):
+        for crossing in crossings(lambda q: self._value.maps(np.exp(q)), grid):
             gain = float(np.exp(crossing.at))
-            step = self._step(crossing, np.array([gain + 1j * INFINITESIMAL]), np.zeros(1))
+            step = self._value.pull(crossing, complex(gain))
             if abs(step.real) * gain > _STILL:
                 found.append(self._margin(crossing, gain, complex(gain), step))
         return _single(found)
@@ -103,12 +104,9 @@ class SampledLoop:
         """Every crossing of the phase with its margin, at positive frequencies."""
         found = []
         grid = np.linspace(0.0, np.pi, _ANGLES + 1) + _AT_NONE
-        for crossing in crossings(lambda q: self.period.maps(np.exp(-1j * q)), grid):
+        for crossing in crossings(lambda q: self._value.maps(np.exp(-1j * q)), grid):
             gain = complex(np.exp(-1j * crossing.at))
-            turned = -1j * gain * INFINITESIMAL
-            step = self._step(
-                crossing, np.array([gain.real + 1j * turned.real]), np.array([gain.imag + 1j * turned.imag])
-            )
+            step = -1j * gain * self._value.pull(crossing, gain)
             if abs(step.real) > _STILL:
                 frequency, margin = self._margin(crossing, crossing.at, gain, step)
                 if float(frequency[0].real) >= 0:
@@ -132,13 +130,13 @@ class SampledLoop:
         ]
         return delay_margins(self.part, self, begun)
 
-    def _step(self, crossing: Crossing, re: Array, im: Array) -> complex:
-        """Return d ln z for the infinitesimal of the gain κ."""
-        return complex(self._value.rate(crossing, re, im)[0])
-
     @cached_property
     def _value(self) -> Period:
         return Period(self.part.value)
+
+    @cached_property
+    def _marked(self) -> Period:
+        return marked(self.part.value, _LOOKS)
 
     def _margin(self, crossing: Crossing, value: float, gain: complex, step: complex) -> Margin:
         """Return frequency and margin with their infinitesimals; ``step`` is d ln z for a step of the margin."""
@@ -146,7 +144,7 @@ class SampledLoop:
         angle = np.angle(crossing.eigenvalue) + 2 * np.pi * self._alias(crossing, gain)
         if not self.part.moves:
             return np.full(self.lanes, angle / length.real), np.full(self.lanes, value)
-        moved = self.period.rate(crossing, np.array([gain.real]), np.array([gain.imag]))
+        moved = self.period.rate(self._value.lifted(crossing, gain), np.array([gain.real]), np.array([gain.imag]))
         slope = -moved.real / step.real
         turned = moved.imag + step.imag * slope
         frequency = (angle + 1j * INFINITESIMAL * turned) / length
@@ -156,17 +154,8 @@ class SampledLoop:
         """Return how many turns per common period the signal at the cut mostly makes more than ln z says."""
         if len(self.part.samplings) == 1:
             return 0
-        length = float(self.period.length[0].real)
-        count = _LOOKS * (len(self.period.events) + 1)
-        marked = Period(self.part, np.arange(count) * (length / count))
-        turns = np.arange(-count // 4, count // 4 + 1)
-        times, states = marked.passage(crossing.right, gain)
-        signal = states @ self.part.read[0, -1].real
-        weights = np.diff(np.append(times, length))
-        angle = np.angle(crossing.eigenvalue)
-        parts = np.exp(-1j * np.outer(angle + 2 * np.pi * turns, times) / length) @ (weights * signal)
-        best = np.flatnonzero(np.abs(parts) >= np.abs(parts).max() * (1 - 1e-9))
-        return int(turns[best[np.argmin(np.abs(angle + 2 * np.pi * turns[best]))]])
+        signal = self._marked.passage(self._value.lifted(crossing, gain).right, gain) @ self._marked.system.read[0, -1]
+        return int(turns(np.array([crossing.eigenvalue]), signal[:, None, None])[0])
 
 
 def _cut_open(laws: NonlinearSystem, later: Array | None = None) -> SampledSystem:

@@ -9,19 +9,21 @@ C M = 0 and C B = 0, the flow is linear in the gain: e^{M h} + κ ∫ e^{M s} B 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from engine.exact.sampled_data.crossings import Crossing
+from engine.exact.sampled_data.sequence import MANY, SequenceMap, null_vector, shortened
 from engine.exact.time.propagate import exponentials
-from engine.model.tangent import slopes
+from engine.model.linear_system import balancing
+from engine.model.tangent import INFINITESIMAL, slopes
 
 if TYPE_CHECKING:
-    from engine.exact.sampled_data.crossings import Crossing
     from engine.exact.sampled_data.system import Event, SampledSystem
     from engine.model.linear_system import Array
 
@@ -29,26 +31,44 @@ Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 States = npt.NDArray[np.int64]
 
+_AT_ONCE: Final = 16
+"""Gains whose maps are made together."""
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Factor:
-    """A factor of the map: states ``rows`` become ``own`` + κ ``back`` times states ``columns``, (lanes, rows, columns)."""
+    """A factor of the map: states ``rows`` become ``own`` + κ ``entered`` ``seen`` times states ``columns``.
+
+    Shapes: ``own`` (lanes, rows, columns), ``entered`` (lanes, rows, 1), ``seen`` (lanes, 1, columns).
+    """
 
     rows: States
     columns: States
     own: Array
-    back: Array | None
+    entered: Array | None
+    seen: Array
+
+    @cached_property
+    def back(self) -> Array | None:
+        """The product of both."""
+        return None if self.entered is None else self.entered @ self.seen
+
+    @cached_property
+    def acts(self) -> npt.NDArray[np.bool_]:
+        """Which state follows which other, whatever the gain."""
+        own: npt.NDArray[np.bool_] = np.any(self.own != 0, axis=0)
+        return own if self.back is None else own | np.any(self.back != 0, axis=0)
 
     def value(self, gains: Complex | Real) -> Complex | Real:
         """Return the common real part for each gain (k,), (k or 1, rows, columns)."""
-        own: Real = self.own[:1].real
-        return own if self.back is None else own + gains[:, None, None] * self.back[:1].real
+        own, back = self.own[:1].real, self.back
+        return own if back is None else own + gains[:, None, None] * back[:1].real
 
     def motion(self, gain: complex, turned: Complex) -> Complex:
         """Return the change along every lane, with that of the gain, (lanes,)."""
-        found = slopes(self.own).astype(complex)
-        if self.back is not None:
-            found = found + gain * slopes(self.back) + turned[:, None, None] * self.back.real
+        found, back = slopes(self.own).astype(complex), self.back
+        if back is not None:
+            found = found + gain * slopes(back) + turned[:, None, None] * back.real
         return np.asarray(found)
 
 
@@ -121,29 +141,35 @@ class Period:
         if through:
             flow[:, :n, n:] = b[:, columns]
         grown = exponentials(np.stack(self._distinct)[:, :, None, None] * flow)
-        back = (grown[:, :, :count, n:] @ c[:, :, columns]) if through else [None] * len(grown)
         return [
-            _Factor(rows=rows, columns=columns, own=own[:, :count, :n], back=through)
-            for own, through in zip(grown, back, strict=True)
-        ]
+            _Factor(
+                rows=rows, columns=columns, own=one[:, :count, :n], entered=one[:, :count, n:] if through else None,
+                seen=c[:, :, columns],
+            )
+            for one in grown
+        ]  # fmt: skip
 
     @cached_property
     def _jumps(self) -> list[_Factor]:
-        """The factor of each event."""
-        found = []
-        c = self._ends[1]
-        n = self.system.n
+        """The factor of each event; a sampler's are one and the same."""
+        same: dict[tuple[int, int], _Factor] = {}
         for event in self.events:
-            enters = event.entering[:, :, -1:]
-            entered = np.any(enters != 0, axis=(0, 2)) & bool(np.any(c))  # no column where there is no input
-            rows = np.flatnonzero(np.any(event.jump != np.eye(n), axis=(0, 2)) | entered)
-            columns = np.any(event.jump[:, rows] != 0, axis=(0, 1))
-            if entered.any():
-                columns = columns | np.any(c != 0, axis=(0, 1))
-            seen = np.flatnonzero(columns)
-            back = enters[:, rows] @ c[:, :, seen] if entered.any() else None
-            found.append(_Factor(rows=rows, columns=seen, own=event.jump[:, rows[:, None], seen], back=back))
-        return found
+            if (id(event.jump), id(event.entering)) not in same:
+                same[id(event.jump), id(event.entering)] = self._jump(event)
+        return [same[id(event.jump), id(event.entering)] for event in self.events]
+
+    def _jump(self, event: Event) -> _Factor:
+        c, enters = self._ends[1], event.entering[:, :, -1:]
+        entered = np.any(enters != 0, axis=(0, 2)) & bool(np.any(c))  # no column where there is no input
+        rows = np.flatnonzero(np.any(event.jump != np.eye(self.system.n), axis=(0, 2)) | entered)
+        columns = np.any(event.jump[:, rows] != 0, axis=(0, 1))
+        if entered.any():
+            columns = columns | np.any(c != 0, axis=(0, 1))
+        seen = np.flatnonzero(columns)
+        return _Factor(
+            rows=rows, columns=seen, own=event.jump[:, rows[:, None], seen],
+            entered=enters[:, rows] if entered.any() else None, seen=c[:, :, seen],
+        )  # fmt: skip
 
     def _factors(self, flows: Sequence[Any]) -> Iterator[tuple[States, States, Any]]:
         """Yield what changes which states by which, in the order of the period; ``flows`` stand for the distinct widths."""
@@ -154,57 +180,156 @@ class Period:
                 jump = self._jumps[number]
                 yield jump.rows, jump.columns, jump
 
-    def _valued(self, gains: Complex | Real | None) -> tuple[Complex | Real, list[Complex | Real]]:
-        """Return κ / (1 - κ d), for a direct gain at the cut closes a loop of its own, and the flows of the common real part."""
-        if gains is None:
-            closed: Complex | Real = np.zeros(1)
-        else:
-            closed = gains / (1 - gains * float(self._ends[2][0].real))
+    @cached_property
+    def alive(self) -> States:
+        """The states whose values at the start of a period matter: the others are overwritten before anything follows them."""
+        rows, columns = self._moved
+        whole = np.ones((len(rows), len(columns)), dtype=bool)
+        flows = [whole] * len(self._distinct)
+        passed = [
+            (rows, columns, factor.acts if isinstance(factor, _Factor) else factor)
+            for rows, columns, factor in self._factors(flows)
+        ]
+        needed = np.ones(self.system.n, dtype=bool)
+        while True:
+            before = needed.copy()
+            for rows, columns, acts in reversed(passed):
+                followed = before[rows]
+                before[rows] = False
+                before[columns] |= acts[followed].any(axis=0)
+            before &= needed
+            if (before == needed).all():
+                return np.flatnonzero(needed)
+            needed = before
+
+    @cached_property
+    def sequence(self) -> SequenceMap | None:
+        """The map of the common real part as one of the gain at a cut that carries a sequence; None where its signal flows."""
+        if self._flows is None or any(s.piece and np.any(s.entering[:, :, -1:]) for s in self.system.samplings):
+            return None
+        c = self._ends[1][0].real
+        looks, flowing = np.any(c != 0, axis=0), bool(np.any(c @ self.system.flow[0].real))
+        passed = list(self._factors(self._flows))
+        most = sum(factor.entered is not None for _, _, factor in passed)
+        states = len(self.alive)
+        found = np.zeros((self.system.n, states + most))
+        found[self.alive, np.arange(states)] = 1.0
+        read: list[Real] = []
+        fresh = True  # whether what is read may have changed since it was last taken
+        for rows, columns, factor in passed:
+            if factor.entered is not None and fresh:
+                read.append((c @ found)[0])
+                fresh = False
+            found[rows] = factor.own[0].real @ found[columns]
+            if factor.entered is not None:
+                found[rows, states + len(read) - 1] += factor.entered[0, :, 0].real
+            fresh |= bool(looks[rows].any()) and (flowing or factor not in self._flows)
+        count = len(read)
+        rows_read = np.array(read).reshape(count, -1)
+        ends = found[self.alive]
+        return SequenceMap(
+            whole=ends[:, :states], entered=ends[:, states : states + count], read=rows_read[:, :states],
+            through=rows_read[:, states : states + count],
+        )  # fmt: skip
+
+    @cached_property
+    def _reached(self) -> SequenceMap | None:
+        return None if self.sequence is None else self.sequence.reached()
+
+    def _closed(self, gains: Complex | Real) -> Complex | Real:
+        """Return κ / (1 - κ d), for a direct gain at the cut closes a loop of its own."""
+        return gains / (1 - gains * float(self._ends[2][0].real))
+
+    def _flows_at(self, closed: Complex | Real) -> list[Complex | Real]:
+        """Return what the distinct widths do, of the common real part."""
         if self._flows is not None:
-            return closed, [factor.value(closed) for factor in self._flows]
+            return [factor.value(closed) for factor in self._flows]
         rows, columns = self._moved
         b, c, flow = self._ends[0][0].real, self._ends[1][0].real, self.system.flow[0].real
         own, back = flow[columns[:, None], columns], b[columns] @ c[:, columns]
         matrix = own + closed[:, None, None] * back
-        return closed, [exponentials(width[0].real * matrix)[:, : len(rows)] for width in self._distinct]
+        widths = np.array([width[0].real for width in self._distinct])
+        return list(exponentials(widths[:, None, None, None] * matrix)[:, :, : len(rows)])
 
-    def maps(self, gains: Complex | Real | None = None) -> Complex | Real:
-        """Return Φ(κ) of the common real part for gains of shape (k,), shape (k, N, N); the cut open where there are none."""
-        n = self.system.n
+    def maps(self, gains: Complex | Real) -> Array:
+        """Return maps (k, n, n) for gains of shape (k,) whose eigenvalues are those of Φ(κ), but for small ones."""
         with np.errstate(all="ignore"):
-            closed, flows = self._valued(gains)
-            found = np.zeros((len(closed), n, n), dtype=closed.dtype) + np.eye(n)
-            for rows, columns, factor in self._factors(flows):
-                matrix = factor.value(closed) if isinstance(factor, _Factor) else factor
-                found[:, rows] = matrix @ found[:, columns]
-        return np.asarray(found)
+            if self._reached is not None:
+                return self._reached.at(self._closed(gains))
+            parts = np.array_split(gains, len(gains) // _AT_ONCE + 1)
+            return shortened(np.concatenate([self._whole_at(few) for few in parts]))
 
-    def passage(self, start: Complex, gain: complex) -> tuple[Real, Complex]:
-        """Return the instants (k,) and the states (k, N) behind each stop of one that begins the period at ``start``."""
-        closed, flows = self._valued(np.array([gain]) if gain else None)
-        rows, columns = self._moved
-        time, state = 0.0, start.astype(complex)
-        times, states = [], []
-        for kind, width, number in zip(self._kinds, self._widths, self._stops, strict=False):
-            time, state = time + float(width[0].real), state.copy()
-            state[rows] = flows[kind][0] @ state[columns]
-            if number is not None:
+    def _whole_at(self, gains: Array) -> Array:
+        """Return Φ(κ) of the common real part for gains of shape (k,), shape (k, alive, alive)."""
+        closed = self._closed(gains)
+        if self.sequence is not None:
+            return self.sequence.at(closed)
+        count = len(self.alive)
+        found = np.zeros((len(closed), self.system.n, count), dtype=closed.dtype)
+        found[:, self.alive, np.arange(count)] = 1.0
+        for rows, columns, factor in self._factors(self._flows_at(closed)):
+            matrix = factor.value(closed) if isinstance(factor, _Factor) else factor
+            found[:, rows] = matrix @ found[:, columns]
+        return np.asarray(found[:, self.alive])
+
+    def lifted(self, crossing: Crossing, gain: complex) -> Crossing:
+        """Return a crossing of :meth:`maps` with the vectors of all states."""
+        left, right = crossing.left, crossing.right
+        if len(self.alive) > MANY:
+            whole = self._whole_at(np.array([gain]))[0]
+            scale = balancing(np.abs(whole))
+            left_over = whole * scale / scale[:, None] - crossing.eigenvalue * np.eye(len(whole))
+            left, right = null_vector(left_over.conj().T) / scale, null_vector(left_over) * scale
+        return replace(crossing, left=self.of_all(left), right=self.of_all(right))
+
+    def of_all(self, states: Complex) -> Complex:
+        """Return states (alive, ...) among all."""
+        found = np.zeros((self.system.n, *states.shape[1:]), dtype=complex)
+        found[self.alive] = states
+        return found
+
+    def passage(self, start: Complex, gain: complex, rows: States | None = None) -> Complex:
+        """Return some states (marks, rows, ...) behind each mark of those (N, ...) that begin the period at ``start``."""
+        closed = self._closed(np.array([gain]))
+        flows = self._flows_at(closed)
+        flown, from_ = self._moved
+        state, seen = start.astype(complex), []
+        for kind, number in zip(self._kinds, self._stops, strict=False):
+            if not self._nothing[kind]:
+                state[flown] = flows[kind][0] @ state[from_]
+            if number is None:
+                seen.append(state.copy() if rows is None else state[rows])
+            else:
                 jump = self._jumps[number]
                 state[jump.rows] = jump.value(closed)[0] @ state[jump.columns]
-            times.append(time)
-            states.append(state)
-        return np.array(times), np.array(states)
+        return np.array(seen)
 
     def whole(self) -> Array:
-        """Return Φ with the cut open and all infinitesimals, shape (lanes, N, N)."""
+        """Return Φ with the cut open and all infinitesimals, of the states that matter, shape (lanes, alive, alive)."""
         rows, columns = self._moved
         flow = self.system.flow[:, columns[:, None], columns]
         flows = [exponentials(width[:, None, None] * flow)[:, : len(rows)] for width in self._distinct]
         kind = np.result_type(*flows, *(event.jump for event in self.events))
-        found = np.zeros((self.system.lanes, self.system.n, self.system.n), dtype=kind) + np.eye(self.system.n)
+        count = len(self.alive)
+        found = np.zeros((self.system.lanes, self.system.n, count), dtype=kind)
+        found[:, self.alive, np.arange(count)] = 1.0
         for changed, seen, factor in self._factors(flows):
             found[:, changed] = (factor.own if isinstance(factor, _Factor) else factor) @ found[:, seen]
-        return found
+        return found[:, self.alive]
+
+    def pull(self, crossing: Crossing, gain: complex) -> complex:
+        """Return d ln z / dκ of a simple eigenvalue of :meth:`maps`."""
+        if self._reached is None:
+            moved = self.rate(
+                self.lifted(crossing, gain), np.array([gain.real + 1j * INFINITESIMAL]), np.array([gain.imag])
+            )
+            return complex(moved[0])
+        closed = complex(self._closed(np.array([gain]))[0])
+        turned = (1 + closed * float(self._ends[2][0].real)) ** 2
+        change = crossing.left.conj() @ self._reached.slope(closed, crossing.right)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a double eigenvalue has no rate
+            below = np.complex128(crossing.left.conj() @ crossing.right) * crossing.eigenvalue
+            return complex(turned * change / below)
 
     def rate(self, crossing: Crossing, re: Array, im: Array) -> Complex:
         """Return d ln z of a simple eigenvalue of Φ(κ) along every lane, shape (lanes,).
@@ -212,7 +337,7 @@ class Period:
         Parameters
         ----------
         crossing : Crossing
-            The eigenvalue with its vectors.
+            The eigenvalue with its vectors, of all states.
         re, im : ndarray, shape (lanes,) or (1,)
             Real and imaginary part of κ, with their infinitesimals.
         """
@@ -220,7 +345,8 @@ class Period:
         direct = self._ends[2]
         turned = (slopes(re) + 1j * slopes(im) + gain**2 * slopes(direct)) / (1 - gain * direct.real) ** 2
         turned = np.broadcast_to(turned, (self.system.lanes,))
-        closed, flows = self._valued(np.array([gain]))
+        closed = self._closed(np.array([gain]))
+        flows = self._flows_at(closed)
         moving = self._flows if self._flows is not None else self._whole_motions(re, im)
         passed: list[tuple[States, States, Complex | Real, Complex, Any]] = []
         state = crossing.right.astype(complex)

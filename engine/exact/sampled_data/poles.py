@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from engine.exact.frequency import poles as continuous
 from engine.exact.frequency.poles import Poles
-from engine.exact.sampled_data.crossings import spectra
+from engine.exact.sampled_data.aliases import marked, turns
+from engine.exact.sampled_data.crossings import Spectrum, spectra
 from engine.exact.sampled_data.period import Period
 from engine.model.linear_system import LaneSystem
 from engine.model.strongly_connected_components import circles
@@ -31,6 +32,8 @@ _CLEAR: Final = 1e6
 """An eigenvalue counts where its size is so many times what rounding may have moved it by."""
 _PACES: Final = 1.5
 """A mode that decays so many times faster than the pace at which what is under way in delays is followed is not known."""
+_TOGETHER: Final = 64
+"""Modes that are followed over the period at once."""
 _LOOKS: Final = 4
 """How often between two events of a period the shape of a mode is looked at."""
 
@@ -43,10 +46,10 @@ def sampled_poles(system: SampledSystem) -> Poles:
     UnresolvedError
         If the rates of one loop are in no rational ratio, or a lane changes it.
     """
-    pattern = system.pattern
+    pattern, flowing = system.pattern, _continuous_states(system)
     parts: list[Poles] = []
     for circle in circles([np.flatnonzero(row).tolist() for row in pattern]):
-        if circle[0] >= _continuous_states(system) and not _driven(system, circle):
+        if circle[0] >= flowing and not _driven(system, circle):
             continue  # a register that nothing enters stays empty
         if len(circle) > 1 or pattern[circle[0], circle[0]] or not system.samplings:
             part = system.part(np.array(circle))
@@ -67,9 +70,7 @@ def _continuous_states(system: SampledSystem) -> int:
     """Return how many states flow; those of the samplers follow them."""
     jumping = np.zeros(system.n, dtype=bool)
     for sampling in system.samplings:
-        jumping |= np.any(sampling.taken != np.eye(system.n), axis=(0, 2))
-        if sampling.updated is not None:
-            jumping |= np.any(sampling.updated != np.eye(system.n), axis=(0, 2))
+        jumping |= sampling.moved
     return int(np.argmax(jumping)) if jumping.any() else system.n
 
 
@@ -83,53 +84,50 @@ def _driven(system: SampledSystem, circle: list[int]) -> bool:
 def _of_loop(part: SampledSystem) -> Poles:
     period = Period(part)
     length = float(period.length[0].real)
-    turns = continuous.poles(autonomous(period.whole()))
-    kept = np.abs(turns.values) > np.maximum(turns.uncertainty, _EMPTY)
+    whole = period.whole()
+    if not whole.size:  # all that is in it is overwritten before it counts
+        return continuous.poles(autonomous(whole))
+    found = continuous.poles(autonomous(whole))
+    kept = np.abs(found.values) > np.maximum(found.uncertainty, _EMPTY)
+    (own,) = spectra(whole[:1].real)
     if np.isfinite(part.pace):
-        kept &= _of_itself(turns.values, period) & (np.abs(turns.values) >= np.exp(-_PACES * part.pace * length))
-    z, moved = turns.values[kept], turns.motion[kept]
+        kept &= _of_itself(found.values, own) & (np.abs(found.values) >= np.exp(-_PACES * part.pace * length))
+    z, moved = found.values[kept], found.motion[kept]
     s: Complex = np.log(z.astype(complex)) / length
     if len(part.samplings) > 1:
-        s = s + np.asarray(2j * np.pi / length * _aliases(period, z))
+        s = s + np.asarray(2j * np.pi / length * _aliases(part, own, z))
     motion = (moved / z[:, None] - s[:, None] * slopes(period.length)) / length
-    uncertainty = turns.uncertainty[kept] / np.abs(z) / length
+    uncertainty = found.uncertainty[kept] / np.abs(z) / length
     return Poles(values=s, uncertainty=uncertainty, motion=motion, endless=np.zeros(len(s), dtype=bool))
 
 
-def _of_itself(eigenvalues: Complex, period: Period) -> npt.NDArray[np.bool_]:
+def _of_itself(eigenvalues: Complex, own: Spectrum) -> npt.NDArray[np.bool_]:
     """Return which eigenvalues are no rounding of 0: what is under way in a delay makes chains of states that end empty."""
-    (own,) = spectra(period.maps())
     with np.errstate(invalid="ignore"):
         clear = np.abs(own.values) > _CLEAR * own.uncertainty
     nearest = np.abs(eigenvalues[:, None] - own.values).argmin(axis=1)
     return np.asarray(clear[nearest])
 
 
-def _aliases(period: Period, eigenvalues: Complex) -> npt.NDArray[np.int64]:
-    """Return how many turns per common period the strongest part of each mode makes more than ln z says.
-
-    Several rates see more than the slowest: a mode that turns several times within the common period is told at the
-    frequency at which it mostly swings.
-    """
-    length = float(period.length[0].real)
-    count = _LOOKS * (len(period.events) + 1)
-    marked = Period(period.system, np.arange(count) * (length / count))
-    turns = np.arange(-count // 4, count // 4 + 1)
+def _aliases(part: SampledSystem, own: Spectrum, eigenvalues: Complex) -> npt.NDArray[np.int64]:
+    """Return how many turns per common period the strongest part of each mode makes more than ln z says."""
+    period, shown = marked(part.value, _LOOKS), _shown(part)
     found = np.zeros(len(eigenvalues), dtype=np.int64)
-    whole = period.maps()[0]
-    for k, z in enumerate(eigenvalues):
-        if z.imag == 0 and z.real > 0:
-            continue
-        shape = np.linalg.svd(whole - z * np.eye(len(whole)))[2][-1].conj()
-        times, states = marked.passage(shape, 0.0)
-        upright = states * np.exp(-np.log(z) * times / length)[:, None]
-        upright /= np.maximum(np.abs(upright).max(axis=0), 1e-300)
-        weights = np.diff(np.append(times, length))
-        parts = (weights[:, None] * np.exp(-2j * np.pi * np.outer(times, turns) / length)).T @ upright
-        strength = (np.abs(parts) ** 2).sum(axis=1)
-        best = np.flatnonzero(strength >= strength.max() * (1 - 1e-9))
-        found[k] = turns[best[np.argmin(np.abs(np.angle(z) + 2 * np.pi * turns[best]))]]
+    turning = np.flatnonzero((eigenvalues.imag != 0) | (eigenvalues.real < 0))
+    for few in np.array_split(turning, len(turning) // _TOGETHER + 1):
+        z = eigenvalues[few]
+        nearest = np.abs(z - own.values[:, None]).argmin(axis=0)
+        found[few] = turns(z, period.passage(period.of_all(own.vectors[:, nearest]), 0.0, shown))
     return found
+
+
+def _shown(system: SampledSystem) -> npt.NDArray[np.int64]:
+    """Return the states that a mode is seen by: those that flow and those of samplers, not what is under way."""
+    shown = np.any(system.flow != 0, axis=(0, 2))
+    for sampling in system.samplings:
+        if sampling.sampler:
+            shown |= sampling.moved
+    return np.flatnonzero(shown)
 
 
 def autonomous(a: Array) -> LaneSystem:

@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -42,7 +43,7 @@ class Sampling:
     ``taken`` (lanes, N, N) with ``entering`` (lanes, N, inputs) is a sample, ``updated`` (lanes, N, N) the output that follows
     it after the delay, None where there is none. ``number`` tells it from the others in the order of the document; of those
     that act together the lower ``turn`` comes first: what arrives, samples, what takes account of both. ``sampler`` is False
-    where it only tells what is under way in a delay.
+    where it only tells what is under way in a delay, ``piece`` True where that flows.
     """
 
     label: str
@@ -55,6 +56,19 @@ class Sampling:
     updated: Array | None = None
     turn: int = 1
     sampler: bool = True
+    piece: bool = False
+
+    @cached_property
+    def pattern(self) -> npt.NDArray[np.bool_]:
+        """Which state (row) jumps to what others make it, (N, N); of states that are left alone none."""
+        jumps = [self.taken] if self.updated is None else [self.taken, self.updated]
+        same = np.eye(self.taken.shape[-1])
+        return np.asarray(np.logical_or.reduce([np.any(jump != same, axis=0) for jump in jumps]))
+
+    @cached_property
+    def moved(self) -> npt.NDArray[np.bool_]:
+        """Which states it changes, (N,)."""
+        return np.asarray(self.pattern.any(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +118,7 @@ class SampledSystem:
                 updated=None if s.updated is None else s.updated[:, x][:, :, x],
             )
             for s in self.samplings
-            if _acts(s, x)
+            if s.moved[x].any()
         ]  # fmt: skip
         return replace(
             self, flow=self.flow[:, x][:, :, x], driven=self.driven[:, x], read=self.read[:, :, x], samplings=tuple(own)
@@ -160,14 +174,12 @@ class SampledSystem:
         """Whether there is a sampler in it."""
         return any(sampling.sampler for sampling in self.samplings)
 
-    @property
+    @cached_property
     def pattern(self) -> npt.NDArray[np.bool_]:
         """Which state (row) follows which other, at once or in a jump, (N, N)."""
         acts: npt.NDArray[np.bool_] = np.any(self.flow != 0, axis=0)
         for sampling in self.samplings:
-            acts |= np.any(sampling.taken != np.eye(self.n), axis=0)
-            if sampling.updated is not None:
-                acts |= np.any(sampling.updated != np.eye(self.n), axis=0)
+            acts |= sampling.pattern
         return acts
 
     @property
@@ -273,14 +285,6 @@ def _spread(acts: npt.NDArray[np.bool_], begun: npt.NDArray[np.bool_]) -> npt.ND
             break
         found = further
     return found
-
-
-def _acts(sampling: Sampling, states: npt.NDArray[Any]) -> bool:
-    """Return whether a sampler moves one of some states."""
-    rows = np.any(sampling.taken != np.eye(sampling.taken.shape[-1]), axis=(0, 2))
-    if sampling.updated is not None:
-        rows = rows | np.any(sampling.updated != np.eye(len(rows)), axis=(0, 2))
-    return bool(rows[states].any())
 
 
 def _length(sampling: Sampling) -> float:
