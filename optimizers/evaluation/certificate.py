@@ -13,11 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.model.interruption import interruptible
 from engine.model.verdicts import Measured
 from optimizers.evaluation.compared import compared, number_of
 from optimizers.evaluation.constraint_violation import BROKEN, signed_excess
+from optimizers.evaluation.effort import over
 from optimizers.evaluation.measuring import measured as measured_goals
-from optimizers.independent_check import Statement, witnessed
+from optimizers.independent_check import CannotFollowError, Statement, witnessed
 from optimizers.problem import Goal, Problem, Sense
 
 TOLERANCE = 1e-6
@@ -35,7 +37,7 @@ class Proof:
     """One goal in the scenario that serves it worst; ``measured.at`` says when (s) or at which frequency (rad/s).
 
     ``independent`` is the value of the second measurement, None where there is none: a nonlinear system with delays or samplers, or
-    without a given duration, a command that does not settle, a metric without a second reading. ``tolerance`` is how far it may
+    without a given duration, a command that does not settle, a metric without a second reading, no time left for it. ``tolerance`` is how far it may
     itself be off, in the metric's unit.
     """
 
@@ -76,8 +78,15 @@ def certify(problem: Problem, variables: Mapping[str, float]) -> Certificate:
     first = certificate_of(problem, rows)
     worst = {proof.scenario for proof in first.goals}
     heard = range(len(rows)) if len(rows) <= _EVERY else sorted(worst)
-    second = {s: witnessed(problem, variables, problem.scenarios[s]) for s in heard}
+    with interruptible(_look_at_the_time):
+        second = {s: witnessed(problem, variables, problem.scenarios[s]) for s in heard}
     return certificate_of(problem, rows, second)
+
+
+def _look_at_the_time() -> None:
+    """End a second measurement that the time does not allow: a point that is proven once is better than none."""
+    if over():
+        raise CannotFollowError
 
 
 def certificate_of(

@@ -6,7 +6,7 @@ Wall time and the processor time of this process (all its threads). A stage insi
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -32,11 +32,22 @@ class Spent:
 
 @dataclass(kw_only=True)
 class Effort:
-    """The time of one search, by stage; ``OTHER`` is what belongs to none."""
+    """The time of one search, by stage; ``OTHER`` is what belongs to none. ``ended`` tells whether hardly any is left."""
 
+    ended: Callable[[], bool] | None = None
     stages: dict[Stage, Spent] = field(default_factory=lambda: {stage: Spent() for stage in Stage})
     _now: Stage = Stage.OTHER
     _since: tuple[float, float] = field(default_factory=lambda: (time.perf_counter(), time.process_time()))
+
+    @contextmanager
+    def limited(self, ended: Callable[[], bool]) -> Iterator[None]:
+        """Let what is measured inside end by this limit; inside another one it is that one."""
+        outer = self.ended
+        self.ended = outer or ended
+        try:
+            yield
+        finally:
+            self.ended = outer
 
     def spent(self) -> dict[str, dict[str, float]]:
         """Return stage -> ``seconds`` and ``cpu_seconds`` until now, in plain numbers."""
@@ -74,6 +85,12 @@ def elapsed() -> float | None:
     """Return the wall time (s) of all that is measured now, None where nobody measures."""
     effort = _CURRENT.get()
     return None if effort is None else seconds_of(effort.spent())
+
+
+def over() -> bool:
+    """Return whether hardly any time is left of what all that is measured now may take; False where there is no limit."""
+    effort = _CURRENT.get()
+    return effort is not None and effort.ended is not None and effort.ended()
 
 
 @contextmanager

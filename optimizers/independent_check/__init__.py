@@ -7,6 +7,7 @@ read off them (`timing`, `margins`) is written out again. What it cannot follow 
 
 from __future__ import annotations
 
+from optimizers.independent_check.march import CannotFollowError
 from optimizers.independent_check.statement import Statement, witnessed
 
-__all__ = ["Statement", "witnessed"]
+__all__ = ["CannotFollowError", "Statement", "witnessed"]

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
+from engine.model.interruption import look
 from optimizers.independent_check.equations import Equations, Instants, seen
 from optimizers.independent_check.march import NODES, CannotFollowError, March
 
@@ -160,6 +161,7 @@ class Follower:
         return found.t.tolist(), found.sol, modes, now if found.status == 1 else end
 
     def _rates(self, t: float, x: Real) -> Array:
+        look()
         self._looks += 1
         if self._looks > _MOST_LOOKS:
             raise CannotFollowError

@@ -19,6 +19,9 @@ MOST_BYTES: Final = 4e9
 
 _FOR_THE_PROOF = 0.2
 """Part of the time that is left for the proof."""
+_FOR_THE_END = 0.1
+_RUNS = 3
+"""Part of the time that is left for what has to follow the proof, and how many of the longest pauses that takes: curves, slopes."""
 _EVALUATIONS = 4
 """The proof takes as long as so many of the longest pauses between two looks at the clock."""
 _AT_LEAST = 0.3
@@ -56,9 +59,14 @@ class Limited:
         return self._monitor.cancelled() or self._late()
 
     def ended(self) -> bool:
-        """Return whether nothing more may follow the search: because the caller wants it, or because all of the time is over."""
-        over = self._seconds is not None and self._clock() - self._began >= self._seconds
-        return self._monitor.cancelled() or over
+        """Return whether nothing more may follow the proof: because the caller wants it, or because hardly any time is left."""
+        return self._monitor.cancelled() or self.hardly_left()
+
+    def hardly_left(self) -> bool:
+        """Return whether the time is over but for what cannot be left out."""
+        if self._seconds is None:
+            return False
+        return self._clock() - self._began >= self._seconds - max(_FOR_THE_END * self._seconds, _RUNS * self._longest)
 
     def keep(self, state: Mapping[str, Any]) -> None:
         """Pass a state on."""

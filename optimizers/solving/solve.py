@@ -113,7 +113,8 @@ def solve(
     """
     with metered() as effort:
         watch = Limited(monitor or Unwatched(), _time_of(options, seconds))
-        result = _whole(kind, problem, options, watch, checks=checks, samples=samples)
+        with effort.limited(watch.hardly_left):
+            result = _whole(kind, problem, options, watch, checks=checks, samples=samples)
         spent = effort.spent()
         return replace(result, seconds=seconds_of(spent), effort=spent)
 

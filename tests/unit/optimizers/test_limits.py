@@ -38,6 +38,16 @@ def test_a_fifth_of_the_time_is_left_for_the_proof() -> None:
     assert not Limited(Unwatched(), None, clock=Clock()).cancelled()
 
 
+def test_a_tenth_of_the_time_is_left_for_what_follows_the_proof() -> None:
+    limited = Limited(Unwatched(), 1000.0, clock=Clock())
+    assert next(count for count in range(2000) if limited.hardly_left()) == 899
+    assert limited.ended()
+    assert not Limited(Unwatched(), None, clock=Clock()).hardly_left()
+    slow = Limited(Unwatched(), 1000.0, clock=Clock(80.0))
+    slow.cancelled()  # what takes 80 s to evaluate takes as long three times to describe and to draw
+    assert next(count for count in range(2000) if slow.hardly_left()) == 8  # the first look after 760 s
+
+
 def test_what_takes_long_to_evaluate_takes_long_to_prove() -> None:
     clock = Clock(10.0)
     limited = Limited(Unwatched(), 100.0, clock=clock)

@@ -11,6 +11,7 @@ from engine.diagram.diagram import Diagram, compile_system
 from engine.model.masks import Envelope, Polyline
 from engine.signals import make
 from optimizers.evaluation.certificate import certificate_of, certify
+from optimizers.evaluation.effort import metered
 from optimizers.evaluation.measuring import measured
 from optimizers.independent_check import Statement, witnessed
 from optimizers.problem import Experiment, Goal, Problem, Sense, Variable
@@ -153,3 +154,14 @@ def test_a_bound_is_broken_by_no_less_than_the_tolerance():
         told = problem(LAWS["saturation"], 5.0, bound)
         moved = Statement(value=second.value * (1 + off), tolerance=second.tolerance)
         assert certificate_of(told, [[exact]], {0: [moved]}).valid is valid
+
+
+def test_a_second_measurement_ends_when_the_time_does() -> None:
+    """A search whose proof takes longer than its time had no result at all: what is proven once is a result."""
+    asked = problem(loop("saturation", lower=-1.0, upper=1.0), 3.0, GOALS[0])
+    (twice,) = certify(asked, {"k": 2.0}).goals
+    with metered() as effort, effort.limited(lambda: True):
+        (once,) = certify(asked, {"k": 2.0}).goals
+    assert twice.independent == pytest.approx(twice.measured.value, rel=1e-6)
+    assert once.independent is None
+    assert once.measured == twice.measured
