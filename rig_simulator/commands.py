@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api.arguments import parser_of, stopped_by_signals
+from api.runtime.arguments import parser_of, stopped_by_signals
 
 if TYPE_CHECKING:
     from rig_simulator.bench import Bench

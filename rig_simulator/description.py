@@ -27,7 +27,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from api.convert.systems import diagram_from_wire
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.schemas.systems import SystemDocument
 from rig_simulator.bench import Bench
 from rig_simulator.devices import Device

@@ -8,8 +8,8 @@ import numpy as np
 
 from api.convert.signals import ReadChannel, signal_from_wire
 from api.convert.values import si
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.acquisitions import AcquisitionBody, SteppedSineSignal
 from engine.model.between_samples import BetweenSamples
 from engine.signals import Signal

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.optimizations import AlternativeDocument
 
 
@@ -15,7 +15,7 @@ def altered(document: Mapping[str, Any], alternative: AlternativeDocument, place
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 for a part that is to be removed and is not there.
     """
     changed: dict[str, Any] = {

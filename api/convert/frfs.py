@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from api.convert.values import number, numbers, optional_si, si
-from api.pointers import Place
-from api.problems import at
+from api.problems.documents import at
+from api.problems.pointers import Place
 from api.schemas.frfs import FrfRequest, SensorResponse
 from engine.exact.frequency.fourier import Complex
 from engine.recordings.modal.modes import Modes
@@ -76,7 +76,7 @@ def sensor_from_wire(given: SensorResponse | None, *, place: Place) -> Sensor | 
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 with the place of a number out of its bounds, or of a wrong unit.
     """
     if given is None:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from api.convert.values import band_from_wire, opening, optional_si, options_from_wire, si
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.optimizations import BoundsDocument, GoalDocument, RationalDocument
 from engine.diagram.diagram import Diagram
 from engine.metrics import catalogue
@@ -23,7 +23,7 @@ def goal_from_wire(document: GoalDocument, diagram: Diagram, place: Place, *, ex
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 with the place of a quantity in a wrong unit, or of bounds that make no sense.
     """
     only = only_places(document.metric, diagram, experiments)

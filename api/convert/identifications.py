@@ -11,7 +11,7 @@ import numpy as np
 from api.convert.fits import fit_to_wire
 from api.convert.recordings import window
 from api.convert.values import number, numbers, optional_si, overrides_from_wire
-from api.pointers import Place
+from api.problems.pointers import Place
 from api.schemas.identifications import IdentificationRequest, IdentifiedParameter
 from engine.diagram.diagram import Diagram
 from engine.recordings.fit import Fit, ResidualTests
@@ -40,7 +40,7 @@ def identification_from_wire(
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 with the place of a quantity in a wrong unit or a window outside of the recording.
     ProblemError
         For everything else that cannot be identified.

@@ -8,8 +8,8 @@ from typing import Any
 from api.convert.goals import goal_from_wire
 from api.convert.signals import ReadChannel, signals_from_wire
 from api.convert.values import optional_si, overrides_from_wire, si
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.optimizations import (
     ExperimentDocument,
     OptimizationRequest,
@@ -35,7 +35,7 @@ def problem_from_wire(
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 with the place of a quantity in a wrong unit, an unknown port, path or signal.
     ProblemError
         For everything else that cannot be optimised.

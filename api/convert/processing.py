@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from api.convert.values import check_unit, optional_si
-from api.pointers import Place
-from api.problems import at
+from api.problems.documents import at
+from api.problems.pointers import Place
 from api.schemas import processing as wire
 from engine.recordings.processing.calibrate import Calibrate
 from engine.recordings.processing.cut import Cut
@@ -42,7 +42,7 @@ def steps_from_wire(request: wire.ProcessingRequest) -> tuple[Step, ...]:
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 with the place of a number out of its bounds, or of a wrong unit.
     """
     made = []

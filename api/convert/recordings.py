@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from api.convert.values import si
-from api.pointers import Place
-from api.problems import invalid
-from api.units import UnitError, declared, factor
+from api.problems.documents import invalid
+from api.problems.pointers import Place
+from api.units.conversion import UnitError, declared, factor
 
 Values = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from api.convert.values import nested_si, si
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.signals import MOST_POINTS, InputDocument, SampledSignal
 from engine.analysis.commanded import CommandParameter
 from engine.diagram.diagram import Diagram

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from api.convert.values import measured_to_wire, number, numbers
-from api.pointers import Place, pointer
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place, pointer
 from engine.analysis.frequency_study import PathStudy
 from engine.analysis.influence import Influence
 from engine.analysis.limit_cycles import PredictedCycle

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from api.convert.values import free_unit, nested_si, optional_si, si
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.systems import ParameterDocument, SubsystemBlock, SystemDocument
-from api.units import to_si
+from api.units.conversion import to_si
 from engine.diagram.diagram import Block, Connection, Diagram, Parameter, System, compile_system
 from engine.elements import catalogue
 

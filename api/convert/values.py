@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from api.pointers import Place
-from api.problems import invalid
-from api.units import UnitError, declared, known, to_si
+from api.problems.documents import invalid
+from api.problems.pointers import Place
+from api.units.conversion import UnitError, declared, known, to_si
 from engine.diagram.connections import Opening
 from engine.diagram.diagram import Diagram
 from engine.model.errors import EngineError

@@ -11,9 +11,9 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from api.auth import Acquirer, Reader, Runner
-from api.bodies import DocumentRoute
-from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
+from api.http.auth import Acquirer, Reader, Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
 from api.routers.jobs import After
 from api.schemas.acquisitions import (
     AcquisitionHead,

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from api.auth import Acquirer, Reader
-from api.bodies import DocumentRoute
-from api.calls import Cursor, InstallationDep, Limit, answer, respond
+from api.http.auth import Acquirer, Reader
+from api.http.bodies import DocumentRoute
+from api.http.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.acquisitions import AgentReply, AgentRequest, ClaimReply, RigReply
 from api.schemas.replies import Page
 from api.services.rigs import agents, attempts

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from api.auth import Admin
-from api.calls import Cursor, InstallationDep, Limit, answer, respond
+from api.http.auth import Admin
+from api.http.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.access import AuditReply
 from api.schemas.replies import Page
 from api.services.access import audit

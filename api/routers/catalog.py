@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
-from api.auth import Reader
-from api.calls import answer, respond
+from api.http.auth import Reader
+from api.http.calls import answer, respond
 from api.schemas.replies import ElementEntry, MethodEntry, MetricEntry, Page, SignalEntry
 from api.services.systems import catalog
 

@@ -9,9 +9,9 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from api.auth import Reader, Uploader, Writer
-from api.bodies import DocumentRoute, read_limited
-from api.calls import (
+from api.http.auth import Reader, Uploader, Writer
+from api.http.bodies import DocumentRoute, read_limited
+from api.http.calls import (
     CreationDep,
     Cursor,
     Force,

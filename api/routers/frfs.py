@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
 
-from api.auth import Reader, Runner
-from api.bodies import DocumentRoute
-from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer
+from api.http.auth import Reader, Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer
 from api.schemas.frfs import FrfReply, FrfRequest
 from api.services.frequency import frf_files, frfs
 

@@ -6,10 +6,10 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import PlainTextResponse
 
-from api.calls import InstallationDep, answer, respond
-from api.metrics import MEDIA_TYPE, Metrics
+from api.http.calls import InstallationDep, answer, respond
 from api.schemas.replies import Health, Readiness
 from api.services.operation.health import readiness
+from api.telemetry.metrics import MEDIA_TYPE, Metrics
 
 router = APIRouter(tags=["health"])
 #: A thread of its own: whoever asks whether the service works waits for nobody who works.

@@ -13,10 +13,10 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from api.auth import Reader, Runner
-from api.bodies import DocumentRoute
-from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
-from api.problems import invalid
+from api.http.auth import Reader, Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond
+from api.problems.documents import invalid
 from api.schemas.identifications import AnyIdentification, IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.replies import ExpectedReply, JobReply, Page

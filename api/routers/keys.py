@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
-from api.auth import Admin
-from api.bodies import DocumentRoute
-from api.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond, shown_once
+from api.http.auth import Admin
+from api.http.bodies import DocumentRoute
+from api.http.calls import CreationDep, Cursor, InstallationDep, Limit, answer, respond, shown_once
 from api.schemas.access import KeyReply, KeyRequest, NewKeyReply, RotationRequest
 from api.schemas.replies import Page
 from api.services.access import keys

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Path, Query, Response
 from fastapi.responses import StreamingResponse
 
-from api.auth import Reader
-from api.calls import InstallationDep, answer, respond
+from api.http.auth import Reader
+from api.http.calls import InstallationDep, answer, respond
 from api.schemas.lineage import LineageReply
 from api.services.lineage import bundles, lineage
 

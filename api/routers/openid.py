@@ -7,10 +7,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 
-from api import cookies
-from api.auth import COOKIE
-from api.calls import InstallationDep
-from api.problems import Problem
+from api.http import cookies
+from api.http.auth import COOKIE
+from api.http.calls import InstallationDep
+from api.problems.documents import Problem
 from api.services.access import sign_ins
 from api.services.access.openid import Attempt, Provider
 from api.services.operation.app_context import Installation

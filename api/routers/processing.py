@@ -7,9 +7,9 @@ from functools import partial
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
-from api.auth import Runner
-from api.bodies import DocumentRoute
-from api.calls import CreationDep, InstallationDep, answer, etag
+from api.http.auth import Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import CreationDep, InstallationDep, answer, etag
 from api.schemas.processing import ProcessingRequest
 from api.schemas.replies import DatasetReply
 from api.services.recordings import processing

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from api.auth import Reader
-from api.calls import Cursor, InstallationDep, Limit, answer, respond
+from api.http.auth import Reader
+from api.http.calls import Cursor, InstallationDep, Limit, answer, respond
 from api.schemas.replies import KeptResult, Page, ResultHead
 from api.services.studies import results
 

@@ -5,9 +5,19 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
-from api.auth import Reader, Runner
-from api.bodies import DocumentRoute
-from api.calls import CreationDep, Cursor, IfMatch, InstallationDep, Limit, answer, etag, expected_revision, respond
+from api.http.auth import Reader, Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import (
+    CreationDep,
+    Cursor,
+    IfMatch,
+    InstallationDep,
+    Limit,
+    answer,
+    etag,
+    expected_revision,
+    respond,
+)
 from api.schemas.replies import Page
 from api.schemas.schedules import RunReply, ScheduleHead, ScheduleReply, ScheduleRequest
 from api.services.schedules import schedules

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Request, Response
 
-from api import cookies
-from api.auth import COOKIE, Reader, cookie_of, csrf_token
-from api.calls import InstallationDep, answer, respond
+from api.http import cookies
+from api.http.auth import COOKIE, Reader, cookie_of, csrf_token
+from api.http.calls import InstallationDep, answer, respond
 from api.schemas.access import CallerReply, TicketReply
 from api.services.access import sign_ins
 

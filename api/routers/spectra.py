@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
-from api.auth import Runner
-from api.bodies import DocumentRoute
-from api.calls import BY_A_WORKER, CreationDep, Prefer
+from api.http.auth import Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import BY_A_WORKER, CreationDep, Prefer
 from api.schemas.spectra import SpectrumReply, SpectrumRequest
 
 router = APIRouter(prefix="/v1", tags=["studies"], route_class=DocumentRoute)

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
-from api.auth import Runner
-from api.bodies import DocumentRoute
-from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, answer, recalled, respond
+from api.http.auth import Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, answer, recalled, respond
 from api.schemas.replies import FrequencyReply, InfluenceReply, SimulationReply, StateSpaceReply
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest, StateSpaceRequest
 from api.services.systems import exports

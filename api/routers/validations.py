@@ -6,9 +6,9 @@ from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from api.auth import Runner
-from api.bodies import DocumentRoute
-from api.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, accepted, prefers_job
+from api.http.auth import Runner
+from api.http.bodies import DocumentRoute
+from api.http.calls import BY_A_WORKER, CreationDep, InstallationDep, Prefer, accepted, prefers_job
 from api.schemas.replies import ValidationReply
 from api.schemas.validations import ValidationRequest
 from api.services.validations import validations

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.orm import Session
 
-from api.auth import Admin, Reader
-from api.bodies import DocumentRoute
-from api.calls import (
+from api.http.auth import Admin, Reader
+from api.http.bodies import DocumentRoute
+from api.http.calls import (
     CreationDep,
     Cursor,
     IfMatch,

@@ -1,6 +1,6 @@
 """Evenly spread points of the unit cube: scrambled Sobol sequences, and Latin hypercubes.
 
-To load `scipy.stats` is a fifth of a service's start: only who searches pays for it (a worker before its first job, `api.worker`).
+To load `scipy.stats` is a fifth of a service's start: only who searches pays for it (a worker before its first job, `api.processes.worker`).
 
 References
 ----------

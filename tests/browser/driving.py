@@ -45,7 +45,7 @@ class Running:
         return httpx.Client(base_url=self.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=60, trust_env=False)
 
     def start(self) -> None:
-        code = f"import sys; from api.commands import serve; sys.exit(serve(['--port', '{self.port}']))"
+        code = f"import sys; from api.commands.service import serve; sys.exit(serve(['--port', '{self.port}']))"
         environment = {
             **os.environ,
             "SERVOTUNE_DATABASE_URL": f"sqlite:///{self.folder / 'service.db'}",

@@ -12,7 +12,7 @@ import pytest
 
 import engine.elements
 import engine.signals
-from api.units import factor
+from api.units.conversion import factor
 from engine.elements import Element, Realization
 from engine.elements._nonlinear import Moment, NonlinearElement
 from engine.model.parameters import Param

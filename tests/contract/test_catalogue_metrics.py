@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import engine.metrics
-from api.units import factor
+from api.units.conversion import factor
 from engine.analysis.measuring import MetricRequest, measure
 from engine.batch.screening import Screening
 from engine.diagram.diagram import Diagram

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from api import commands
+from api.commands import service as commands
 from api.settings import Settings
 
 ROOT = Path(__file__).parents[2]

@@ -33,9 +33,9 @@ def test_import_contracts_hold() -> None:
     ("module", "absent"),
     [
         # control, cvxpy and matplotlib cost seconds each: only the function that needs one imports it.
-        ("api.main", ("control", "cvxpy", "matplotlib", "nidaqmx", "mpmath", "servotune")),
+        ("api.app.main", ("control", "cvxpy", "matplotlib", "nidaqmx", "mpmath", "servotune")),
         # scipy.stats alone is a fifth of the service's start.
-        ("api.main", ("scipy.signal", "scipy.stats")),
+        ("api.app.main", ("scipy.signal", "scipy.stats")),
         # Each of them costs a cold start a twentieth to a fifth of a second.
         (
             "engine.batch.screening",
@@ -57,7 +57,7 @@ def test_a_fresh_process_does_not_load(module: str, absent: tuple[str, ...]) -> 
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads must be countable in /proc")
-@pytest.mark.parametrize("module", ["api.commands", "api.main", "api.worker"])
+@pytest.mark.parametrize("module", ["api.commands.service", "api.app.main", "api.processes.worker"])
 def test_the_service_computes_with_one_thread_of_linear_algebra(module: str) -> None:
     code = f"import os, {module}, numpy, scipy.linalg; print(len(os.listdir('/proc/self/task')))"
     done = run(sys.executable, "-c", code)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from api.export_openapi import render
+from api.app.export_openapi import render
 from engine import elements, signals
 from optimizers import methods
 from tests.support.contract import DOCUMENT, SNAPSHOT

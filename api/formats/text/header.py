@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from api.formats.text.cells import cut
-from api.units import UnitError, known
+from api.units.conversion import UnitError, known
 
 COMMENTS = ("#", "%", "//", "!")
 """What a line begins with that is none of the table."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.access import KeyRequest, RotationRequest
 from api.services.access.principal_cache import Found
 from api.services.operation.app_context import Caller

@@ -23,7 +23,7 @@ from joserfc import jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.settings import Role, Settings
 
 #: Signatures that only the provider can make; never one with a shared secret, and never none.

@@ -2,7 +2,7 @@
 
 What a caller shows belongs to one key or sign-in for ever, and what that may do never changes; only whether it still opens
 does. So all who came lately are asked for together, and nobody is let in on an answer older than `FRESH`. What is revoked
-in one process of a service (`api.shared_memory`) is out at once in all of them; what another service of the same database revokes,
+in one process of a service (`api.runtime.shared_memory`) is out at once in all of them; what another service of the same database revokes,
 within that second.
 """
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.access.openid import Person
 from api.services.access.principal_cache import Found
 from api.services.operation.app_context import Caller, Installation

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from api.formats import FormatError
 from api.formats.writing.uff import FrequencyResponse, write
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.frequency.frfs import KIND
 from api.services.operation.app_context import Caller
 from storage.errors import NotFoundError

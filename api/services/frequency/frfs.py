@@ -20,8 +20,8 @@ from api.convert.frfs import (
 from api.convert.signals import check_name
 from api.convert.spectra import window_to_wire
 from api.convert.values import band_from_wire, number, numbers, overrides_from_wire
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.frfs import FrfRequest
 from api.services.frequency.measured_frfs import formed, frfs_of, segment_of, sensors_of
 from api.services.frequency.measured_parts import Part, check_lines, part_of_recording
@@ -30,7 +30,7 @@ from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.functions import measured_part
 from api.services.studies.results import Study
 from api.services.systems.systems import Subject, subject_of
-from api.units import UnitError, factor
+from api.units.conversion import UnitError, factor
 from engine.analysis.evaluation import Evaluation
 from engine.analysis.study import frequency_response
 from engine.exact.frequency.sampled_frequency import sampled_frequency_response

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from api.convert.frfs import sensor_from_wire, steps_from_wire
 from api.convert.values import band_from_wire, optional_si, si
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
 from api.schemas.frfs import FrfRequest
 from api.services.frequency.measured_parts import Part
 from engine.recordings.spectra.averaged import averaged_frf

@@ -12,8 +12,8 @@ import numpy as np
 
 from api.convert.recordings import Values, in_si
 from api.convert.recordings import window as part_of
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_of
 from api.services.recordings.instants import even_rate, uneven

@@ -20,7 +20,7 @@ from api.convert.spectra import (
     window_to_wire,
 )
 from api.convert.values import band_from_wire, number, optional_si
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
 from api.schemas.spectra import SpectrumRequest
 from api.services.frequency.measured_parts import check_lines, part_of_recording
 from api.services.jobs import costs

@@ -16,7 +16,7 @@ from api.convert.direct_identifications import (
     static_curve_to_wire,
 )
 from api.convert.recordings import Values
-from api.pointers import Place
+from api.problems.pointers import Place
 from api.schemas.identifications import AnyIdentification, BlackBoxRequest, DirectRequest, InverseDynamicsRequest
 from api.services.jobs import jobs
 from api.services.operation.app_context import Caller, Installation
@@ -40,7 +40,7 @@ def prepare(service: Installation, caller: Caller, request: DirectRequest) -> No
 
     Raises
     ------
-    api.problems.Problem, EngineError
+    api.problems.documents.Problem, EngineError
         422 with the place of what is wrong.
     """
     read = _Read(request, service.database, caller.workspace)

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from api.convert.identifications import identification_from_wire, identified_to_wire
 from api.convert.studies import warnings_to_wire
-from api.pointers import Place
+from api.problems.pointers import Place
 from api.schemas.identifications import IdentificationRequest
 from api.schemas.jobs import RecordedInput
 from api.services.identifications import direct_identifications
@@ -58,7 +58,7 @@ def prepare(service: Installation, caller: Caller, request: IdentificationReques
 
     Raises
     ------
-    api.problems.Problem, EngineError
+    api.problems.documents.Problem, EngineError
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from engine.diagram.diagram import Diagram
 from engine.model.between_samples import BetweenSamples
 from storage.errors import NotFoundError

@@ -7,8 +7,8 @@ from typing import Any
 
 from api.convert.signals import check_name
 from api.convert.values import band_from_wire, overrides_from_wire
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.frfs import FrfRequest
 from api.schemas.identifications import FrequencyResponseExperiment
 from api.services.frequency.measured_frfs import formed, frfs_of, sensors_of

@@ -1,6 +1,6 @@
 """Bounds on what one request may compute: how many at a time, how long, how large the reply.
 
-What is quick runs in a thread of this process, what is large in a process of its own (`api.requested`), each on a lane of its own:
+What is quick runs in a thread of this process, what is large in a process of its own (`api.processes.large_request`), each on a lane of its own:
 a small simulation never waits for a large one. The cost is estimated before anything is computed (`api.services.jobs.costs`); what was
 taken for quick and is not begins again as large.
 """
@@ -21,15 +21,15 @@ from typing import Any, TypeVar
 
 from anyio import to_thread
 
-from api.errors import RecalledError
-from api.problems import Problem, invalid
+from api.problems.documents import Problem, invalid
+from api.problems.exceptions import RecalledError
 from api.services.jobs.lanes import Lane
 from api.settings import Settings
 from storage.jobs.children import ChildDied, Zygote
 from storage.jobs.compute import ComputeJob, Crashed, Done
 
 #: What a process of its own calls, and in its answer the place of a refusal.
-CHILD, REFUSED = "api.requested:run", "refused"
+CHILD, REFUSED = "api.processes.large_request:run", "refused"
 #: How often (s) the thread that waits for a process looks whether anybody still waits for that.
 _LOOK_INTERVAL = 0.05
 #: How soon (s) an alarm that met an import goes off again, and where the interpreter's own frames of an import come from.

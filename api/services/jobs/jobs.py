@@ -7,10 +7,10 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api import tracing
-from api.problems import Problem, invalid
+from api.problems.documents import Problem, invalid
 from api.schemas.queue import QueueDocument
 from api.services.operation.app_context import Caller, Installation
+from api.telemetry import tracing
 from storage.models import Job, JobEvent, JobStatus, Priority
 from storage.models.base import utc_now
 from storage.repositories import JobRepository, ResultRepository

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 from anyio import CapacityLimiter
 
-from api.errors import RecalledError
-from api.problems import Problem
+from api.problems.documents import Problem
+from api.problems.exceptions import RecalledError
 
 #: How many keys of one workspace may fill the queue, each up to its own bound.
 _KEYS = 4

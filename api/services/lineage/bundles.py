@@ -22,7 +22,7 @@ from sqlalchemy.orm import Session
 
 from api.convert.recordings import physical
 from api.convert.values import listed
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.lineage.lineage import graph_to_wire
 from api.services.operation.app_context import Caller
 from api.services.recordings.datasets import to_wire

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import Problem, invalid
+from api.problems.documents import Problem, invalid
 from api.services.operation.app_context import Caller
 from storage.errors import NotFoundError
 from storage.repositories import JobRepository, LineageRepository, ResultRepository

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from api.child_process import Beside
+from api.runtime.child_process import Beside
 from api.services.access.openid import Provider
 from api.services.access.principal_cache import Callers, Count
 from api.services.jobs.computing import Computing
 from api.settings import Settings
-from api.tracing import Traces
+from api.telemetry.tracing import Traces
 from storage import key_file
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE

@@ -15,9 +15,9 @@ from api.convert.optima import result_to_wire, summary_to_wire
 from api.convert.optimizations import problem_from_wire
 from api.convert.studies import warnings_to_wire
 from api.convert.values import number
-from api.pointers import Place
-from api.problems import Problem as Refused
-from api.problems import invalid
+from api.problems.documents import Problem as Refused
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.optimizations import AlternativeDocument, OptimizationRequest
 from api.schemas.systems import SystemDocument
 from api.services.jobs import jobs
@@ -66,7 +66,7 @@ def prepare(service: Installation, caller: Caller, request: OptimizationRequest)
 
     Raises
     ------
-    api.problems.Problem, EngineError
+    api.problems.documents.Problem, EngineError
         422 with the place of what is wrong.
     """
     subject = subject_of(service, caller, request.system)

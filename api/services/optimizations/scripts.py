@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.operation.app_context import Caller
 from api.services.optimizations.optimizations import KIND
 from storage.models import Job
@@ -58,7 +58,7 @@ def script_of(session: Session, caller: Caller, identifier: str) -> str:
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         409 for a job of another kind.
     """
     job = JobRepository(session, caller.workspace).get(identifier)

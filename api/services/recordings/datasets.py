@@ -13,8 +13,8 @@ from api.convert.recordings import Values, envelope, in_si, physical
 from api.convert.signals import Channel, ReadChannel
 from api.convert.values import check_unit, numbers, si
 from api.formats import FormatError
-from api.pointers import Place
-from api.problems import Problem, invalid
+from api.problems.documents import Problem, invalid
+from api.problems.pointers import Place
 from api.schemas.datasets import ChannelDocument, CommitRequest, DatasetRequest, ImportDocument, PreviewRequest
 from api.schemas.queue import QueueDocument
 from api.services.jobs import jobs

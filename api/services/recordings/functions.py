@@ -12,13 +12,13 @@ import numpy as np
 from api.convert.recordings import in_si
 from api.convert.values import numbers
 from api.formats import SpectralFunction, catalogue
-from api.pointers import Place
-from api.problems import Problem, invalid
+from api.problems.documents import Problem, invalid
+from api.problems.pointers import Place
 from api.services.frequency.measured_parts import Part
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.importing import options, stated
 from api.services.recordings.spooling import refusing, spooled
-from api.units import UnitError, known
+from api.units.conversion import UnitError, known
 from engine.recordings.spectra.frf import Doubt, Frf
 from storage.errors import NotFoundError
 from storage.repositories import DatasetRepository

@@ -12,7 +12,7 @@ from api.formats import MOST_CHANNELS, FormatError, Recording, Series
 from api.formats.catalogue import TABLES
 from api.formats.text.guess import Known
 from api.formats.text.tables import TableOptions
-from api.units import UnitError, known, to_si
+from api.units.conversion import UnitError, known, to_si
 
 _SHOWN = 20
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from api.convert.recordings import Values
-from api.problems import invalid
+from api.problems.documents import invalid
 from storage.models import Dataset, DatasetStatus
 from storage.repositories import DatasetRepository
 

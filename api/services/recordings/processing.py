@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from api.convert.processing import described, steps_from_wire
 from api.convert.recordings import physical
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
 from api.schemas.processing import ProcessingRequest, ResampleStep
 from api.services.jobs import jobs
 from api.services.operation.app_context import Caller, Installation

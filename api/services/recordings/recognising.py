@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from api.formats import FormatError
 from api.formats.recognise import HEAD, recognised
-from api.problems import invalid
+from api.problems.documents import invalid
 from storage.models import Dataset
 from storage.repositories import DatasetRepository
 

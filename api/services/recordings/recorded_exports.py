@@ -9,7 +9,7 @@ from types import MappingProxyType
 from api.convert.recordings import physical
 from api.formats import FormatError, Values
 from api.formats.writing import Column, Outgoing, hdf5, mat, parquet, text
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_of, check_ready
 from api.services.recordings.instants import Instants, uneven

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from api.convert.signals import check_name
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.jobs import RecordedInput
 from api.services.recordings.datasets import read_recording
-from api.units import UnitError, factor
+from api.units.conversion import UnitError, factor
 from engine.diagram.diagram import Diagram
 from engine.model.between_samples import BetweenSamples
 from optimizers.recorded.recording import Recording

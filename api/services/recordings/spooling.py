@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import BinaryIO
 
 from api.formats import FormatError
-from api.problems import Problem
+from api.problems.documents import Problem
 from storage.repositories import DatasetRepository
 from storage.session import Database
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.rigs import acquisitions

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from api.convert.acquisitions import agent_request, check_against_rig
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader

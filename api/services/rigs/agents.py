@@ -8,11 +8,11 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from api.convert.values import check_unit
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.acquisitions import AgentRequest, RigInputDocument
 from api.services.operation.app_context import Caller
-from api.units import UnitError, to_si
+from api.units.conversion import UnitError, to_si
 from storage.models import Agent, Rig
 from storage.models.base import utc_now
 from storage.repositories import AgentRepository

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.schemas.acquisitions import AttemptDatasetRequest, FinishRequest, HeartbeatRequest
 from api.schemas.datasets import DatasetRequest
 from api.services.operation.app_context import Caller

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from sqlalchemy.orm import Session
 
-from api.errors import KNOWN, problem_of
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.exceptions import KNOWN, problem_of
 from api.schemas.datasets import DatasetRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings import datasets

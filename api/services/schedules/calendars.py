@@ -14,7 +14,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from cronsim import CronSim, CronSimError
 
-from api.problems import invalid
+from api.problems.documents import invalid
 
 GRACE = timedelta(seconds=60)
 """How late an instant may be dealt with and still count as on time."""

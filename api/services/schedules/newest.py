@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.services.operation.app_context import Installation
 from storage.models import Schedule
 from storage.repositories import DatasetRepository

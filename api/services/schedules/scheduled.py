@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionRequest
 from api.schemas.identifications import IdentificationRequest
 from api.schemas.optimizations import OptimizationRequest

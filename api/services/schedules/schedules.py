@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import Problem, at
+from api.problems.documents import Problem, at
 from api.schemas.schedules import ScheduleRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.schedules import scheduled, ticking

@@ -9,13 +9,13 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from api.errors import KNOWN, problem_of
-from api.logs import CURRENT_REQUEST
+from api.problems.exceptions import KNOWN, problem_of
 from api.services.operation.app_context import Caller, Installation
 from api.services.schedules import scheduled
 from api.services.schedules.calendars import Plan, calendar, plan
 from api.services.schedules.newest import current_body
 from api.services.webhooks import alerts
+from api.telemetry.logs import CURRENT_REQUEST
 from storage.audit import ACTOR, Actor
 from storage.errors import UNAVAILABLE
 from storage.ids import new_id

@@ -19,7 +19,7 @@ from api.convert.optimizations import duration_from_wire
 from api.convert.signals import check_name, signals_from_wire
 from api.convert.studies import check_metrics
 from api.convert.values import measured_to_wire, number, opening
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
 from api.schemas.live import LiveOpen
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader

@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from api.convert.signals import check_name
 from api.convert.values import listed, numbers
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.live import LiveMeasured
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import read_recording
-from api.units import UnitError, factor
+from api.units.conversion import UnitError, factor
 from engine.diagram.diagram import Diagram
 
 _BAND = 2.0

@@ -27,8 +27,8 @@ from api.convert.studies import (
     warnings_to_wire,
 )
 from api.convert.values import band_from_wire, changes_from_wire, opening, options_from_wire, overrides_from_wire, si
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.studies import FrequencyRequest, InfluenceRequest, SimulationRequest
 from api.services.jobs import costs
 from api.services.operation.app_context import Caller, Installation

@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 
 from api.convert.studies import roots_to_wire, warnings_to_wire
 from api.convert.values import opening, overrides_from_wire
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.studies import StateSpaceRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.studies.studies import constants_from_wire

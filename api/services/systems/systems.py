@@ -14,8 +14,8 @@ from sqlalchemy.orm import Session
 
 from api.convert.studies import warnings_to_wire
 from api.convert.systems import diagram_from_wire
-from api.pointers import Place
-from api.problems import invalid
+from api.problems.documents import invalid
+from api.problems.pointers import Place
 from api.schemas.systems import SystemDocument
 from api.services.lineage.lineage import check_free, check_origin
 from api.services.operation.app_context import Caller, Installation

@@ -17,8 +17,8 @@ from api.convert.signals import check_name
 from api.convert.studies import warnings_to_wire
 from api.convert.validations import validation_to_wire
 from api.convert.values import overrides_from_wire, si
-from api.pointers import Place
-from api.problems import at, invalid
+from api.problems.documents import at, invalid
+from api.problems.pointers import Place
 from api.schemas.validations import ValidationRequest
 from api.services.identifications.identified import Adjusted, adjusted_by
 from api.services.jobs import costs, jobs
@@ -96,7 +96,7 @@ def prepare(request: ValidationRequest, diagram: Diagram, *, database: Database,
 
     Raises
     ------
-    api.problems.Problem, EngineError
+    api.problems.documents.Problem, EngineError
         422 with the place of what is wrong.
     """
     asked = _asked(request, diagram, database=database, workspace=workspace)
@@ -203,7 +203,7 @@ def compute(prepared: Prepared, *, seconds: float, tell: Callable[[float, str], 
 
     Raises
     ------
-    api.problems.Problem
+    api.problems.documents.Problem
         422 where the model has no finite answer.
     """
     diagram, recording, part, begin = prepared.diagram, prepared.recording, prepared.part, prepared.begin

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.problems import invalid
+from api.problems.documents import invalid
 from api.schemas.webhooks import WebhookRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.webhooks.ssrf_guard import ForbiddenUrlError, checked_url, judged

@@ -20,8 +20,8 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
-from api.main import create_app
-from api.serving import configuration
+from api.app.main import create_app
+from api.processes.serving import configuration
 from api.settings import Settings
 from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
@@ -135,7 +135,7 @@ def sqlite_worker(sqlite_service: Service) -> Iterator[None]:
 @contextmanager
 def working(database_url: str) -> Iterator[None]:
     """Run a worker process."""
-    code = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
+    code = "import sys; from api.commands.service import worker; sys.exit(worker(['--with-parent']))"
     environment = {"SERVOTUNE_DATABASE_URL": database_url, "PYTHONPATH": ":".join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, env=environment)
     assert process.stdin is not None

@@ -17,8 +17,8 @@ from typing import Any
 import httpx
 import numpy as np
 
+from api.app.main import create_app
 from api.formats.writing.uff import FrequencyResponse, write
-from api.main import create_app
 from api.settings import Settings
 from storage import open_database
 from tests.integration.api.conftest import finished, serving, working

@@ -16,7 +16,7 @@ import pytest
 from sqlalchemy import text
 from starlette.websockets import WebSocket
 
-from api.main import create_app
+from api.app.main import create_app
 from api.settings import Settings
 from storage import open_database
 from tests.integration.api.conftest import serving

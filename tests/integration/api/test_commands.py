@@ -23,7 +23,7 @@ from opentelemetry.proto.trace.v1.trace_pb2 import Span
 from sqlalchemy import select
 from websockets.sync.client import connect
 
-from api.commands import _prepare, openapi, serve, worker
+from api.commands.service import _prepare, openapi, serve, worker
 from api.settings import Settings
 from storage import open_database
 from storage.models import Webhook

@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 
-from api.calls import installation
+from api.http.calls import installation
 from api.settings import Settings
 from tests.integration.api.blunders import require_problem
 from tests.integration.api.conftest import serving

@@ -15,9 +15,9 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from api.http_limits import LONGEST_HEAD, MOST_HEADERS, PIECE, BoundedHead
-from api.security_headers import ALWAYS
-from api.serving import configuration
+from api.http.limits import LONGEST_HEAD, MOST_HEADERS, PIECE, BoundedHead
+from api.http.security_headers import ALWAYS
+from api.processes.serving import configuration
 from tests.integration.coroutines import run
 
 PATIENCE = 60.0

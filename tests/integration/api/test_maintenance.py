@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from sqlalchemy import delete, select, update
 
-from api import maintenance
+from api.commands import maintenance
 from storage import Database, open_database
 from storage.checking import check
 from storage.copying import content, copy, snapshot

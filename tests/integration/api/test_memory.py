@@ -16,7 +16,7 @@ from tests.integration.api.documents import LAG
 CHILD = """
 import json, sys
 import numpy as np
-from api import worker
+from api.processes import worker
 from storage.jobs.compute import ComputeJob, Refusal
 
 worker._RUN["hungry"] = lambda job, database, reporter: {"sum": float(np.ones(job.body["numbers"]).sum())}

@@ -15,7 +15,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import text
 
-from api.logs import CURRENT_REQUEST, Structured
+from api.telemetry.logs import CURRENT_REQUEST, Structured
 from storage import open_database
 from storage.jobs.compute import CURRENT_JOB
 from tests.integration.api.conftest import serving

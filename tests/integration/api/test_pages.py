@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from api import pages
+from api.app import pages
 
 HTML = {"Accept": "text/html,application/xhtml+xml"}
 

@@ -15,7 +15,7 @@ from api.services.jobs.computing import Computing
 from api.services.operation.app_context import Installation
 from api.services.schedules import ticking
 from api.settings import Settings
-from api.tracing import Traces, traces_of
+from api.telemetry.tracing import Traces, traces_of
 from storage import open_database
 from storage.audit import entries
 from storage.jobs.queue import JobQueue

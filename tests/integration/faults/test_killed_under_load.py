@@ -41,7 +41,7 @@ def service(database_url: str, tmp_path: Path) -> Iterator[Service]:
 @contextmanager
 def working(url: str, log: Path) -> Iterator[subprocess.Popen[bytes]]:
     """A worker as people run it, killed at the end."""
-    command = [sys.executable, "-c", "import sys; from api.commands import worker; sys.exit(worker([]))"]
+    command = [sys.executable, "-c", "import sys; from api.commands.service import worker; sys.exit(worker([]))"]
     with log.open("ab") as written:
         process = subprocess.Popen(command, env=os.environ | {"SERVOTUNE_DATABASE_URL": url}, stderr=written)
     try:

@@ -65,7 +65,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 @contextmanager
 def two_workers(url: str, log: Path, *, elsewhere: bool) -> Iterator[dict[int, Any]]:
     """Give two workers as the service has them, by their process ids."""
-    one = {"log": log, "compute": "api.worker:run", "heartbeat": HEARTBEAT, "elsewhere": elsewhere}
+    one = {"log": log, "compute": "api.processes.worker:run", "heartbeat": HEARTBEAT, "elsewhere": elsewhere}
     running = [start_worker(url, **one) for _ in range(2)]
     try:
         yield {worker.pid: worker for worker in running}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from api.convert.alternatives import altered
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.schemas.optimizations import AlternativeDocument
 
 SYSTEM = {

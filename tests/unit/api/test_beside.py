@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from api.child_process import Kept
+from api.runtime.child_process import Kept
 from tests.support.desk import wait_for
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from api import bodies
-from api.bodies import _Reading, parse
+from api.http import bodies
+from api.http.bodies import _Reading, parse
 
 
 def test_a_plain_document_passes() -> None:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.schedules.calendars import calendar, plan
 
 

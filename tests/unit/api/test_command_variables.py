@@ -8,7 +8,7 @@ import pytest
 
 from api.convert.optimizations import problem_from_wire
 from api.convert.systems import diagram_from_wire
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.schemas.optimizations import OptimizationRequest
 from api.schemas.systems import SystemDocument
 from optimizers.problem import Problem as Optimization

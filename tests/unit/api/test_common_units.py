@@ -8,9 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from api import common_units
-from api.common_units import ATOMS
-from api.units import UnitError, _reduced, _reduced_by_library, known, to_si
+from api.units import common as common_units
+from api.units.common import ATOMS
+from api.units.conversion import UnitError, _reduced, _reduced_by_library, known, to_si
 from engine.elements import catalogue as elements
 from engine.signals import catalogue as signals
 

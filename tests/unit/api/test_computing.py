@@ -16,8 +16,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from api.errors import RecalledError
-from api.problems import Problem
+from api.problems.documents import Problem
+from api.problems.exceptions import RecalledError
 from api.services.jobs.computing import Computing, LargeError, Recall
 from api.settings import Settings
 

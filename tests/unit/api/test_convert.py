@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from api.calls import answer, expected_revision
 from api.convert.recordings import envelope, in_si, physical, window
 from api.convert.systems import diagram_from_wire, system_from_wire
 from api.convert.values import listed, measured_to_wire, numbers, overrides_from_wire
-from api.problems import Problem
+from api.http.calls import answer, expected_revision
+from api.problems.documents import Problem
 from api.schemas.systems import SystemDocument
 from engine.model.verdicts import Measured, Verdict
 

@@ -6,9 +6,9 @@ import pytest
 from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
-from api.errors import problem_of
-from api.handlers import _let_go, sentence
-from api.problems import Problem, at, invalid
+from api.http.handlers import _let_go, sentence
+from api.problems.documents import Problem, at, invalid
+from api.problems.exceptions import problem_of
 from engine.model.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
 from storage import errors as storage

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from api.errors import RecalledError
-from api.problems import Problem
+from api.problems.documents import Problem
+from api.problems.exceptions import RecalledError
 from api.services.jobs.computing import Recall
 from api.services.jobs.lanes import Lane
 

@@ -6,7 +6,7 @@ import math
 import subprocess
 import sys
 
-from api.memory import Memory
+from api.runtime.memory import Memory
 from api.settings import Settings
 
 MIB = 1 << 20
@@ -29,7 +29,7 @@ def test_it_is_given_back_once_there_is_much_more_than_there_was() -> None:
 #: Rings of objects that are few and large, made in a thread; what is left of them when they are given back.
 LOAD = """
 import gc, threading
-from api.memory import give_back, resident
+from api.runtime.memory import give_back, resident
 
 class Ring:
     def __init__(self):

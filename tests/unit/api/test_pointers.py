@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from api.pointers import place_in, pointer
+from api.problems.pointers import place_in, pointer
 
 BODY = {
     "system": {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from api.worker import _Watch
+from api.processes.worker import _Watch
 from storage.jobs.compute import HEADER, Listening, Message, Reporter
 
 EVENTS = Path(__file__).parents[3] / "web/src/features/jobs/events.ts"

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.services.recordings.recordings import check_lengths
 
 

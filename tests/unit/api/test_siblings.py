@@ -6,8 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from api.rate_limits import Rates
-from api.shared_memory import Number, SharedBuckets
+from api.http.rate_limits import Rates
+from api.runtime.shared_memory import Number, SharedBuckets
 
 #: Holds the lock on the whole of a file until its input ends.
 HOLD = "import fcntl, sys; file = open(sys.argv[1], 'r+b'); fcntl.lockf(file, fcntl.LOCK_EX); print(flush=True); sys.stdin.read()"
@@ -15,8 +15,8 @@ HOLD = "import fcntl, sys; file = open(sys.argv[1], 'r+b'); fcntl.lockf(file, fc
 TAKE = """
 import sys
 from pathlib import Path
-from api.rate_limits import Rates
-from api.shared_memory import SharedBuckets
+from api.http.rate_limits import Rates
+from api.runtime.shared_memory import SharedBuckets
 rates = Rates(int(sys.argv[2]), clock=lambda: 1.0, buckets=SharedBuckets(Path(sys.argv[1])))
 print(sum(rates.take("somebody").wait == 0.0 for _ in range(int(sys.argv[3]))))
 """

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from api.bodies import parse
 from api.convert.systems import diagram_from_wire
-from api.problems import Problem
+from api.http.bodies import parse
+from api.problems.documents import Problem
 from api.schemas.systems import SystemDocument
 
 

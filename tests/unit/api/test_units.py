@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import Parameters, SystemDocument
 from api.schemas.values import AutoOrQuantities, AutoOrQuantity, Change, Quantity, Root, Scalar, quantity_of
-from api.units import UnitError, declared, to_si
+from api.units.conversion import UnitError, declared, to_si
 from engine.elements import catalogue as elements
 from engine.signals import catalogue as signals
 

@@ -13,16 +13,16 @@ from fastapi import Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
-from api import handlers, live, pages
-from api.auth import Authentication, bearer
-from api.child_process import Beside
-from api.examples import add_examples
-from api.metrics import Measured, Metrics
-from api.problems import MEDIA_TYPE
-from api.rate_limits import Rates
+from api.app import live, pages
+from api.app.examples import add_examples
+from api.http import handlers
+from api.http.auth import Authentication, bearer
+from api.http.rate_limits import Rates
+from api.http.security_headers import Edge
+from api.problems.documents import MEDIA_TYPE
 from api.routers import HEALTH, ROUTERS, SIGN_IN
+from api.runtime.child_process import Beside
 from api.schemas.replies import ProblemReply
-from api.security_headers import Edge
 from api.services.access.openid import Provider
 from api.services.jobs.computing import Computing
 from api.services.operation.app_context import Installation, vault_of
@@ -32,7 +32,8 @@ from api.services.schedules.ticking import INTERVAL as TICK
 from api.services.schedules.ticking import tick
 from api.services.webhooks.webhook_delivery import Courier
 from api.settings import Settings
-from api.tracing import Traces, traces_of
+from api.telemetry.metrics import Measured, Metrics
+from api.telemetry.tracing import Traces, traces_of
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.session import CONNECTIONS, open_database
@@ -40,7 +41,7 @@ from storage.session import CONNECTIONS, open_database
 if TYPE_CHECKING:
     from fastapi.telemetry import TelemetryConfig
 
-    from api.shared_memory import Siblings
+    from api.runtime.shared_memory import Siblings
 
 DESCRIPTION = """Assisted optimisation of the dynamic behaviour of servo drives and robot structures.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from api.main import create_app
+from api.app.main import create_app
 from api.settings import Settings
 
 

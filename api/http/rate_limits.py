@@ -1,7 +1,7 @@
 """How many requests a caller may make: a bucket of tokens for each, refilled steadily.
 
 A bucket holds ``quota`` tokens and gets ``quota / window`` of them back in a second; a request takes one. Each service counts
-for itself, all of its processes together (`api.shared_memory`), so that no request waits for a database. The header fields are those
+for itself, all of its processes together (`api.runtime.shared_memory`), so that no request waits for a database. The header fields are those
 of draft-ietf-httpapi-ratelimit-headers.
 """
 

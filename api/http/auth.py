@@ -20,12 +20,12 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from api import cookies
-from api.errors import KNOWN, problem_of
-from api.handlers import problem_response
-from api.presence import POLICY_VIOLATION, Stay
-from api.problems import Problem
-from api.rate_limits import Allowance, Rates
+from api.http import cookies
+from api.http.handlers import problem_response
+from api.http.presence import POLICY_VIOLATION, Stay
+from api.http.rate_limits import Allowance, Rates
+from api.problems.documents import Problem
+from api.problems.exceptions import KNOWN, problem_of
 from api.services.access.keys import caller_of
 from api.services.access.sign_ins import holder_of, visitor_of
 from api.services.operation.app_context import Caller, Installation

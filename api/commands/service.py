@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from api.arguments import parser_of, stopped_by_signals, whole
+from api.runtime.arguments import parser_of, stopped_by_signals, whole
 from storage.loading import uncollected
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def serve(argv: Sequence[str]) -> int:
     _prepare(settings)
     processes = settings.processes if given.processes is None else given.processes
     if processes > 1:
-        from api.processes import run
+        from api.processes.listeners import run
 
         try:
             run(host=given.host, port=given.port, count=processes, worker=not given.no_worker)
@@ -61,9 +61,9 @@ def serve(argv: Sequence[str]) -> int:
         return 0
 
     with uncollected():
-        from api import serving
-        from api.child_process import worker_beside
-        from api.main import create_app
+        from api.app.main import create_app
+        from api.processes import serving
+        from api.runtime.child_process import worker_beside
 
     beside = None if given.no_worker else worker_beside()
     try:
@@ -84,9 +84,9 @@ def answer(told: str) -> int:
         Exit code.
     """
     with uncollected():
-        from api import processes
+        from api.processes import listeners
 
-    return 0 if processes.answer(read_settings(), told) else 1
+    return 0 if listeners.answer(read_settings(), told) else 1
 
 
 def worker(argv: Sequence[str]) -> int:
@@ -110,7 +110,7 @@ def worker(argv: Sequence[str]) -> int:
     with uncollected():
         import threading
 
-        from api.tracing import traces_of
+        from api.telemetry.tracing import traces_of
         from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
         from storage.jobs.worker import Worker
 
@@ -122,7 +122,7 @@ def worker(argv: Sequence[str]) -> int:
     traces = traces_of(settings, "servotune-worker")
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
-        Worker(settings.database_url, compute="api.worker:run", slots=slots, traced=traces.job).run(stop)
+        Worker(settings.database_url, compute="api.processes.worker:run", slots=slots, traced=traces.job).run(stop)
     except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except StateError as error:
@@ -147,7 +147,7 @@ def openapi(argv: Sequence[str]) -> int:
     """
     parser_of("openapi", "Print the OpenAPI document.").parse_args(argv)
 
-    from api.export_openapi import render
+    from api.app.export_openapi import render
 
     sys.stdout.write(render())
     return 0
@@ -161,8 +161,8 @@ def read_settings() -> Settings:
     from pydantic import ValidationError
     from pydantic_settings import SettingsError
 
-    from api import logs
     from api.settings import Settings
+    from api.telemetry import logs
 
     try:
         settings = Settings()
@@ -178,7 +178,7 @@ def read_settings() -> Settings:
 
 def _wrong(error: ErrorDetails) -> str:
     """Return what is wrong with a setting, by the name of its variable; validators of ours name what they mean."""
-    from api.handlers import sentence
+    from api.http.handlers import sentence
 
     first, *inside = error["loc"]
     variable = f"SERVOTUNE_{str(first).upper()}"

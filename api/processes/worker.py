@@ -13,9 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from api import logs
-from api.errors import KNOWN, problem_of
-from api.problems import Problem
+from api.problems.documents import Problem
+from api.problems.exceptions import KNOWN, problem_of
 from api.services.identifications import identifications
 from api.services.jobs.computing import Computing
 from api.services.operation.app_context import Installation
@@ -26,6 +25,7 @@ from api.services.studies.results import versions
 from api.services.validations import validations
 from api.services.webhooks import alerts
 from api.settings import Settings
+from api.telemetry import logs
 from engine.batch.kernels import warm as kernels
 from engine.batch.linear import warm as responses
 from storage.jobs.compute import ComputeJob, Parts, Refusal, Reporter

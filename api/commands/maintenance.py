@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api.arguments import parser_of
-from api.commands import read_settings
+from api.commands.service import read_settings
+from api.runtime.arguments import parser_of
 
 if TYPE_CHECKING:
     from storage.checking import Findings

@@ -15,8 +15,8 @@ from http import HTTPStatus
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from api.problems import MEDIA_TYPE, Problem
-from api.security_headers import ALWAYS, NO_PAGE
+from api.http.security_headers import ALWAYS, NO_PAGE
+from api.problems.documents import MEDIA_TYPE, Problem
 
 #: A request line with its headers may be so long, bytes; what is longer by more than two pieces is refused.
 LONGEST_HEAD = 1 << 16

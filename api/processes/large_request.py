@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from api.errors import KNOWN, problem_of
-from api.problems import Problem
+from api.problems.documents import Problem
+from api.problems.exceptions import KNOWN, problem_of
+from api.processes.worker import bound_memory, installed, opened, prepare
 from api.services.jobs.computing import REFUSED
 from api.services.studies.results import with_text
 from api.services.studies.studied import STUDIES
 from api.settings import Settings
-from api.worker import bound_memory, installed, opened, prepare
 from storage.jobs.compute import ComputeJob, Reporter
 
 __all__ = ["prepare", "run"]

@@ -1,6 +1,6 @@
 """One table from exception to problem: the core's, and those of storage.
 
-Everything that leaves the service with a status of 400 or more is a :class:`api.problems.Problem`; exceptions become
+Everything that leaves the service with a status of 400 or more is a :class:`api.problems.documents.Problem`; exceptions become
 one through :func:`problem_of`. No web framework here: workers and services use the same table.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from api.problems import CORE, Problem, problem_of_core
+from api.problems.documents import CORE, Problem, problem_of_core
 from storage.errors import (
     UNAVAILABLE,
     ChecksumError,

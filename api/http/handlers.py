@@ -16,9 +16,9 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
-from api.errors import KNOWN, RecalledError, problem_of
-from api.pointers import place_in
-from api.problems import MEDIA_TYPE, Fault, Problem, invalid_document
+from api.problems.documents import MEDIA_TYPE, Fault, Problem, invalid_document
+from api.problems.exceptions import KNOWN, RecalledError, problem_of
+from api.problems.pointers import place_in
 
 _log = logging.getLogger("servotune.api")
 _MOST_FAULTS = 50

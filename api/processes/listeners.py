@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any
 
 from prometheus_client.multiprocess import mark_process_dead
 
-from api.arguments import stopped_by_signals
-from api.child_process import Kept, worker_beside
-from api.shared_memory import SiblingOfWorker, Siblings
+from api.runtime.arguments import stopped_by_signals
+from api.runtime.child_process import Kept, worker_beside
+from api.runtime.shared_memory import SiblingOfWorker, Siblings
 
 if TYPE_CHECKING:
     from api.settings import Settings
 
-_CODE = "import sys; from api.commands import answer; sys.exit(answer({}))"
+_CODE = "import sys; from api.commands.service import answer; sys.exit(answer({}))"
 
 
 def run(*, host: str, port: int, count: int, worker: bool) -> None:
@@ -68,8 +68,8 @@ def _kept(siblings: Siblings, told: dict[str, Any]) -> Kept:
 
 def answer(settings: Settings, told: str) -> bool:
     """Be one of the processes, as ``told`` by the one that started it, until that is gone; return whether it ever began to."""
-    from api import serving  # noqa: PLC0415 - the process that starts the others needs none of it
-    from api.main import create_app  # noqa: PLC0415 - as above
+    from api.app.main import create_app  # noqa: PLC0415 - as above
+    from api.processes import serving  # noqa: PLC0415 - the process that starts the others needs none of it
 
     given = json.loads(told)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -16,8 +16,8 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from api import common_units
-from api.common_units import DIMENSIONS
+from api.units import common as common_units
+from api.units.common import DIMENSIONS
 
 if TYPE_CHECKING:
     import pint

@@ -8,7 +8,7 @@ import secrets
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from api.logs import CURRENT_REQUEST
+from api.telemetry.logs import CURRENT_REQUEST
 
 REQUEST_ID = "X-Request-ID"
 

@@ -117,5 +117,5 @@ def worker_beside(
     *, started: Callable[[int], object] = lambda _: None, ended: Callable[[int], object] = lambda _: None
 ) -> Kept:
     """Start the worker beside the service, which gives its jobs back when it is stopped."""
-    code = "import sys; from api.commands import worker; sys.exit(worker(['--with-parent']))"
+    code = "import sys; from api.commands.service import worker; sys.exit(worker(['--with-parent']))"
     return Kept("the worker beside the service", code, started=started, ended=ended)

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive
 
-from api.problems import Problem
+from api.problems.documents import Problem
 from api.schemas.replies import JobReply
 from api.services.jobs.computing import Recall
 from api.services.operation.app_context import Caller, Installation

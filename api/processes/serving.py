@@ -16,8 +16,8 @@ from ipaddress import IPv4Network, IPv6Network
 import uvicorn
 from starlette.types import ASGIApp
 
-from api.http_limits import BoundedHead
-from api.memory import Memory
+from api.http.limits import BoundedHead
+from api.runtime.memory import Memory
 
 Network = IPv4Network | IPv6Network
 
@@ -47,7 +47,7 @@ def configuration(
         app,
         host=host,
         port=port,
-        # As everything else, by the root logger; requests have lines of their own (api.metrics).
+        # As everything else, by the root logger; requests have lines of their own (api.telemetry.metrics).
         log_config=None,
         access_log=False,
         server_header=False,

@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from api.pointers import Place, pointer
+from api.problems.pointers import Place, pointer
 from engine.model.errors import EngineError, IllPosedError
 
 MEDIA_TYPE = "application/problem+json"

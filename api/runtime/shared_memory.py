@@ -92,7 +92,7 @@ class Number:
 
 
 class SharedBuckets:
-    """The buckets of tokens of `api.rate_limits`, one set for all processes: a caller has one bucket whoever answers it.
+    """The buckets of tokens of `api.http.rate_limits`, one set for all processes: a caller has one bucket whoever answers it.
 
     Where all the places are taken in which a caller's may be, the one that was not used for longest is given up.
 

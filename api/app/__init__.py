@@ -1,0 +1,1 @@
+"""The application: routers, pages, the live socket, and the contract that it serves."""

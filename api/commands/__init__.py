@@ -1,0 +1,1 @@
+"""`servotune serve`, `worker`, `backup` and the others of an installation."""

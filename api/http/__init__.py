@@ -1,0 +1,1 @@
+"""Requests and replies: limits, bodies, callers, headers, and how errors leave."""

@@ -1,0 +1,1 @@
+"""The processes of a service: those that listen, those that compute."""

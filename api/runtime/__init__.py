@@ -1,0 +1,1 @@
+"""What every process of a service stands on: its arguments, its children, its memory, what it shares with the others."""

@@ -1,0 +1,1 @@
+"""Quantities with units, converted to SI at the edge."""
