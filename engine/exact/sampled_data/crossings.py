@@ -115,6 +115,8 @@ def _evened(*found: Spectrum) -> list[Spectrum]:
     """Return spectra of one length: eigenvalues that one of them leaves out are small."""
     most = max(len(one.values) for one in found)
     further = [(0, most - len(one.values)) for one in found]
+    if not any(by for _, by in further):
+        return list(found)
     return [
         replace(one, values=np.pad(one.values, by), uncertainty=np.pad(one.uncertainty, by))
         for one, by in zip(found, further, strict=True)

@@ -45,6 +45,8 @@ class SequenceMap:
 
     def at(self, gains: Complex | Real) -> Complex | Real:
         """Return Φ(κ) for gains of shape (k,), shape (k, n, n)."""
+        if len(self.read) == 1:  # what enters once in a period is read once
+            return np.asarray(self.whole + gains[:, None, None] * (self.entered @ self.read))
         return np.stack([self.whole + gain * (self.entered @ self._signals(gain, self.read)) for gain in gains])
 
     def slope(self, gain: complex, states: Complex) -> Complex:
@@ -54,7 +56,7 @@ class SequenceMap:
 
     def _signals(self, gain: complex, given: Complex | Real) -> Complex | Real:
         """Return (I - κ D)⁻¹ times a vector or matrix of e rows."""
-        if not len(given):
+        if len(given) < 2:
             return given
         return np.asarray(
             solve_triangular(-gain * self.through, given, lower=True, unit_diagonal=True, check_finite=False)
