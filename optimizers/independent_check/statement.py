@@ -38,6 +38,7 @@ _OF_MODES: Mapping[str, Callable[[npt.NDArray[np.complex128]], float]] = {
     "spectral_abscissa": margins.spectral_abscissa,
 }
 _STABLE = -1e-9
+_VANISHING, _ROUNDING = frozenset({"residual_vibration", "steady_state_error"}), 1e-12
 _FAR = 1e4
 
 
@@ -82,7 +83,7 @@ def witnessed(problem: Problem, values: Mapping[str, float], scenario: Scenario)
                 read = runs.measure(request, signals)
             else:
                 value = None if bench is None else bench.measure(request, signals)
-                read = None if value is None else (value, 0.0)
+                read = None if bench is None or value is None else (value, bench.rounding(request))
         except (CannotFollowError, EngineError, ValueError, IndexError, np.linalg.LinAlgError):
             read = None  # beyond what is followed here
         found.append(None if read is None or np.isnan(read[0]) else Statement(value=read[0], tolerance=read[1]))
@@ -102,7 +103,7 @@ class _Bench:
 
     def __init__(self, problem: Problem, overrides: Mapping[str, float], system: LinearSystem) -> None:
         self._diagram = problem.diagram
-        self._requests = problem.requests
+        self._outputs = sorted({str(r.output) for r in problem.requests if r.output is not None})
         self._overrides = overrides
         self._system = system
         self._sweeps: dict[tuple[object, ...], Sweep] = {}
@@ -126,6 +127,15 @@ class _Bench:
                 None if len(self._system.delays) else _OF_MODES[name](np.linalg.eigvals(self._system.a).astype(complex))
             )
         return self._timed(request, signals) if signals else None
+
+    def rounding(self, request: MetricRequest) -> float:
+        """Return what rounding leaves of a value that vanishes where large signals cancel, in the unit of the output."""
+        if request.metric not in _VANISHING:
+            return 0.0
+        column = self._outputs.index(str(request.output))
+        return _ROUNDING * max(
+            (float(np.abs(m.values[:, :, column]).max()) for m in self._marches.values()), default=0.0
+        )
 
     def _noise(self, request: MetricRequest) -> float | None:
         """Return what a path makes of white noise; None behind delays, whose gain turns without end."""
@@ -189,17 +199,16 @@ class _Bench:
 
     def _trace(self, request: MetricRequest, signals: Mapping[str, Signal], until: float | None) -> Trace:
         """Return one output; all that some goal looks at are followed together."""
-        outputs = sorted({str(r.output) for r in self._requests if r.output is not None})
         key = (until, *((port, id(signal)) for port, signal in signals.items()))
         if key in self._refused:
             raise CannotFollowError
         if key not in self._marches:
             self._refused.add(key)
             commands = [(self._system.inputs.index(port), signal) for port, signal in signals.items()]
-            columns = [self._system.outputs.index(output) for output in outputs]
+            columns = [self._system.outputs.index(output) for output in self._outputs]
             self._marches[key] = Marcher(self._system, commands, columns).run(until)
             self._refused.discard(key)
         output = self._system.outputs.index(str(request.output))
         initial = float(self._system.c1[output] @ self._system.x0)
         begin = min((t for signal in signals.values() for t in signal.breakpoints()), default=0.0)
-        return Trace.of(self._marches[key], outputs.index(str(request.output)), initial=initial, begin=begin)
+        return Trace.of(self._marches[key], self._outputs.index(str(request.output)), initial=initial, begin=begin)

@@ -107,6 +107,7 @@ def test_a_share_of_nothing_is_not_told() -> None:
     assert found.best["signals.a.r.frequency"] == pytest.approx(10.0, rel=1e-6)
     told = [warning for warning in found.warnings if "signals.a.r.frequency" in warning]
     assert len(told) == 2
+    assert len(found.warnings) == 2  # 2e-16 and 4e-14 are the same nothing of a movement of 1
     assert all(
         "makes the objective 0.01" in warning and "in the place of" in warning and "%" not in warning
         for warning in told
