@@ -43,7 +43,7 @@ class SequenceMap:
     read: Real
     through: Real
 
-    def at(self, gains: Complex | Real) -> Complex | Real:
+    def at(self, gains: Array) -> Array:
         """Return Φ(κ) for gains of shape (k,), shape (k, n, n)."""
         if len(self.read) == 1:  # what enters once in a period is read once
             return np.asarray(self.whole + gains[:, None, None] * (self.entered @ self.read))
