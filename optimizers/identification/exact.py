@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from engine.exact.nonlinear.recorded import simulate_recorded
 from engine.exact.sampled_data import recorded as sampled_data
-from engine.model.errors import UnresolvedError
 from engine.model.tangent import INFINITESIMAL
 from optimizers.identification.answers import Answer, Samples
 
@@ -64,22 +63,8 @@ class ExactModel:
         return Answer(values=found, slopes=np.concatenate([slopes, np.array(by_state)]))
 
     def _simulated(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples]:
-        found = self._by_matrices(laws, deviation) if self._sampled_alone else None
-        return found or simulate_recorded(
-            laws,
-            self._inputs,
-            self._h,
-            outputs=self._outputs,
-            deviation=deviation,
-            between=self._between,
-            clock=self._clock,
-        )
-
-    def _by_matrices(self, laws: NonlinearSystem, deviation: Array | None) -> tuple[Samples, Samples] | None:
-        """Return the response of a system whose only laws are samplers without limits; None where its matrices do not tell it."""
-        try:
-            return sampled_data.simulate_recorded(
-                laws, self._inputs, self._h, outputs=self._outputs, deviation=deviation, between=self._between
-            )
-        except UnresolvedError:  # rates without a common period
-            return None
+        asked: dict[str, Any] = {"outputs": self._outputs, "deviation": deviation, "between": self._between}
+        found = None
+        if self._sampled_alone:
+            found = sampled_data.simulate_recorded(laws, self._inputs, self._h, **asked)
+        return found or simulate_recorded(laws, self._inputs, self._h, clock=self._clock, **asked)

@@ -18,11 +18,12 @@ from engine.exact.nonlinear.operating_point import operating_point
 from engine.exact.sampled_data.build import sampled_system
 from engine.exact.time.propagate import exponentials
 from engine.model.between_samples import BetweenSamples, polynomials, told
+from engine.model.errors import UnresolvedError
 from engine.model.tangent import slopes
 
 if TYPE_CHECKING:
     from engine.exact.laws.system import NonlinearSystem
-    from engine.exact.sampled_data.system import SampledSystem
+    from engine.exact.sampled_data.system import Event, SampledSystem
     from engine.model.linear_system import Array
 
 Samples = npt.NDArray[np.float64]
@@ -37,26 +38,26 @@ def simulate_recorded(
     sample_time: float,
     *,
     outputs: Sequence[str],
-    deviation: npt.NDArray[Any] | None,
+    deviation: npt.NDArray[Any] | None = None,
     between: Mapping[str, BetweenSamples] | BetweenSamples,
 ) -> tuple[Samples, Samples] | None:
     """Return the outputs at the samples, with their derivatives along every lane, as the path of nonlinear systems does.
 
-    None where values are under way in pure delays, and where the system does not rest under the first values.
-
-    Raises
-    ------
-    UnresolvedError
-        If the rates have no common period.
+    None where values are under way in pure delays, where the rates have no common period, and where the system does not rest
+    under the first values.
     """
     point = operating_point(laws, dict(zip(laws.inputs, inputs[:, 0].tolist(), strict=True)))
-    system = sampled_system(laws)
+    try:
+        system = sampled_system(laws)
+        events = system.events()
+    except UnresolvedError:
+        return None
     if system.n != laws.states or not point.rests or system.uneven.any():
         return None
     if deviation is not None and any(float((s.offset + s.delay - s.period)[0].real) >= 0 for s in system.samplings):
         return None  # what is to come of a sample before the beginning
     coefficients = _coefficients(inputs, told(between, laws.inputs))
-    march = _March(system, sample_time, coefficients.shape[1])
+    march = _March(system, events, sample_time, coefficients.shape[1])
     start = point.x if deviation is None else point.x + deviation
     with np.errstate(all="ignore"):
         states, seen = march.run(np.broadcast_to(start, (laws.lanes, laws.states)), coefficients)
@@ -84,8 +85,8 @@ def _coefficients(inputs: Samples, ways: Sequence[BetweenSamples]) -> Samples:
 class _March:
     """Matrices from instant to instant: as many as there are different distances."""
 
-    def __init__(self, system: SampledSystem, sample_time: float, degree: int) -> None:
-        self._system, self._h = system, sample_time
+    def __init__(self, system: SampledSystem, events: Sequence[Event], sample_time: float, degree: int) -> None:
+        self._system, self._events, self._h = system, events, sample_time
         n, count = system.n, len(system.inputs)
         self._flow = np.zeros(
             (system.lanes, n + degree * count, n + degree * count), dtype=np.result_type(system.flow, float)
@@ -105,7 +106,7 @@ class _March:
         )
         joint[:, :n, 0] = start
         period = system.period
-        events = [(event.time, self._jump(event.jump, event.entering)) for event in system.events()]
+        events = [(event.time, self._jump(event.jump, event.entering)) for event in self._events]
         before: Array = np.zeros(system.lanes)
         turn, number = 0, 0
         found = np.empty((len(coefficients), system.lanes, n), dtype=joint.dtype)

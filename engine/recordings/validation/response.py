@@ -6,13 +6,14 @@ The model follows the recorded inputs from the recording's first sample: a simul
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.exact.frequency.path import connected
 from engine.exact.nonlinear.recorded import WALL_LIMIT, simulate_recorded
+from engine.exact.sampled_data import recorded as sampled_data
 from engine.exact.time.sampled import Drive, simulate_sampled
 from engine.model.between_samples import BetweenSamples, told
 from engine.model.errors import UnresolvedError
@@ -21,6 +22,7 @@ from engine.model.tangent import INFINITESIMAL
 
 if TYPE_CHECKING:
     from engine.diagram.diagram import Diagram
+    from engine.exact.laws.system import NonlinearSystem
 
 Samples = npt.NDArray[np.float64]
 Between: TypeAlias = Mapping[str, BetweenSamples] | BetweenSamples
@@ -66,9 +68,8 @@ def respond(
     """
     driven = _driven(diagram, inputs)
     if diagram.nonlinear:
-        values, _ = simulate_recorded(
-            diagram.laws(overrides), driven, sample_time, outputs=outputs, between=between, wall_limit=wall_limit
-        )
+        laws, asked = diagram.laws(overrides), {"sample_time": sample_time, "outputs": outputs, "between": between}
+        values, _ = _simulated(diagram, laws, driven, asked, wall_limit)
     else:
         values = simulate_sampled(diagram.realize(overrides), driven, sample_time, outputs=outputs, between=between)
     return dict(zip(outputs, values, strict=True))
@@ -101,9 +102,8 @@ def tangents(
     if diagram.nonlinear:
         laws = diagram.laws(overrides, steps)
         with np.errstate(all="ignore"):  # a parameter at the edge of its range may have no derivative: told below
-            values, found = simulate_recorded(
-                laws, _driven(diagram, inputs), sample_time, outputs=outputs, between=between, wall_limit=wall_limit
-            )
+            asked = {"sample_time": sample_time, "outputs": outputs, "between": between}
+            values, found = _simulated(diagram, laws, _driven(diagram, inputs), asked, wall_limit)
         if not np.isfinite(values).all():
             raise UnresolvedError("the response has no derivative by every one of these parameters")
     else:
@@ -117,6 +117,14 @@ def tangents(
         output: {parameter: found[lane, row] for lane, parameter in enumerate(parameters)}
         for row, output in enumerate(outputs)
     }
+
+
+def _simulated(
+    diagram: Diagram, laws: NonlinearSystem, driven: Samples, asked: Mapping[str, Any], wall_limit: float
+) -> tuple[Samples, Samples]:
+    """Return the response with its derivatives: by matrices where samplers are all that is not linear."""
+    found = sampled_data.simulate_recorded(laws, driven, **asked) if diagram.sampled_alone else None
+    return found or simulate_recorded(laws, driven, wall_limit=wall_limit, **asked)
 
 
 def _driven(diagram: Diagram, inputs: Mapping[str, Samples]) -> Samples:

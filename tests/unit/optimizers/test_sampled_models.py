@@ -10,6 +10,7 @@ from engine.exact.nonlinear.recorded import simulate_recorded
 from engine.exact.sampled_data import recorded
 from engine.model.between_samples import BetweenSamples
 from engine.model.tangent import INFINITESIMAL
+from engine.recordings.validation.response import respond, tangents
 from optimizers.identification.exact import ExactModel
 from optimizers.identification.linear import LinearModel
 from optimizers.recorded.recording import RecordedExperiment, Recording
@@ -93,3 +94,14 @@ def test_slopes_by_a_sample_time_are_those_of_a_smooth_input() -> None:
     differences = (sides[0] - sides[1]) / (2 * step)
     apart = np.arange(len(U)) % 5 > 0  # where both fall together the outputs jump or bend with the sign of the step
     assert slopes[:, apart] == pytest.approx(differences[:, apart], rel=1e-5, abs=1e-4)
+
+
+def test_a_validation_answers_as_the_identification_does() -> None:
+    made, way = looped(sample_time=0.05, delay=0.013), BetweenSamples.HOLD
+    asked = {"outputs": OUTPUTS, "overrides": {"w": 8.0}, "between": way}
+    expected = ExactModel(made, experiment(way), initial=False).answer({"w": 8.0}, np.zeros(0))
+    values = respond(made, {"u": U}, H, **asked)
+    slopes = tangents(made, {"u": U}, H, parameters=["w"], **asked)
+    for row, name in enumerate(OUTPUTS):
+        assert values[name] == pytest.approx(expected.values[row], abs=1e-13)
+        assert slopes[name]["w"] == pytest.approx(expected.slopes[0, row], abs=1e-13)
