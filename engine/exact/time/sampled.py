@@ -26,7 +26,7 @@ import numpy.typing as npt
 from engine.exact.frequency.dc_gain import static_gain
 from engine.exact.frequency.path import connected, path
 from engine.exact.frequency.poles import poles
-from engine.exact.time.at_samples import means, moments, values_at
+from engine.exact.time.at_samples import moments, values_at
 from engine.exact.time.propagate import exponentials
 from engine.exact.time.short_delay import lifted
 from engine.exact.time.trajectory import respond
@@ -285,11 +285,7 @@ class Way:
             return values, values[:, None] if held else forced
         curve = respond(part, [_STEP], self.h * count).output(0)
         values = values_at(curve, self.h * np.arange(count, dtype=np.float64), after=self.after)
-        if held:
-            return values, values[:, None]
-        if self.rows == 1:
-            return values, means(curve, self.h, count)[:, None]
-        return values, moments(curve, self.h, count, self.rows)
+        return values, values[:, None] if held else moments(curve, self.h, count, self.rows)
 
 
 def _settled(part: LaneSystem, way: Way, count: int) -> _Kernel | None:

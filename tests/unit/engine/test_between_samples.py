@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.signal import cont2discrete, dlsim
 
+from engine.exact.time.at_samples import moments
 from engine.exact.time.sampled import Drive, simulate_sampled
+from engine.exact.time.trajectory import respond
 from engine.model.between_samples import BetweenSamples, polynomials
 from engine.model.linear_system import LaneSystem, LinearSystem
 from engine.model.tangent import INFINITESIMAL
+from engine.signals import make
 
 H = 0.01
 HOLD, LINEAR, BAND_LIMITED = BetweenSamples.HOLD, BetweenSamples.LINEAR, BetweenSamples.BAND_LIMITED
@@ -79,6 +83,26 @@ def test_slopes_are_exact(way: BetweenSamples) -> None:
     for slope, unit, step in zip(slopes, np.eye(2), (1e-3, 1e-6), strict=True):
         up, down = (simulate_sampled(delayed(*(at + s * step * unit)), U, H, between=way)[0] for s in (1, -1))
         assert slope[0] == pytest.approx((up - down) / (2 * step), rel=1e-5, abs=1e-4)
+
+
+# 0.3 s are 100 samples: pieces of the curve end at samples, and move with the delay
+@pytest.mark.parametrize(("h", "count"), [(0.003, 1000), (0.3, 10), (3e-5, 100_000)])
+@pytest.mark.parametrize("rows", [1, 5])
+def test_means_of_a_response_between_samples_are_exact_however_late_and_fine(h: float, count: int, rows: int) -> None:
+    k, tau, rate = 2.0, 0.3, 7.0
+    lanes = LaneSystem.of([delayed(k, tau + 1j * INFINITESIMAL, direct=0.5)])
+    found = moments(respond(lanes, [make("step", {})], h * count).output(0), h, count, rows)[0]
+    behind = round(tau / h) + 1
+    left = np.exp(-rate * (h * np.arange(behind + 1, count + 1) - tau))
+    for i in range(rows):
+        of_growth = quad(lambda phi, i=i: phi**i * np.exp(rate * h * phi), 0, 1, epsabs=0, epsrel=2e-14)[0]
+        np.testing.assert_allclose(
+            found[i, behind:].real, (k + 0.5) / (i + 1) - k * of_growth * left, rtol=0, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            found[i, behind:].imag / INFINITESIMAL, -k * rate * of_growth * left, rtol=0, atol=1e-10
+        )
+        assert not found[i, : behind - 2].any()
 
 
 @pytest.mark.parametrize(("system", "static"), [
