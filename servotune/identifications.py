@@ -10,7 +10,7 @@ from servotune.jobs import Job
 from servotune.transport import Transport
 
 if TYPE_CHECKING:
-    from servotune.replies import BlackBox, DriveParameters, Identification, StaticCurve
+    from servotune.replies import BlackBox, DriveParameters, Expected, Identification, StaticCurve
 
 _PATH = "/v1/identifications"
 
@@ -88,6 +88,18 @@ class Identifications:
             queue=queue,
         )
         return self._start(_PATH, body)
+
+    def expected_cost(self, system: SystemLike, *, parameters: Sequence[str | Document], **settings: Any) -> Expected:
+        """Return what an identification would take and warn of; nothing is started.
+
+        Parameters
+        ----------
+        settings
+            Those of `identify`.
+        """
+        body = given(system=system, parameters=parameters, **settings)
+        found: Expected = self._transport.post(_PATH, body, params={"dry_run": "true"})
+        return found
 
     def black_box(
         self,

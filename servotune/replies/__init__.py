@@ -26,7 +26,7 @@ from servotune.replies.influence import (
     Prediction,
     Strongest,
 )
-from servotune.replies.jobs import JobState
+from servotune.replies.jobs import Expected, ExpectedCost, JobState
 from servotune.replies.optimizations import (
     Alternative,
     Certificate,
@@ -70,6 +70,8 @@ __all__ = [
     "Elasticity",
     "Estimate",
     "Evaluated",
+    "Expected",
+    "ExpectedCost",
     "Fit",
     "FitReport",
     "FrequencyResponse",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NotRequired, TypedDict
 
+from servotune.replies.values import Warned
+
 
 class JobState(TypedDict):
     """What the service knows about a job."""
@@ -24,3 +26,18 @@ class JobState(TypedDict):
     time_limit: NotRequired[float | None]
     deadline: NotRequired[str | None]
     attempts: NotRequired[int]
+
+
+class ExpectedCost(TypedDict):
+    """What a search will take on one core, right within a factor of three (s, bytes)."""
+
+    evaluations: int
+    seconds: float
+    bytes: float
+
+
+class Expected(TypedDict):
+    """What a job that was not started would take, and what it would warn of."""
+
+    expected: ExpectedCost
+    warnings: list[Warned]

@@ -141,3 +141,16 @@ def test_events_follow_the_html_standard():
     ]
     assert list(parse(["data: YHOO", "data: +2", "data: 10", ""])) == [Event(name="message", data="YHOO\n+2\n10")]
     assert list(parse(["data: broken off"])) == []
+
+
+def test_what_an_identification_takes_is_told_without_a_job(service, client) -> None:
+    cost = {"evaluations": 18, "seconds": 2.5, "bytes": 4e7}
+    service.on("POST /v1/identifications", Answer({"expected": cost, "warnings": []}))
+    asked = {"dataset": "ds_1", "inputs": {"u": "u"}, "outputs": {"y": "y"}, "starts": 2}
+    assert client.expected_cost("sys_1", parameters=["gain"], offsets=None, **asked) == {
+        "expected": cost,
+        "warnings": [],
+    }
+    assert service.asked[0].path == "/v1/identifications?dry_run=true"
+    assert service.asked[0].json == {"system": "sys_1", "parameters": ["gain"], **asked}
+    assert "Idempotency-Key" not in service.asked[0].headers
