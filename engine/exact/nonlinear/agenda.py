@@ -58,12 +58,12 @@ class Agenda:
         bisect.insort(self._stops, stop, key=_lateness)
 
     def due(self, now: float, horizon: float) -> list[Stop]:
-        """Take off what is due now: updates before samples, each in the order in which they were noted."""
+        """Take off what is due now: breakpoints, updates, samples, each in the order in which they were noted."""
         grain = TOGETHER * max(horizon, now)
         found = []
         while self._stops and self._stops[-1].time <= now + grain:
             found.append(self._stops.pop())
-        return sorted(found, key=lambda stop: (not stop.updates, stop.number))
+        return sorted(found, key=lambda stop: (stop.law is not None, not stop.updates, stop.number))
 
     def following(self, horizon: float = np.inf) -> Stop | None:
         """Return the next stop before ``horizon``."""

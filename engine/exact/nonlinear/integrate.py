@@ -27,6 +27,7 @@ from engine.exact.nonlinear.agenda import SMOOTH, Agenda, Stop
 from engine.exact.nonlinear.bounds import Bounds
 from engine.exact.nonlinear.driving import Driving
 from engine.exact.nonlinear.guards import Crossing, first_crossing, touches
+from engine.exact.nonlinear.meeting import Meeting
 from engine.exact.nonlinear.outcome import Outcome
 from engine.exact.nonlinear.pieces import Command, Record
 from engine.exact.nonlinear.steps import Step, Stepper
@@ -34,7 +35,7 @@ from engine.exact.nonlinear.switching import StoppedError, Switchboard
 from engine.exact.nonlinear.undecided import Undecided
 from engine.exact.nonlinear.windows import Chain
 from engine.exact.nonlinear.windows import solve as solve_chain
-from engine.exact.time.chebyshev import NODES, tail
+from engine.exact.time.chebyshev import NODES, differentiation_matrix, tail
 from engine.model.errors import EngineError
 from engine.model.failures import numerical
 from engine.model.verdicts import Verdict
@@ -105,6 +106,8 @@ class Integration:
         self._refused = self._vague = 0
         self._horizon = 0.0
         self._noted = -math.inf
+        self._left: Real | None = None
+        self._torn = False  # whether signals jump here at other infinitesimals than where the record ends
         for number, law in enumerate(system.laws):
             if law.element.period(law.values) is not None:
                 self._note(np.ravel(np.asarray(law.element.offset(law.values))), law=number)
@@ -192,14 +195,22 @@ class Integration:
         """Do what is due at this instant, and let the laws settle."""
         if not self._board.started:
             self._board.begin()
+        meeting = Meeting.of(self._board, self.record, due, self._left) if self.system.complex else None
         for stop in due:
+            if meeting is not None:
+                meeting.reach(stop)
             if stop.law is not None:
                 self._board.sample(stop.law, updates=stop.updates)
                 if not stop.updates:
                     self._sample_again(stop.law)
+            if meeting is not None:
+                meeting.happened(stop)
         self._board.switches = 0
         if self._driving.may_jump(self.now) or any(stop.law is not None for stop in due):
             self._board.settle()
+        if meeting is not None:
+            self._torn = not meeting.end(stays=self.now >= self._horizon * (1 - 1e-14))
+            self.smooth = self.smooth and meeting.smooth
         generation = min((stop.generation if stop.law is None else 0 for stop in due), default=0)
         jumps = self._board.switches > 0 or self.record.jumps(self._board.t, self.system.delays)
         self._echo(0 if jumps else generation)
@@ -236,6 +247,7 @@ class Integration:
 
     def _step(self, target: float, lanes: Array | None) -> None:
         """Go on to ``target``, or as far as accuracy or an event allow."""
+        self.smooth, self._torn = self.smooth and not self._torn, False
         gap = target - self.now
         longest = float(self.system.delays[0].real.min()) if self.system.delays.shape[-1] else math.inf
         width = min(self._width, gap, longest)
@@ -388,6 +400,7 @@ class Integration:
         self.error = max(self.error, chain.error)
         self.record.extend(chain.lines.times[1:], lanes, chain.y, chain.u)
         board.t, board.x = self.record.edges[-1].astype(board.t.dtype), chain.end.copy()
+        self._left = differentiation_matrix()[-1] @ chain.x[-1] / chain.lines.widths[-1]
         e, v = chain.e[:, -1], chain.v[:, -1]
         slope = self._stepper.quiet_slope(e, float(chain.lines.widths[-1]))
         board.arrived(e, v, slope, noise=self._stepper.noise(), states=self._stepper.scale)
@@ -421,6 +434,7 @@ class Integration:
         else:
             board.t, last = np.full(1, end), step.path[-1:]
         board.x = last.copy()
+        self._left = nodes.flow.f[0, -1].real
         self.record.append(board.t, nodes.y, nodes.at.u, nodes.z)
         noise, states = self._stepper.noise(), self._stepper.scale
         board.arrived(nodes.flow.e, nodes.flow.v, nodes.slope, noise=noise, states=states)
@@ -456,6 +470,7 @@ class Integration:
         else:
             slope = np.broadcast_to(step.nodes.slope[:, :1], (self.system.lanes, 1, step.nodes.slope.shape[-1]))
             self._stepper.forget()
+        self._left = None
         self._bounds.event(self.now, self._horizon, self.system.laws[number].label)
         self._board.switch(number, guard, slope)
         self._echo(0)

@@ -127,6 +127,14 @@ class Record:
         for k, end in enumerate(ends):
             self.append(np.full(lanes, end), y[:, k], u[:, k], np.zeros((lanes, y.shape[2], 0)))
 
+    def stretch(self, moved: Real) -> None:
+        """Let the last piece end later, or sooner, by infinitesimals (lanes,): its polynomials remain what they are."""
+        width = self.times[-1] - self.times[-2]
+        for kind in (self.y, self.u, self.z):
+            slope = np.tensordot(differentiation_matrix(), kind[-1].real, axes=1) / width
+            kind[-1] = kind[-1] + 1j * NODES[:, None, None] * moved[:, None] * slope
+        self.edges[-1] = self.edges[-1] + 1j * moved
+
     def curve(self, values: list[Array], index: int) -> Curve:
         """Return one signal of all pieces."""
         lanes = len(self.edges[0])

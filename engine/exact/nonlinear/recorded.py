@@ -86,8 +86,9 @@ def simulate_recorded(
     if deviation is not None:
         state, modes = (system.start if state is None else state) + deviation, None
     run = Integration(system, given, tolerance=TOLERANCE, clock=clock, limit=wall_limit, state=state, modes=modes)
-    # the last sample of what a held input moves at once lies behind its last jump
-    outcome = run.advance(float(instants[-1]) + (sample_time / 2 if BetweenSamples.HOLD in ways else 0.0))
+    # the last sample of what a held input or a sampler moves at once lies behind its last jump
+    jumps = BetweenSamples.HOLD in ways or any(law.element.period(law.values) is not None for law in system.laws)
+    outcome = run.advance(float(instants[-1]) + (sample_time / 2 if jumps else 0.0))
     values = np.full((len(names), len(instants)), np.inf)
     tangents = np.zeros((system.lanes, *values.shape))
     if outcome.verdict is Verdict.UNSTABLE:

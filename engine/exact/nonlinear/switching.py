@@ -59,6 +59,10 @@ class Switchboard:
     t : ndarray, shape (lanes,)
     x : ndarray, shape (lanes, n)
     modes : list of int
+    before : tuple of ndarray, or None
+        Channels e and v at the end of the step before, and the slopes of e.
+    largest : ndarray, shape (channels,)
+        How large the laws' inputs have been.
     """
 
     def __init__(
@@ -75,12 +79,12 @@ class Switchboard:
         self.started = modes is not None
         self.switches = 0
         self._reopened = False
-        self._around = around
-        self._before: tuple[Array, Array, Array | None] | None = None
+        self.around = around
+        self.before: tuple[Array, Array, Array | None] | None = None
         self._scale: dict[tuple[int, Mode, int], float] = {}
         self._leanings: dict[tuple[int, Mode, int], Array] = {}
-        self._largest = np.zeros(system.matrices["c3"].shape[-2])
-        self._noise, self._states = np.zeros_like(self._largest), np.zeros(system.states)
+        self.largest = np.zeros(system.matrices["c3"].shape[-2])
+        self._noise, self._states = np.zeros_like(self.largest), np.zeros(system.states)
 
     # what the step before has left
 
@@ -90,8 +94,8 @@ class Switchboard:
         ``noise`` (channels,) is what rounding makes of the laws' inputs, ``states`` (n,) how large the states have been.
         """
         self._noise, self._states = noise, states
-        self._before = e[:, -1:], v[:, -1:], slope[:, -1:]
-        self._largest = np.maximum(self._largest, np.abs(e[0].real).max(axis=0, initial=0.0))
+        self.before = e[:, -1:], v[:, -1:], slope[:, -1:]
+        self.largest = np.maximum(self.largest, np.abs(e[0].real).max(axis=0, initial=0.0))
 
     def tolerance(self, number: int, guard: int, values: Array) -> float:
         """Return what counts as 0 for a guard that has these values on a step."""
@@ -130,7 +134,7 @@ class Switchboard:
 
     def instant(self) -> Instants:
         """Return the present instant, just after whatever happens in it."""
-        u, du, w = self._around(self.t)
+        u, du, w = self.around(self.t)
         return Instants(t=self.t[:, None], x=self.x[:, None], u=u, du=du, w=w, modes=self.modes)
 
     def begin(self) -> None:
@@ -156,8 +160,8 @@ class Switchboard:
     def switch(self, number: int, guard: int, slope: Array | None) -> None:
         """Change the mode of a law whose guard has become positive; ``slope`` (lanes, 1, channels) where it is known."""
         at = self.instant()
-        if self._before is not None and slope is None:
-            e, v, slope = self._before
+        if self.before is not None and slope is None:
+            e, v, slope = self.before
         else:
             flow = self.system.flow(at)
             e, v = flow.e, flow.v
@@ -167,7 +171,7 @@ class Switchboard:
         """Let every law change its mode until all agree with the signals just after this instant."""
         if not self.system.laws:
             return
-        before = None if self._before is None else self._before[:2]
+        before = None if self.before is None else self.before[:2]
         while True:
             if self._reopened:
                 self._reopened = False
@@ -212,7 +216,7 @@ class Switchboard:
         after = self.modes[number]
         # what is 0 at once is a surface seen from its other side, or left just now: it counts as 0 in parts of what it is made of
         for k, other in enumerate(law.element.guards(seen, after, law.values) if after != before else ()):
-            size = self._in_its_unit(number, k, self._states, self._largest)
+            size = self._in_its_unit(number, k, self._states, self.largest)
             if abs(float(np.ravel(other)[0].real)) <= NEGLIGIBLE * size:
                 self._scale.setdefault(self._surface(number, k), size)
         if not law.element.idle(after) and law.element.held(before) is law.element.held(after) is None:
@@ -228,7 +232,7 @@ class Switchboard:
     def _release(self, before: tuple[Array, Array], e: Array) -> bool:
         """Tell the laws whose inputs jump to prepare for it; return whether there are some."""
         old, outputs = before
-        size = np.maximum(self._largest, np.abs(e[0, 0].real))
+        size = np.maximum(self.largest, np.abs(e[0, 0].real))
         jumps = np.abs((e - old)[0, 0].real) > _JUMP * size
         if not jumps.any():
             return False
@@ -240,7 +244,7 @@ class Switchboard:
 
     def _correct(self, at: Instants, flow: Flow) -> bool:
         """Switch the first law whose guard is positive; return whether there was one."""
-        largest = np.maximum(self._largest, np.abs(flow.e[0, 0].real))
+        largest = np.maximum(self.largest, np.abs(flow.e[0, 0].real))
         states = np.maximum(self._states, np.abs(at.x[0, 0].real))
         for number, law in enumerate(self.system.laws):
             mode = self.modes[number]
@@ -285,7 +289,7 @@ class Switchboard:
         if len(places) == 1:
             place = int(places[0])
             seen_as = abs(float(slope[place]) * float(moved[0, place].real))
-            if seen_as <= _AT_REST * float(self._largest[law.inputs].max(initial=0.0)):
+            if seen_as <= _AT_REST * float(self.largest[law.inputs].max(initial=0.0)):
                 moved[:, place] = 0.0
         return moved
 
