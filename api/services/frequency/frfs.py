@@ -41,6 +41,7 @@ from engine.recordings.spectra.comparison import compared
 from engine.recordings.spectra.frf import Frf
 from engine.recordings.spectra.motion import MOTIONS, in_form
 from engine.recordings.spectra.sampled import window_of
+from engine.recordings.spectra.sensors import Sensor
 
 KIND = "frf"
 
@@ -56,21 +57,37 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
     if subject is not None:
         _check_path(request, subject)
     cost = costs.of_numbers(sum(part.size for channel in measured.channels.values() for part in channel))
-    with service.computing.slot(cost), at():
-        found = frfs_of(request, measured, names, sensors)
-        first = next(iter(found.values()))
-        check_lines(service, first.frequency.size, curves=9 * len(names))
-        outputs, warnings = {}, []
-        for name, corrected in found.items():
-            frf, unit = formed(request, corrected, measured.units[name])
-            source = measured.units[request.input]
-            outputs[name] = frf_to_wire(frf, output=unit, input=source, level=request.confidence)
-            warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
-            if subject is not None:
-                _check_unit(request, subject, name, unit)
-                outputs[name]["simulated"] = _simulated(request, subject, frf, 1.0 / measured.rate)
-        modes = _modes(request, found, measured.units)
-    body = {
+    body = service.computing.bounded(
+        lambda: _body(service, request, measured, names, sensors=sensors, subject=subject), cost
+    )
+    reference = None if subject is None else subject.reference
+    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=reference)
+
+
+@at()
+def _body(
+    service: Installation,
+    request: FrfRequest,
+    measured: Part,
+    names: list[str],
+    *,
+    sensors: Mapping[str, Sensor | None],
+    subject: Subject | None,
+) -> dict[str, Any]:
+    found = frfs_of(request, measured, names, sensors)
+    first = next(iter(found.values()))
+    check_lines(service, first.frequency.size, curves=9 * len(names))
+    outputs, warnings = {}, []
+    for name, corrected in found.items():
+        frf, unit = formed(request, corrected, measured.units[name])
+        source = measured.units[request.input]
+        outputs[name] = frf_to_wire(frf, output=unit, input=source, level=request.confidence)
+        warnings += [doubt_to_warning(doubt, name) for doubt in frf.doubts]
+        if subject is not None:
+            _check_unit(request, subject, name, unit)
+            outputs[name]["simulated"] = _simulated(request, subject, frf, 1.0 / measured.rate)
+    modes = _modes(request, found, measured.units)
+    return {
         "dataset": request.dataset,
         "input": request.input,
         "input_unit": named(measured.units[request.input]),
@@ -87,8 +104,6 @@ def run_frf(service: Installation, caller: Caller, request: FrfRequest) -> Study
         "system": dict(subject.reference) if subject is not None and subject.reference else None,
         "warnings": warnings + ([] if subject is None else subject.warnings()),
     }
-    reference = None if subject is None else subject.reference
-    return Study(body=body, request=request.model_dump(by_alias=True, exclude_unset=True), system=reference)
 
 
 def _measured(service: Installation, caller: Caller, request: FrfRequest, names: list[str]) -> Part:

@@ -57,8 +57,8 @@ def _recorded(service: Installation, caller: Caller, request: SpectrumRequest) -
     rate, unit, experiments = part.rate, part.units[channel], part.experiments(channel)
     if request.fundamental is not None and len(experiments) > 1:
         raise invalid(f"part must lie in one experiment for harmonics, got {len(experiments)} of them", "part")
-    with service.computing.slot(costs.of_numbers(sum(map(len, experiments)))), at():
-        body = _estimate(request, experiments, rate, unit)
+    cost = costs.of_numbers(sum(map(len, experiments)))
+    body = service.computing.bounded(lambda: at()(_estimate)(request, experiments, rate, unit), cost)
     # a variant like those of a simulated output, so that one reader serves both
     variant = {"parameters": {}, "verdict": "ok", **body}
     reply = {

@@ -12,8 +12,8 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
@@ -88,7 +88,7 @@ class _Alarm:
     """Raises :class:`_OverdueError` in the thread that made it, wherever that is computing when the time is over.
 
     The numerics know no clock, so the interpreter is asked to raise: between two bytecodes, after the compiled call
-    that runs. The lock makes sure that nothing is raised once the computation has ended, or while that thread holds it.
+    that runs. Nothing is raised once the computation is ``over``, or while that thread holds the lock.
     Nothing is raised within an import: a module that was left half-loaded would fail for everybody until the service ends.
     What is raised within a callback of a weak reference or a finalizer is dropped by the interpreter: it is raised again.
     """
@@ -96,7 +96,7 @@ class _Alarm:
     def __init__(self, seconds: float) -> None:
         self._seconds, self._thread = seconds, threading.get_ident()
         self.lock = threading.RLock()
-        self._ended = self._fired = False
+        self.over = self.fired = False
 
     def start(self) -> None:
         """Begin to count."""
@@ -108,26 +108,21 @@ class _Alarm:
         self._timer.start()
 
     def fire(self) -> None:
-        """Go off, now or as soon as no import runs, until it is heard."""
+        """Go off, now or as soon as no import runs, until the computation is over."""
         with self.lock:
-            if self._ended:
+            if self.over:
                 return
             self._timer.cancel()
             if _imports(self._thread):
                 self._fire_in(_AFTER_IMPORT)
                 return
-            self._fired = True
-            _raise_in(self._thread, _OverdueError)
+            self.fired = True
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(_OverdueError))
             self._fire_in(_UNHEARD)
 
     def stop(self) -> None:
-        """Stop counting; an alarm that has gone off, but was not heard yet, is raised here."""
-        with self.lock:
-            self._ended = True
-            self._timer.cancel()
-        if self._fired:
-            _raise_in(self._thread, None)
-            raise _OverdueError
+        """Stop counting, when the computation is over."""
+        self._timer.cancel()
 
 
 @cache
@@ -148,12 +143,6 @@ def _imports(thread: int) -> bool:
     while frame is not None and frame.f_code.co_filename != _IMPORTING:
         frame = frame.f_back
     return frame is not None
-
-
-def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    """Ask the interpreter to raise that in a thread, or with None no more."""
-    wanted = None if error is None else ctypes.py_object(error)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), wanted)
 
 
 @dataclass(frozen=True)
@@ -251,9 +240,8 @@ class Computing:
             child.kill()
         raise RecalledError
 
-    @contextmanager
-    def slot(self, cost: float = 0.0) -> Iterator[None]:
-        """Compute inside, for as long as a request may take; ``cost`` is what that is expected to take (`costs`).
+    def bounded(self, compute: Callable[[], T], cost: float = 0.0) -> T:
+        """Return what ``compute`` returns, within the time of a request; ``cost`` is what it is expected to take (`costs`).
 
         Raises
         ------
@@ -270,18 +258,24 @@ class Computing:
             raise LargeError
         if quick and cost > self.settings.quick_seconds:
             raise LargeError
-        alarm = _Alarm(self.settings.quick_seconds if quick else self.settings.request_seconds)
+        alarm = self._own.alarm = _Alarm(self.settings.quick_seconds if quick else self.settings.request_seconds)
         try:
-            alarm.start()
-            self._own.alarm = alarm
             try:
+                alarm.start()
                 if work is not None:
                     work.recall.wakes(alarm.fire)
-                yield
+                return compute()
             finally:
-                del self._own.alarm
+                # Here, and not in a function or a context manager: what is raised as such a one begins ends it before it has
+                # said that the computation is over, and the alarm would go off for ever, in whatever the thread does next.
+                # Between these two lines nothing is raised; what is still to be raised comes as the lock is left.
+                with alarm.lock:
+                    alarm.over = True
                 alarm.stop()
+                if alarm.fired:  # and was lost
+                    raise _OverdueError
         except _OverdueError:
+            alarm.stop()
             if work is not None and work.recall.asked:
                 raise RecalledError from None
             raise (LargeError() if quick else self._too_long()) from None

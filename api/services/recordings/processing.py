@@ -63,8 +63,7 @@ def submit(service: Installation, session: Session, caller: Caller, request: Pro
     numbers = sum((row.sample_count or 0) * len(row.channels) for row in sources)
     computed = None
     if numbers <= _AT_ONCE:
-        with service.computing.slot():
-            computed = _compute(session, caller.workspace, request, steps, sources)
+        computed = service.computing.bounded(lambda: _compute(session, caller.workspace, request, steps, sources))
     repository = ProcessingRepository(session, caller.workspace)
     asked = request.model_dump(by_alias=True, exclude_unset=True, mode="json", exclude={"queue"})
     row = repository.create(

@@ -125,12 +125,16 @@ def open_panel(service: Installation, caller: Caller, request: LiveOpen) -> tupl
     service.computing.check_size(samples=request.samples, curves=len(outputs) + 1, variants=1)
     names = check_metrics(request.metrics) or ()
     duration = duration_from_wire(request.duration, place=("duration",))
-    with service.computing.slot(), at("system"):
+
+    @at("system")
+    def axes() -> tuple[float, Real]:
         first = simulate(diagram, signals=signals, outputs=outputs, duration=duration, samples=2, metrics=())
-        grid = np.zeros(0)
-        if open_at is not None or source is not None:
-            seen = frequency_response(diagram, open_at=open_at, source=source, target=target, metrics=())
-            grid = np.geomspace(seen.frequency[0], seen.frequency[-1], _FREQUENCIES)
+        if open_at is None and source is None:
+            return float(first.time[-1]), np.zeros(0)
+        seen = frequency_response(diagram, open_at=open_at, source=source, target=target, metrics=())
+        return float(first.time[-1]), np.geomspace(seen.frequency[0], seen.frequency[-1], _FREQUENCIES)
+
+    end, grid = service.computing.bounded(axes)
     steps = {place: signal.amplitude for place, signal in _steps(diagram, signals)}
     panel = Panel(
         subject=subject,
@@ -141,7 +145,7 @@ def open_panel(service: Installation, caller: Caller, request: LiveOpen) -> tupl
         open_at=open_at,
         source=source,
         target=target,
-        time=np.linspace(0.0, float(first.time[-1]), request.samples),
+        time=np.linspace(0.0, end, request.samples),
         frequency=grid,
         steps=steps if len(steps) == len(signals) and not diagram.nonlinear else None,
     )
@@ -227,10 +231,9 @@ def curves(service: Installation, panel: Panel, seq: int, vectors: Sequence[Sequ
     (vectors, 2, k: real and imaginary part) and ``poles`` (vectors, 2, n). What does not exist is NaN.
     """
     everything = {tuple(vector): panel.overrides(vector) for vector in vectors}
-    with service.computing.slot():
-        found = {
-            vector: panel.drawn.get(vector) or _drawn(panel, overrides) for vector, overrides in everything.items()
-        }
+    found = service.computing.bounded(
+        lambda: {vector: panel.drawn.get(vector) or _drawn(panel, given) for vector, given in everything.items()}
+    )
     panel.drawn.clear()
     panel.drawn.update(found)
     each = [found[tuple(vector)] for vector in vectors]
@@ -335,8 +338,9 @@ def measured(service: Installation, panel: Panel, seq: int, variant: int, vector
     overrides = panel.overrides(vector)
     names = list(panel.metrics)
     gradient = panel.parameters if variant == 0 else ()
-    with service.computing.slot():
-        found = measure(panel.diagram, list(panel.metrics.values()), overrides=overrides, gradient=gradient)
+    found = service.computing.bounded(
+        lambda: measure(panel.diagram, list(panel.metrics.values()), overrides=overrides, gradient=gradient)
+    )
     elasticities: dict[str, dict[str, float | None]] = {}
     for name, (value, slopes) in zip(names, found, strict=True):
         if slopes is not None and value.value:

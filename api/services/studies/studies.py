@@ -36,7 +36,7 @@ from api.services.recordings.datasets import channel_reader
 from api.services.studies.results import Study
 from api.services.systems.systems import Subject, subject_of
 from engine.analysis.commanded import CommandParameter
-from engine.analysis.influence import influence
+from engine.analysis.influence import Influence, influence
 from engine.analysis.prediction import predict
 from engine.analysis.study import MetricRequest, frequency_response, simulate
 from engine.diagram.connections import Opening
@@ -137,7 +137,8 @@ def each(
     """Compute one variant after the other; one whose algebraic loop has no solution is ``empty`` with that verdict."""
     listed: list[dict[str, Any]] = []
     remarks: list[Any] = list(subject.diagram.warnings)
-    with service.computing.slot(cost):
+
+    def compute_all() -> None:
         for variant in variants:
             try:
                 body, found = compute(variant)
@@ -146,7 +147,9 @@ def each(
             except EngineError as error:
                 raise invalid(error.message, *variant.place) from error
             listed.append({"parameters": dict(variant.given), **body})
-            remarks += found
+            remarks.extend(found)
+
+    service.computing.bounded(compute_all, cost)
     return {"variants": listed, "warnings": warnings_to_wire(remarks, place=subject.place)}
 
 
@@ -277,9 +280,12 @@ def run_influence(service: Installation, caller: Caller, request: InfluenceReque
     commands = _check_parameters(request.parameters, diagram, {request.input: signal})
     parameters = tuple(dict.fromkeys(request.parameters))
     cost = costs.of_system(diagram, duration=duration, variants=len(metrics) * (1 + 0.3 * len(parameters)))
-    with service.computing.slot(cost), at("system"):
-        found = influence(diagram, requests, parameters, change=request.change, commands=commands)
-    body = influence_to_wire(found)
+
+    @at("system")
+    def compute() -> Influence:
+        return influence(diagram, requests, parameters, change=request.change, commands=commands)
+
+    body = influence_to_wire(service.computing.bounded(compute, cost))
     if request.predict is not None:
         body["predictions"] = _predictions(service, request.predict, diagram, requests, cost=cost)
     return study_of(subject, {**body, "warnings": subject.warnings()}, request)
@@ -295,12 +301,12 @@ def _predictions(
 ) -> list[dict[str, Any]]:
     """Return every metric as predicted for each set of changes, beside its exact value."""
     changes = [changes_from_wire(change, diagram, place=("predict", i)) for i, change in enumerate(given)]
-    found = []
-    with service.computing.slot(cost * len(changes)):
-        for i, change in enumerate(changes):
-            with at("predict", i):
-                found.append(prediction_to_wire(predict(diagram, requests, change)))
-    return found
+
+    def compute(i: int) -> dict[str, Any]:
+        with at("predict", i):
+            return prediction_to_wire(predict(diagram, requests, changes[i]))
+
+    return service.computing.bounded(lambda: [compute(i) for i in range(len(changes))], cost * len(changes))
 
 
 def _metric_request(name: str, request: InfluenceRequest, **given: Any) -> MetricRequest:

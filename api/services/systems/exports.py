@@ -76,8 +76,9 @@ def state_space(service: Installation, caller: Caller, request: StateSpaceReques
     diagram = subject.diagram
     if request.operating_point:
         diagram = diagram.about(constants_from_wire(request.operating_point, diagram))
-    with service.computing.slot():
-        return _realized(diagram, subject.reference, request.open_at, overrides, place=subject.place)
+    return service.computing.bounded(
+        lambda: _realized(diagram, subject.reference, request.open_at, overrides, place=subject.place)
+    )
 
 
 def _realized(

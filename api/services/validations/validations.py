@@ -310,8 +310,9 @@ def run_validation(service: Installation, caller: Caller, request: ValidationReq
     seconds = (prepared.part.stop - prepared.begin) * prepared.recording.sample_time
     runs = 1 + len(prepared.movable)
     cost = costs.of_system(prepared.diagram, duration=seconds, variants=runs, overrides=prepared.overrides)
-    with service.computing.slot(cost + costs.of_numbers(10 * samples)):
-        found = compute(prepared, seconds=service.settings.request_seconds / 3)
+    found = service.computing.bounded(
+        lambda: compute(prepared, seconds=service.settings.request_seconds / 3), cost + costs.of_numbers(10 * samples)
+    )
     body = _wire(found, prepared, reference=subject.reference, warnings=subject.warnings())
     return Study(
         body=body,

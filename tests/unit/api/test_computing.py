@@ -9,6 +9,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
@@ -37,20 +38,17 @@ def busy(seconds: float) -> int:
 
 
 def test_what_is_in_time_passes() -> None:
-    with computing(request_seconds=5).slot():
-        rounds = busy(0.05)
-    assert rounds > 0
+    assert computing(request_seconds=5).bounded(lambda: busy(0.05)) > 0
 
 
 def test_what_takes_too_long_is_stopped_and_says_so() -> None:
     slots = computing(request_seconds=0.2)
     began = time.monotonic()
-    with pytest.raises(Problem, match=r"within 0\.2 s") as caught, slots.slot():
-        busy(30)
+    with pytest.raises(Problem, match=r"within 0\.2 s") as caught:
+        slots.bounded(lambda: busy(30))
     assert time.monotonic() - began < 5
     assert caught.value.status == 422
-    with slots.slot():  # nothing is raised later
-        busy(0.05)
+    slots.bounded(lambda: busy(0.05))  # nothing is raised later
     time.sleep(0.3)
 
 
@@ -72,10 +70,9 @@ def test_an_import_is_never_left_half_done(tmp_path: Path, monkeypatch: pytest.M
     slots, recall = computing(request_seconds=30), Recall()
     loaded: list[bool] = []
 
-    def work() -> None:
-        with slots.slot():
-            loaded.append(importlib.import_module("loaded_late").complete)
-            busy(30)
+    def compute() -> None:
+        loaded.append(importlib.import_module("loaded_late").complete)
+        busy(30)
 
     def ask() -> None:
         gate.reached.wait()
@@ -84,7 +81,7 @@ def test_an_import_is_never_left_half_done(tmp_path: Path, monkeypatch: pytest.M
 
     threading.Thread(target=ask).start()
     with pytest.raises(RecalledError):
-        in_thread(slots, work, recall)
+        in_thread(slots, partial(slots.bounded, compute), recall)
     assert loaded == [True]
 
 
@@ -118,7 +115,7 @@ def test_an_alarm_that_a_callback_has_dropped_goes_off_again(monkeypatch: pytest
         alarm.go_off()
         passed.append("callback")
 
-    def work() -> None:
+    def compute() -> None:
         thing = Thing()
         reference = weakref.ref(thing, drop)
         del thing  # the alarm ends the callback, and nobody hears of it
@@ -127,10 +124,65 @@ def test_an_alarm_that_a_callback_has_dropped_goes_off_again(monkeypatch: pytest
         again.go_off()
         passed.append("computation")
 
-    with pytest.raises(Problem, match="must be computed within"), slots.slot():
-        work()
+    with pytest.raises(Problem, match="must be computed within"):
+        slots.bounded(compute)
     assert passed == []
     assert Timer.started == []
+
+
+def _going_off_at(place: int, slots: Computing) -> tuple[bool, object]:
+    """Return whether a computation has a place of that number at which the interpreter may raise, and how it ends
+    when its alarm goes off there.
+
+    The interpreter raises what another thread asks for as a function begins and as a compiled one returns.
+    """
+    wished, gone_off = threading.Lock(), threading.Lock()
+    wished.acquire()
+    gone_off.acquire()
+    places = 0
+
+    def go_off() -> None:
+        with wished:
+            for timer in Timer.started[:1]:
+                timer.go_off()
+            gone_off.release()
+
+    def profile(_frame: object, event: str, _function: object) -> None:
+        nonlocal places
+        if Timer.started and event in {"call", "c_return"}:
+            places += 1
+            if places == place:
+                wished.release()
+                gone_off.acquire()
+
+    threading.Thread(target=go_off, daemon=True).start()
+    ended: object = None
+    sys.setprofile(profile)
+    try:
+        ended = slots.bounded(lambda: len("computed"))
+    except BaseException as error:  # noqa: BLE001 - whatever it is
+        ended = type(error)
+    finally:
+        sys.setprofile(None)
+    if places < place:
+        wished.release()
+    return places >= place, ended
+
+
+def test_an_alarm_ends_the_computation_wherever_it_goes_off_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that went off as the computation ended went off again twice a second for ever, in what the thread did next."""
+    monkeypatch.setattr("api.services.jobs.computing.threading.Timer", Timer)
+    monkeypatch.setattr(Timer, "started", [])
+    slots, ends = computing(), []
+    for place in range(1, 1000):
+        exists, ended = _going_off_at(place, slots)
+        assert Timer.started == [], f"still counting after {place}"
+        if not exists:
+            break
+        ends.append(ended)
+    assert len(ends) > 3
+    assert set(ends) <= {Problem, len("computed")}
+    assert Problem in ends
 
 
 def test_an_alarm_never_goes_off_after_the_computation() -> None:
@@ -138,8 +190,7 @@ def test_an_alarm_never_goes_off_after_the_computation() -> None:
     stopped = 0
     for _ in range(200):
         try:
-            with slots.slot():
-                busy(0.0099)
+            slots.bounded(lambda: busy(0.0099))
         except Problem:
             stopped += 1
         sum(range(1000))
@@ -153,34 +204,27 @@ def in_thread(slots: Computing, work, recall: Recall, *, lane: str = "threads"):
 def test_what_nobody_waits_for_any_more_is_ended() -> None:
     slots, recall, began = computing(request_seconds=30), Recall(), threading.Event()
 
-    def work() -> None:
-        with slots.slot():
-            began.set()
-            busy(30)
+    def compute() -> None:
+        began.set()
+        busy(30)
 
     threading.Thread(target=lambda: began.wait() and recall.ask()).start()
     with pytest.raises(RecalledError):
-        in_thread(slots, work, recall)
+        in_thread(slots, partial(slots.bounded, compute), recall)
 
 
 def test_what_was_recalled_before_does_not_begin() -> None:
     slots, recall = computing(request_seconds=30), Recall()
-
-    def work() -> None:
-        with slots.slot():
-            busy(30)
-
     recall.ask()
     with pytest.raises(RecalledError):
-        in_thread(slots, work, recall)
+        in_thread(slots, partial(slots.bounded, lambda: busy(30)), recall)
 
 
 def test_a_recall_that_comes_too_late_is_none() -> None:
     slots, recall = computing(), Recall()
 
     def work() -> int:
-        with slots.slot():
-            busy(0.01)
+        slots.bounded(lambda: busy(0.01))
         recall.ask()
         return busy(0.05)
 
@@ -191,13 +235,12 @@ def test_a_recall_that_comes_too_late_is_none() -> None:
 def test_what_is_not_quick_leaves_the_lane_of_what_is(cost) -> None:
     slots, begun = computing(quick_seconds=0.1, request_seconds=30), []
 
-    def work() -> None:
-        with slots.slot(cost):
-            begun.append(cost)
-            busy(30)
+    def compute() -> None:
+        begun.append(cost)
+        busy(30)
 
     with pytest.raises(LargeError):
-        in_thread(slots, work, Recall(), lane="quick")
+        in_thread(slots, partial(slots.bounded, compute, cost), Recall(), lane="quick")
     assert begun == ([] if cost else [0.0])  # what is expected to be large does not even begin
 
 
