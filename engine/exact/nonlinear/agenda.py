@@ -23,13 +23,15 @@ SMOOTH: Final = 6
 class Stop:
     """An instant ``time`` (s) with its infinitesimals ``lanes``.
 
-    It is an echo of some ``generation``, or a ``law`` takes a sample there, or ``updates`` its output from the last one.
+    It is an echo of some ``generation`` that comes out of a ``delay``, or a ``law`` takes a sample there, or ``updates`` its output
+    from the last one.
     """
 
     time: float
     number: int
     lanes: Array
     generation: int = SMOOTH
+    delay: int | None = None
     law: int | None = None
     updates: bool = False
 
@@ -49,12 +51,9 @@ class Agenda:
     def __len__(self) -> int:
         return len(self._stops)
 
-    def note(self, lanes: Array, *, generation: int = SMOOTH, law: int | None = None, updates: bool = False) -> None:
+    def note(self, lanes: Array, **what: Any) -> None:
         """Note a stop at the instant ``lanes`` (lanes,)."""
-        stop = Stop(
-            time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, generation=generation, law=law,
-            updates=updates,
-        )  # fmt: skip
+        stop = Stop(time=float(lanes[0].real), number=next(self._numbers), lanes=lanes, **what)
         bisect.insort(self._stops, stop, key=_lateness)
 
     def due(self, now: float, horizon: float) -> list[Stop]:

@@ -230,7 +230,7 @@ class Integration:
         """Note that what changes now comes back through every delay."""
         if generation < SMOOTH:
             for i in range(self.system.delays.shape[-1]):
-                self._note(self._board.t + self.system.delays[:, i], generation=generation + 1)
+                self._note(self._board.t + self.system.delays[:, i], generation=generation + 1, delay=i)
 
     def _around(self, t: Array) -> tuple[Array, Array, Array]:
         """Return inputs, their slopes and the delayed signals just after the instant ``t`` (lanes,)."""
