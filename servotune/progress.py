@@ -46,6 +46,8 @@ class ProgressBar:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._timer.cancel()
+        if self._timer.is_alive():
+            self._timer.join()  # it may be appearing
         if self._progress.live.is_started:
             self._progress.stop()
 
