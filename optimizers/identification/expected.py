@@ -18,7 +18,7 @@ from optimizers.problem import ProblemError
 from optimizers.recorded.recording import Identification
 from optimizers.search.limits import MOST_BYTES
 
-_LINEAR: Final = 6e-7
+_LINEAR: Final = 2.2e-7
 """Seconds for each sample and neighbour of a model in straight formulas,"""
 _MARCHED: Final = 2.2e-6
 """of one that is marched,"""
@@ -26,11 +26,11 @@ _EVENTS: Final = 9e-5
 """and of one that goes from event to event."""
 _LINE: Final = 5e-6
 """Seconds for each line of a response and neighbour."""
-_LATE: Final = 0.03
+_LATE: Final = 0.02
 """Seconds for an evaluation with delays, beside its samples,"""
 _AT_ONCE: Final = 0.003
 """and without."""
-_SEARCHED: Final = 12
+_SEARCHED: Final = 8
 """Evaluations that a start usually takes,"""
 _BESIDE: Final = 3
 """and that another way between the samples takes from where the first came to rest."""

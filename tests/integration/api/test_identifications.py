@@ -132,8 +132,8 @@ def test_what_an_identification_takes_is_told_without_starting_it(client, long_s
 
 @pytest.fixture(scope="module")
 def long_search(client) -> dict[str, Any]:
-    """Return what would take minutes: a hundred starts on 60,000 samples."""
-    u = np.tile(U, 50)
+    """Return what would take minutes: a hundred starts on 120,000 samples."""
+    u = np.tile(U, 100)
     dataset = made(client, u=u, y=lag(K, TAU, u) + 0.01 * RNG.normal(size=u.size))
     return {"system": SYSTEM, "dataset": dataset, **CHANNELS, "parameters": ["k", "tau"], "starts": 100}
 
