@@ -16,8 +16,9 @@ new value, y_k = C x_k + D u_k.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -199,7 +200,7 @@ class Drive:
                 return None
         if found.verdict is not Verdict.OK:
             step, transient = way.step(part, samples)
-            return _Kernel(gain=np.zeros(part.lanes), transient=transient, step=step)
+            return _Kernel(gain=np.zeros(part.lanes), transient=transient, step=step())
         duration = -np.log(SETTLED) / found.slowest + float(part.delays[0].real.sum())
         count = int(np.ceil(1.2 * duration / h)) + 4
         while count < samples:
@@ -277,15 +278,19 @@ class Way:
         """Return the moments of a constant, (lanes, rows, 1)."""
         return gain[:, None, None] / np.arange(1, self.rows + 1)[:, None]
 
-    def step(self, part: LaneSystem, count: int) -> tuple[Array, Array]:
-        """Return the step response at 0, h, ..., (lanes, count), and what each interval contributes, (lanes, rows, count)."""
+    def step(self, part: LaneSystem, count: int) -> tuple[Callable[[], Array], Array]:
+        """Return what gives the step response at 0, h, ..., (lanes, count), and what each interval contributes, (lanes, rows, count).
+
+        The former takes as long as the latter, and few ask for it.
+        """
         held = self.way is BetweenSamples.HOLD
         if not part.m:
             values, forced = _step_without_delays(part, self.h, count, 0 if held else self.rows)
-            return values, values[:, None] if held else forced
+            return lambda: values, values[:, None] if held else forced
         curve = respond(part, [_STEP], self.h * count).output(0)
-        values = values_at(curve, self.h * np.arange(count, dtype=np.float64), after=self.after)
-        return values, values[:, None] if held else moments(curve, self.h, count, self.rows)
+        instants = self.h * np.arange(count, dtype=np.float64)
+        at_samples = partial(values_at, curve, instants, after=self.after)
+        return at_samples, at_samples()[:, None] if held else moments(curve, self.h, count, self.rows)
 
 
 def _settled(part: LaneSystem, way: Way, count: int) -> _Kernel | None:
