@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import os
 import sys
@@ -61,7 +62,8 @@ def agent(argv: Sequence[str]) -> int:
         sys.stderr.write(f"servotune agent: {error}\n")
         return 2
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: process.stop())
+        # From a thread: a handler runs within whatever this one does, and waits for ever for a lock that this one holds.
+        signal.signal(number, lambda *_: _thread.start_new_thread(process.stop, ()))
     _let_memory_go()
     process.run()
     return 0

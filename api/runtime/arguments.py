@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import signal
 import threading
@@ -39,5 +40,6 @@ def stopped_by_signals() -> threading.Event:
     """Return what is set when somebody wants this process to stop: SIGTERM, or Ctrl-C."""
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+        # From a thread: a handler runs within whatever this one does, and waits for ever for a lock that this one holds.
+        signal.signal(number, lambda *_: _thread.start_new_thread(stop.set, ()))
     return stop
