@@ -43,6 +43,8 @@ _STEP = 1e-30
 
 Matrix = npt.NDArray[np.float64]
 
+_DIVERGES = frozenset({Verdict.UNSTABLE, Verdict.MARGINAL})
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assessment:
@@ -53,6 +55,11 @@ class Assessment:
     values: Matrix
     doubtful: npt.NDArray[np.bool_]
 
+    def replace(self, index: int, other: Assessment) -> None:
+        """Put the only point of another one into the place of one of its own."""
+        self.objective[index], self.violation[index] = other.objective[0], other.violation[0]
+        self.values[index], self.doubtful[index] = other.values[0], other.doubtful[0]
+
     def order(self) -> npt.NDArray[np.intp]:
         """Return indices from the best to the worst: those that meet every goal by objective, then by violation."""
         excess = np.where(self.violation <= TOLERANCE, 0.0, self.violation)
@@ -61,10 +68,14 @@ class Assessment:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Local:
-    """One point with first derivatives: ``values`` (S, G), ``slopes`` (S, G, V) by the position in the unit cube."""
+    """One point with first derivatives: ``values`` (S, G), ``slopes`` (S, G, V) by the position in the unit cube.
+
+    ``doubtful`` ones show the way, and no more.
+    """
 
     values: Matrix
     slopes: Matrix
+    doubtful: bool = False
 
 
 class Evaluator:
@@ -80,7 +91,7 @@ class Evaluator:
         self.evaluations = 0
         self._screening = Screening(problem.diagram, screened_requests(problem))
         self._proven: dict[tuple[float, ...], list[list[Exact]]] = {}
-        self._refuted: dict[bytes, bool] = {}
+        self._settled: dict[bytes, Assessment] = {}
         self._keys = sorted({name for scenario in problem.scenarios for name in scenario})
 
     @cached_property
@@ -124,22 +135,31 @@ class Evaluator:
             ]
         return self._proven[key]
 
+    def settled(self, position: Vector) -> Assessment:
+        """Return the ranking quantities of one point as the exact path has them."""
+        key = position.tobytes()
+        if key not in self._settled:
+            point, goals = self.problem.values(position), self.problem.goals
+            values = np.full((1, len(self.problem.scenarios), len(goals)), np.nan)
+            growth = np.full(values.shape[:2], -1.0)
+            for s, scenario in enumerate(self.problem.scenarios):
+                try:
+                    row = [one for one, _ in measured_goals(self.problem, point, scenario)]
+                except EngineError:  # no such system
+                    growth[0, s] = np.inf
+                    continue
+                values[0, s] = numbers_of(goals, [row])[0]
+                if any(one.verdict in _DIVERGES for one in row):
+                    growth[0, s] = 0.0
+            self._settled[key] = self._assessment(values, growth, np.zeros(values.shape, dtype=bool))
+        return self._settled[key]
+
     def refutes(self, position: Vector) -> bool:
         """Return whether the exact path has no value of some goal at a point, whatever the fast evaluation says.
 
         Marches of a nonlinear system look for no events: where the exact path says that a run ends before its time, it does.
         """
-        if not self.problem.diagram.nonlinear:
-            return False
-        key = position.tobytes()
-        if key not in self._refuted:
-            point, goals = self.problem.values(position), self.problem.goals
-            try:
-                rows = [[one for one, _ in measured_goals(self.problem, point, s)] for s in self.problem.scenarios]
-                self._refuted[key] = bool(np.isnan(numbers_of(goals, rows)).any())
-            except EngineError:
-                self._refuted[key] = True
-        return self._refuted[key]
+        return self.problem.diagram.nonlinear and bool(np.isnan(self.settled(position).values).any())
 
     def local(self, position: Vector) -> Local | None:
         """Return values and exact slopes at one point, or None where a metric has no value in some scenario."""
@@ -150,17 +170,22 @@ class Evaluator:
         overrides = self._overrides(lanes)
         self.evaluations += 1
         compiled = self._compiled_slopes(overrides, len(axes))
-        if compiled is not None:
+        if compiled is not None and not (compiled.doubtful.any(axis=1) & compiled.valid).any():
             growth, valid = compiled.growth, compiled.valid
-            values, slopes, unsure = compiled.values, compiled.slopes, compiled.doubtful
+            values, slopes = compiled.values, compiled.slopes
+            doubtful = unsure = compiled.doubtful
         else:
             screened = self._screened(overrides, count * len(axes))
             growth, valid = screened.growth, screened.valid
             shape = (count, len(axes), len(self.problem.goals))
             raw = screened.values.reshape(shape)
             values, slopes = raw[:, 0].real, np.swapaxes(raw.imag, 1, 2) / _STEP
-            # A doubtful value still shows the way; what screening cannot measure at all is measured exactly.
-            unsure = screened.doubtful.reshape(shape)[:, 0] & np.isnan(values)
+            # A doubtful value still shows the way; what screening cannot measure at all is measured exactly. Where the kernels
+            # doubt, collocation is not asked whether it does: both look at the same frequencies, and may miss the same crossing.
+            doubtful = screened.doubtful.reshape(shape)[:, 0]
+            if compiled is not None:
+                doubtful = doubtful | compiled.doubtful
+            unsure = doubtful & np.isnan(values)
         if (growth >= 0).any() or not valid.all():
             return None
         values, slopes = (
@@ -184,18 +209,18 @@ class Evaluator:
         slopes[~np.isfinite(values)] = 0.0
         # a parameter at 0 whose own state never comes to rest: there is a value, and nowhere to go from it
         slopes[~np.isfinite(slopes)] = 0.0
-        return Local(values=values, slopes=np.ascontiguousarray(slopes))
+        left = bool((doubtful & ~unsure).any())
+        return Local(values=values, slopes=np.ascontiguousarray(slopes), doubtful=left)
 
     def _compiled_slopes(self, lanes: Mapping[str, npt.NDArray[np.number]], variables: int) -> Slopes | None:
-        """Return all scenarios with slopes by the compiled kernels; None where these do not vouch for every number."""
+        """Return all scenarios with slopes by the compiled kernels; None where these do not answer every request."""
         if self.problem.commands:
             return None
         shape = (len(self.problem.scenarios), variables)
-        found = self._screening.slopes(
+        return self._screening.slopes(
             {name: column.real.reshape(shape)[:, 0] for name, column in lanes.items()},
             {name: column.imag.reshape(shape) / _STEP for name, column in lanes.items()},
         )
-        return None if found is None or (found.doubtful.any(axis=1) & found.valid).any() else found
 
     def objectives(self, values: Matrix) -> Matrix:
         """Return the smooth functions whose largest is the objective, (..., R), of metric values (..., S, G).
@@ -289,7 +314,7 @@ class Evaluator:
             values[b, s, asked] = numbers_of(asking, [[measured for measured, _ in found]])[0]
             doubtful[b, s, asked] = False
             if np.isnan(growth[b, s]):
-                diverges = any(measured.verdict in {Verdict.UNSTABLE, Verdict.MARGINAL} for measured, _ in found)
+                diverges = any(measured.verdict in _DIVERGES for measured, _ in found)
                 growth[b, s] = 0.0 if diverges else -1.0
         return values, growth, doubtful
 

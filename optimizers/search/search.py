@@ -99,23 +99,26 @@ class Tracker:
         with self._evaluating(len(positions)):
             with during(Stage.SCREENING):
                 found = self.evaluator.assess(positions, roughly=roughly)
-            index = self._first_refuted(positions, found, roughly=roughly)
+            index = self._first_unsure(positions, found, roughly=roughly)
             while index is not None:
-                found.objective[index], found.violation[index] = np.nan, BROKEN
-                index = self._first_refuted(positions, found, roughly=roughly)
+                found.replace(index, self.evaluator.settled(positions[index]))
+                index = self._first_unsure(positions, found, roughly=roughly)
         for index in _improving(found, roughly=roughly):
             self.offer(
                 positions[index], float(found.objective[index]), float(found.violation[index]), before + index + 1
             )
         return found
 
-    def _first_refuted(self, positions: Matrix, found: Assessment, *, roughly: bool) -> int | None:
-        """Return the first of the points that would become the best of which the exact path says that a goal has no value."""
+    def _first_unsure(self, positions: Matrix, found: Assessment, *, roughly: bool) -> int | None:
+        """Return the first of the points that would become the best of which the exact path may say something else."""
         for index in _improving(found, roughly=roughly):
             better = _rank(float(found.objective[index]), float(found.violation[index])) < self.rank
-            if better and found.violation[index] < BROKEN and self.evaluator.refutes(positions[index]):
+            if better and found.violation[index] < BROKEN and self._unsure(positions[index], found, index):
                 return index
         return None
+
+    def _unsure(self, position: Vector, found: Assessment, index: int) -> bool:
+        return bool(found.doubtful[index]) or self.evaluator.refutes(position)
 
     def local(self, position: Vector) -> Local | None:
         """Evaluate one point with slopes, remember it; None where a metric has no value.
@@ -128,9 +131,19 @@ class Tracker:
         with self._evaluating(1), during(Stage.REFINING):
             found = self.evaluator.local(position)
         if found is not None:
-            objective = float(self.evaluator.objectives(found.values).max())
-            self.offer(position, objective, float(self.evaluator.violations(found.values, self.margins).max()))
+            objective, violation = self._ranked(found.values)
+            if found.doubtful and _rank(objective, violation) < self.rank:
+                settled = self.evaluator.settled(position)
+                objective, violation = self._ranked(settled.values[0])
+                violation = max(violation, float(settled.violation[0]))
+            self.offer(position, objective, violation)
         return found
+
+    def _ranked(self, values: Matrix) -> tuple[float, float]:
+        """Return objective and violation of metric values (S, G), with the margins kept."""
+        return float(self.evaluator.objectives(values).max()), float(
+            self.evaluator.violations(values, self.margins).max()
+        )
 
     @contextmanager
     def _evaluating(self, count: int) -> Iterator[None]:
