@@ -6,9 +6,11 @@ Examples
 
     import servotune
 
-    client = servotune.connect("http://127.0.0.1:8000", key="...")
+    client = servotune.connect("http://127.0.0.1:8000", key="...")  # or SERVOTUNE_URL and SERVOTUNE_KEY
     reply = client.simulate(document, input={"port": "reference", "signal": {"kind": "step"}})
-    print(reply["variants"][0]["metrics"]["position"]["overshoot"])
+    print(reply.metrics["position"].overshoot)  # reply["variants"][0]["metrics"] is the same
+    reply.plot()
+    reply.to_pandas()
 """
 
 from __future__ import annotations

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NotRequired, TypedDict, cast
+from typing import Any
 
+from servotune.replies.base import Reply
 from servotune.transport import Transport
 
 
-class Key(TypedDict):
+class Key(Reply):
     """A key; its token, `key`, is there only when it was just made."""
 
     id: str
@@ -20,11 +21,11 @@ class Key(TypedDict):
     expires_at: str | None
     last_used_at: str | None
     revoked_at: str | None
-    key: NotRequired[str | None]
-    replaces: NotRequired[str | None]
+    key: str | None
+    replaces: str | None
 
 
-class Workspace(TypedDict):
+class Workspace(Reply):
     """A workspace; `limits` and `used` count systems, schedules, stored bytes and unfinished jobs."""
 
     id: str
@@ -57,15 +58,15 @@ class Keys:
         """
         given = {"name": name, "scopes": list(scopes), "expires_at": expires_at, "workspace": workspace}
         document = {field: value for field, value in given.items() if value is not None}
-        return cast("Key", self._transport.post("/v1/keys", document, creates=True))
+        return Key(self._transport.post("/v1/keys", document, creates=True))
 
     def list(self) -> Iterator[Key]:
         """Yield the keys, those that open nothing any more among them."""
-        return self._transport.items("/v1/keys")
+        return self._transport.items("/v1/keys", Key)
 
     def rotate(self, key: str, *, overlap: float = 0.0) -> Key:
         """Make a key that may the same; the old one (by its id) opens for `overlap` s longer."""
-        return cast("Key", self._transport.post(f"/v1/keys/{key}/rotate", {"overlap": overlap}, creates=True))
+        return Key(self._transport.post(f"/v1/keys/{key}/rotate", {"overlap": overlap}, creates=True))
 
     def revoke(self, key: str) -> None:
         """Let a key (by its id) open nothing any more."""
@@ -81,12 +82,12 @@ class Workspaces:
     def create(self, name: str, *, limits: Mapping[str, int] | None = None) -> Workspace:
         """Make a workspace; `limits` are those that differ from the usual ones."""
         document: dict[str, Any] = {"name": name} | ({"limits": dict(limits)} if limits else {})
-        return cast("Workspace", self._transport.post("/v1/workspaces", document, creates=True))
+        return Workspace(self._transport.post("/v1/workspaces", document, creates=True))
 
     def get(self, workspace: str) -> Workspace:
         """Return a workspace with its limits and what is used of them."""
-        return cast("Workspace", self._transport.get(f"/v1/workspaces/{workspace}"))
+        return Workspace(self._transport.get(f"/v1/workspaces/{workspace}"))
 
     def list(self) -> Iterator[Workspace]:
         """Yield the workspaces, without limits and use."""
-        return self._transport.items("/v1/workspaces")
+        return self._transport.items("/v1/workspaces", Workspace)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypedDict, cast
+from typing import Any
 
 from servotune.errors import JobFailedError, WaitTimeoutError
 from servotune.jobs import Job
+from servotune.replies.base import Reply
 from servotune.transport import Transport
 
 FINAL = frozenset({"done", "failed", "lost", "cancelled"})
 
 
-class FollowUp(TypedDict):
+class FollowUp(Reply):
     """How a step goes that follows a recording."""
 
     kind: str
@@ -23,7 +24,7 @@ class FollowUp(TypedDict):
     detail: str | None
 
 
-class Attempt(TypedDict):
+class Attempt(Reply):
     """One go at a measurement."""
 
     number: int
@@ -37,7 +38,7 @@ class Attempt(TypedDict):
     then: list[FollowUp]
 
 
-class Acquisition(TypedDict):
+class Acquisition(Reply):
     """A measurement with its attempts, the latest one last."""
 
     id: str
@@ -98,24 +99,24 @@ class Acquisitions:
             "then": None if then is None else [dict(step) for step in then],
         }
         document = {key: value for key, value in given.items() if value is not None}
-        return cast("Acquisition", self._transport.post("/v1/acquisitions", document, creates=True))
+        return Acquisition(self._transport.post("/v1/acquisitions", document, creates=True))
 
     def get(self, acquisition: str) -> Acquisition:
         """Return a measurement as it is now."""
-        return cast("Acquisition", self._transport.get(f"/v1/acquisitions/{acquisition}"))
+        return Acquisition(self._transport.get(f"/v1/acquisitions/{acquisition}"))
 
     def list(self, *, rig: str | None = None, status: str | None = None) -> Iterator[Acquisition]:
         """Yield the measurements, newest first."""
         query = {key: value for key, value in {"rig": rig, "status": status}.items() if value is not None}
-        return self._transport.items("/v1/acquisitions", params=query)
+        return self._transport.items("/v1/acquisitions", Acquisition, params=query)
 
     def cancel(self, acquisition: str) -> Acquisition:
         """Let the agent stop; what it has recorded still comes."""
-        return cast("Acquisition", self._transport.post(f"/v1/acquisitions/{acquisition}/cancel", {}))
+        return Acquisition(self._transport.post(f"/v1/acquisitions/{acquisition}/cancel", {}))
 
     def retry(self, acquisition: str) -> Acquisition:
         """Try once more: nothing that moves a rig is repeated unless a person asks."""
-        return cast("Acquisition", self._transport.post(f"/v1/acquisitions/{acquisition}/retry", {}, creates=True))
+        return Acquisition(self._transport.post(f"/v1/acquisitions/{acquisition}/retry", {}, creates=True))
 
     def job(self, acquisition: str) -> Job[dict[str, Any]]:
         """Return the job of the latest attempt; its events tell status and progress, and show the samples as they come."""

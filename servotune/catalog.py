@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from servotune.replies import CatalogItem
 from servotune.transport import Transport
-
-if TYPE_CHECKING:
-    from servotune.replies import CatalogItem
 
 
 class Catalog:
@@ -18,16 +14,16 @@ class Catalog:
 
     def elements(self) -> list[CatalogItem]:
         """Return every element kind: ports, parameters, equation, source."""
-        return list(self._transport.items("/v1/catalog/elements"))
+        return list(self._transport.items("/v1/catalog/elements", CatalogItem))
 
     def metrics(self) -> list[CatalogItem]:
         """Return every metric: definition, unit, source."""
-        return list(self._transport.items("/v1/catalog/metrics"))
+        return list(self._transport.items("/v1/catalog/metrics", CatalogItem))
 
     def methods(self) -> list[CatalogItem]:
         """Return every optimisation method and its options."""
-        return list(self._transport.items("/v1/catalog/methods"))
+        return list(self._transport.items("/v1/catalog/methods", CatalogItem))
 
     def signals(self) -> list[CatalogItem]:
         """Return every command signal and its parameters."""
-        return list(self._transport.items("/v1/catalog/signals"))
+        return list(self._transport.items("/v1/catalog/signals", CatalogItem))

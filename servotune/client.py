@@ -1,7 +1,8 @@
-"""A typed client of the service: one method for each thing the API does, plain dictionaries in and out."""
+"""A typed client of the service: one method for each thing the API does; documents in, replies out."""
 
 from __future__ import annotations
 
+import os
 import time
 from types import TracebackType
 from typing import Any, Self, cast
@@ -86,8 +87,13 @@ class Client(Studies, Measured, Searches):
         return cast("dict[str, Any]", self._transport.body(self._transport.send("GET", "/readyz", attempts=1)))
 
 
+URL, KEY = "SERVOTUNE_URL", "SERVOTUNE_KEY"
+"""Environment variables that `connect` and the commands read."""
+_HERE = "http://127.0.0.1:8000"
+
+
 def connect(
-    url: str = "http://127.0.0.1:8000",
+    url: str | None = None,
     *,
     key: str | None = None,
     wait: float = 0.0,
@@ -98,10 +104,10 @@ def connect(
 
     Parameters
     ----------
-    url : str
-        Address of the service.
+    url : str, optional
+        Address of the service; that of the environment variable ``SERVOTUNE_URL``, or ``http://127.0.0.1:8000``, where none is given.
     key : str, optional
-        API key; `servotune serve` prints the first one when it starts for the first time.
+        API key; that of ``SERVOTUNE_KEY`` where none is given. `servotune serve` prints the first one when it starts for the first time.
     wait : float
         How long to wait for a service that is still starting (s); 0 does not ask.
     timeout : float
@@ -113,8 +119,13 @@ def connect(
     ------
     ServiceUnreachableError
         Not ready after `wait` seconds.
+    ValueError
+        The address is none.
     """
-    client = Client(Transport(url, key=key, timeout=timeout, attempts=attempts))
+    address, secret = url or os.environ.get(URL) or _HERE, key or os.environ.get(KEY) or None
+    if not address.startswith(("http://", "https://")):
+        raise ValueError(f"the address of the service must begin with http:// or https://, got {address!r}")
+    client = Client(Transport(address, key=secret, timeout=timeout, attempts=attempts))
     if wait > 0.0:
         _wait_until_ready(client, wait)
     return client

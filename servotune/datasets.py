@@ -6,16 +6,14 @@ import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 from urllib.parse import quote, urlencode
 
 from servotune.errors import ConflictError
 from servotune.jobs import Jobs
 from servotune.progress import Observer
+from servotune.replies import ChannelData, Dataset
 from servotune.transport import Transport, pause
-
-if TYPE_CHECKING:
-    from servotune.replies import ChannelData, Dataset
 
 SEGMENT_BYTES = 8 * 1024 * 1024
 """Largest segment that the service takes."""
@@ -34,7 +32,7 @@ class Datasets:
 
     def create(self, document: Mapping[str, Any]) -> Dataset:
         """Announce a recording (name, format, channels or import description) and return it, still empty."""
-        return cast("Dataset", self._transport.post("/v1/datasets", document, creates=True))
+        return Dataset(self._transport.post("/v1/datasets", document, creates=True))
 
     def send(
         self,
@@ -95,11 +93,11 @@ class Datasets:
 
     def get(self, dataset: str) -> Dataset:
         """Return what is known about a dataset."""
-        return cast("Dataset", self._transport.get(f"/v1/datasets/{dataset}"))
+        return Dataset(self._transport.get(f"/v1/datasets/{dataset}"))
 
     def list(self) -> Iterator[Dataset]:
         """Yield the datasets of the service."""
-        return self._transport.items("/v1/datasets")
+        return self._transport.items("/v1/datasets", Dataset)
 
     def delete(self, dataset: str, *, force: bool = False) -> None:
         """Delete a dataset with its samples.
@@ -124,8 +122,8 @@ class Datasets:
         """Return a channel's physical values between two times (s), thinned out for plots when `points` are fewer."""
         asked = {"start": start, "end": end, "points": points}
         params = {key: value for key, value in asked.items() if value is not None}
-        return cast(
-            "ChannelData", self._transport.get(f"/v1/datasets/{dataset}/channels/{quote(name, safe='')}", params=params)
+        return ChannelData(
+            self._transport.get(f"/v1/datasets/{dataset}/channels/{quote(name, safe='')}", params=params)
         )
 
     def preview(

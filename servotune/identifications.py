@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from servotune.documents import Document, SystemLike, given
 from servotune.jobs import Job
+from servotune.replies import BlackBox, DriveParameters, Expected, Identification, StaticCurve
 from servotune.transport import Transport
-
-if TYPE_CHECKING:
-    from servotune.replies import BlackBox, DriveParameters, Expected, Identification, StaticCurve
 
 _PATH = "/v1/identifications"
 

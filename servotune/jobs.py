@@ -6,17 +6,16 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 import httpx
 
 from servotune.errors import JobCancelledError, JobFailedError, WaitTimeoutError
 from servotune.events import Event, parse
 from servotune.progress import Observer, ProgressBar
+from servotune.replies import JobState
+from servotune.replies.results import result_of
 from servotune.transport import Transport, pause
-
-if TYPE_CHECKING:
-    from servotune.replies import JobState
 
 ResultT = TypeVar("ResultT")
 
@@ -38,7 +37,7 @@ class Job(Generic[ResultT]):
 
     def __init__(self, transport: Transport, state: JobState) -> None:
         self._transport = transport
-        self.state = state
+        self.state = JobState(state)
 
     def __repr__(self) -> str:
         return f"<Job {self.id} {self.kind} {self.status} {self.progress:.0%}>"
@@ -46,17 +45,17 @@ class Job(Generic[ResultT]):
     @property
     def id(self) -> str:
         """The job's id."""
-        return self.state["id"]
+        return self.state.id
 
     @property
     def kind(self) -> str:
         """What it does: `identification`, `optimization` ..."""
-        return self.state["kind"]
+        return self.state.kind
 
     @property
     def status(self) -> str:
         """`queued`, `running`, `succeeded`, `failed` or `cancelled`, as last known."""
-        return self.state["status"]
+        return self.state.status
 
     @property
     def progress(self) -> float:
@@ -70,7 +69,7 @@ class Job(Generic[ResultT]):
 
     def refresh(self) -> Job[ResultT]:
         """Ask the service for the present state."""
-        self.state = cast("JobState", self._transport.get(f"/v1/jobs/{self.id}"))
+        self.state = JobState(self._transport.get(f"/v1/jobs/{self.id}"))
         return self
 
     def pause(self) -> Job[ResultT]:
@@ -169,7 +168,10 @@ class Job(Generic[ResultT]):
         if self.status == "failed":
             problem = self.state.get("error") or {}
             raise JobFailedError(status=int(problem.get("status") or 500), problem=problem, request=f"job {self.id}")
-        return cast("ResultT", self._transport.get(self.state.get("result") or f"/v1/jobs/{self.id}/result"))
+        return cast(
+            "ResultT",
+            result_of(self.kind, self._transport.get(self.state.get("result") or f"/v1/jobs/{self.id}/result")),
+        )
 
     def request(self) -> dict[str, Any]:
         """Return what was asked for, the system written out as it was then."""
@@ -186,7 +188,7 @@ class Job(Generic[ResultT]):
         news = event.data if isinstance(event.data, Mapping) else {event.name: event.data}
         known: Mapping[str, type | tuple[type, ...]] = {"status": str, "progress": (int, float), "message": str}
         changed = {name: news[name] for name, kind in known.items() if isinstance(news.get(name), kind)}
-        self.state = cast("JobState", {**self.state, **changed})
+        self.state = JobState({**self.state, **changed})
 
 
 class Jobs:
@@ -197,10 +199,10 @@ class Jobs:
 
     def get(self, job: str) -> Job[Any]:
         """Return the job with this id, to wait for it or to fetch its result."""
-        return Job(self._transport, cast("JobState", self._transport.get(f"/v1/jobs/{job}")))
+        return Job(self._transport, JobState(self._transport.get(f"/v1/jobs/{job}")))
 
     def list(self, *, kind: str | None = None, status: str | None = None) -> Iterator[Job[Any]]:
         """Yield the jobs, newest first as the service lists them, optionally of one kind or status."""
         asked = {name: value for name, value in {"kind": kind, "status": status}.items() if value is not None}
-        for state in self._transport.items("/v1/jobs", params=asked):
+        for state in self._transport.items("/v1/jobs", JobState, params=asked):
             yield Job(self._transport, state)

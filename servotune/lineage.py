@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal, TypedDict, cast
+from typing import Literal
 
 from servotune.repeating import Repeated, Told, repeat
+from servotune.replies.base import Reply
 from servotune.transport import Transport
 
 Direction = Literal["both", "up", "down"]
@@ -15,7 +16,7 @@ _SILENCE = 600.0
 """The service may take its time to put a long recording into a file."""
 
 
-class LineageNode(TypedDict):
+class LineageNode(Reply):
     """Something that was made."""
 
     id: str
@@ -26,11 +27,15 @@ class LineageNode(TypedDict):
     facts: dict[str, object]
 
 
-LineageEdge = TypedDict("LineageEdge", {"from": str, "to": str, "role": str})
-"""`to` was made from `from`."""
+class LineageEdge(Reply):
+    """`to` was made from `from`."""
+
+    from_: str
+    to: str
+    role: str
 
 
-class LineageGraph(TypedDict):
+class LineageGraph(Reply):
     """Everything that a thing was made from, and everything that was made from it."""
 
     id: str
@@ -47,7 +52,7 @@ class Lineage:
 
     def get(self, identifier: str, *, direction: Direction = "both") -> LineageGraph:
         """Return the graph around a dataset, job, kept study, acquisition, system, or revision `sys_...@3`."""
-        return cast("LineageGraph", self._transport.get(f"/v1/lineage/{identifier}", params={"direction": direction}))
+        return LineageGraph(self._transport.get(f"/v1/lineage/{identifier}", params={"direction": direction}))
 
     def export(self, identifier: str, output: Path, *, direction: Direction = "up") -> Path:
         """Write everything that a result needs into one file, which `repeat` makes again elsewhere.

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from servotune.documents import Document, SystemLike, given
 from servotune.jobs import Jobs
+from servotune.replies import Dataset, Frf
 from servotune.transport import Transport
-
-if TYPE_CHECKING:
-    from servotune.replies import Dataset, Frf
 
 
 class Measured:
@@ -49,7 +47,7 @@ class Measured:
         made = cast("dict[str, Any]", self._transport.post("/v1/processings", body, creates=True))
         if made.get("job"):
             Jobs(self._transport).get(made["job"]["id"]).wait(progress=False)
-            return cast("Dataset", self._transport.get(f"/v1/datasets/{made['id']}"))
+            return Dataset(self._transport.get(f"/v1/datasets/{made['id']}"))
         return cast("Dataset", made)
 
     def frf(
@@ -133,7 +131,7 @@ class Measured:
             modes=modes,
             keep=keep,
         ) | given(**{"from": from_})
-        return cast("Frf", self._transport.post("/v1/frfs", body))
+        return Frf(self._transport.post("/v1/frfs", body))
 
     def universal_file(self, result: str) -> bytes:
         """Return kept frequency response functions as datasets 58 of a universal file, text."""

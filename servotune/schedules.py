@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypedDict, cast
+from typing import Any
 
+from servotune.replies.base import Reply
 from servotune.transport import Transport
 
 
-class ScheduleRun(TypedDict):
+class ScheduleRun(Reply):
     """What became of one instant of a schedule."""
 
     id: str
@@ -19,7 +20,7 @@ class ScheduleRun(TypedDict):
     created_at: str
 
 
-class Schedule(TypedDict):
+class Schedule(Reply):
     """A schedule as the service keeps it."""
 
     id: str
@@ -81,21 +82,21 @@ class Schedules:
             "paused": paused,
             "newest": newest,
         }
-        return cast("Schedule", self._transport.post("/v1/schedules", document, creates=True))
+        return Schedule(self._transport.post("/v1/schedules", document, creates=True))
 
     def get(self, schedule: str) -> Schedule:
         """Return a schedule with its next instants."""
-        return cast("Schedule", self._transport.get(f"/v1/schedules/{schedule}"))
+        return Schedule(self._transport.get(f"/v1/schedules/{schedule}"))
 
     def list(self) -> Iterator[Schedule]:
         """Yield the schedules, without the bodies of their jobs."""
-        return self._transport.items("/v1/schedules")
+        return self._transport.items("/v1/schedules", Schedule)
 
     def update(self, schedule: str, document: Mapping[str, Any], *, etag: str | None = None) -> Schedule:
         """Replace the `document` of a schedule; by default that of the version stored now, whoever wrote it."""
         headers = {"If-Match": etag or self._etag(schedule)}
         response = self._transport.send("PUT", f"/v1/schedules/{schedule}", json=document, headers=headers)
-        return cast("Schedule", self._transport.body(response))
+        return Schedule(self._transport.body(response))
 
     def delete(self, schedule: str) -> None:
         """Delete a schedule and its history; its jobs stay."""
@@ -103,19 +104,19 @@ class Schedules:
 
     def pause(self, schedule: str) -> Schedule:
         """Start nothing until it is resumed."""
-        return cast("Schedule", self._transport.post(f"/v1/schedules/{schedule}/pause", {}))
+        return Schedule(self._transport.post(f"/v1/schedules/{schedule}/pause", {}))
 
     def resume(self, schedule: str) -> Schedule:
         """Go on with the next instant."""
-        return cast("Schedule", self._transport.post(f"/v1/schedules/{schedule}/resume", {}))
+        return Schedule(self._transport.post(f"/v1/schedules/{schedule}/resume", {}))
 
     def trigger(self, schedule: str) -> ScheduleRun:
         """Run the job now; `job` of what is returned is its id."""
-        return cast("ScheduleRun", self._transport.post(f"/v1/schedules/{schedule}/trigger", {}, creates=True))
+        return ScheduleRun(self._transport.post(f"/v1/schedules/{schedule}/trigger", {}, creates=True))
 
     def runs(self, schedule: str) -> Iterator[ScheduleRun]:
         """Yield what became of its instants, newest first."""
-        return self._transport.items(f"/v1/schedules/{schedule}/runs")
+        return self._transport.items(f"/v1/schedules/{schedule}/runs", ScheduleRun)
 
     def _etag(self, schedule: str) -> str:
         return self._transport.send("GET", f"/v1/schedules/{schedule}").headers["ETag"]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from servotune.documents import Document, SystemLike, given
 from servotune.identifications import Identifications
 from servotune.jobs import Job
-
-if TYPE_CHECKING:
-    from servotune.replies import Optimization, Validation
+from servotune.replies import Optimization, Validation
 
 
 class Searches(Identifications):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from servotune.documents import Document, SystemLike, given
+from servotune.replies import FrequencyResponse, Influence, Simulation, Spectrum, Validation
 from servotune.transport import Transport
-
-if TYPE_CHECKING:
-    from servotune.replies import FrequencyResponse, Influence, Simulation, Spectrum, Validation
 
 
 class Studies:
@@ -70,7 +68,7 @@ class Studies:
             derivative=derivative,
             variants=variants,
         )
-        return cast("Simulation", self._transport.post("/v1/simulations", body))
+        return Simulation(self._transport.post("/v1/simulations", body))
 
     def frequency_response(
         self,
@@ -105,7 +103,7 @@ class Studies:
             paths=paths,
             variants=variants,
         ) | given(**{"from": from_})
-        return cast("FrequencyResponse", self._transport.post("/v1/frequency-responses", body))
+        return FrequencyResponse(self._transport.post("/v1/frequency-responses", body))
 
     def influence(
         self,
@@ -150,7 +148,7 @@ class Studies:
             noise_density=noise_density,
             predict=predict,
         ) | given(**{"from": from_})
-        return cast("Influence", self._transport.post("/v1/influence", body))
+        return Influence(self._transport.post("/v1/influence", body))
 
     def spectrum(
         self,
@@ -223,7 +221,7 @@ class Studies:
             band=band,
             variants=variants,
         )
-        return cast("Spectrum", self._transport.post("/v1/spectra", body))
+        return Spectrum(self._transport.post("/v1/spectra", body))
 
     def validate(
         self,
@@ -279,4 +277,4 @@ class Studies:
             movable=movable,
             points=points,
         )
-        return cast("Validation", self._transport.post("/v1/validations", body))
+        return Validation(self._transport.post("/v1/validations", body))

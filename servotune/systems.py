@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, cast
 
 from servotune.documents import Document, SystemLike, given
+from servotune.replies import StateSpace, Stored
 from servotune.transport import Transport
-
-if TYPE_CHECKING:
-    from servotune.replies import StateSpace, Stored
 
 
 class Systems:
@@ -21,23 +18,23 @@ class Systems:
     def create(self, document: Document, *, derived_from: str | None = None) -> Stored:
         """Store a document and return it with its id; `derived_from` is the job that its numbers come from, for the lineage."""
         params = given(derived_from=derived_from)
-        return cast("Stored", self._transport.post("/v1/systems", document, creates=True, params=params))
+        return Stored(self._transport.post("/v1/systems", document, creates=True, params=params))
 
     def get(self, system: str) -> Stored:
         """Return the present revision."""
-        return cast("Stored", self._transport.get(f"/v1/systems/{system}"))
+        return Stored(self._transport.get(f"/v1/systems/{system}"))
 
     def list(self) -> Iterator[Stored]:
         """Yield the stored systems."""
-        return self._transport.items("/v1/systems")
+        return self._transport.items("/v1/systems", Stored)
 
     def revision(self, system: str, number: int) -> Stored:
         """Return one revision, counted from 1."""
-        return cast("Stored", self._transport.get(f"/v1/systems/{system}/revisions/{number}"))
+        return Stored(self._transport.get(f"/v1/systems/{system}/revisions/{number}"))
 
     def revisions(self, system: str) -> Iterator[Stored]:
         """Yield the revisions of one system."""
-        return self._transport.items(f"/v1/systems/{system}/revisions")
+        return self._transport.items(f"/v1/systems/{system}/revisions", Stored)
 
     def update(
         self, system: str, document: Document, *, etag: str | None = None, derived_from: str | None = None
@@ -59,7 +56,7 @@ class Systems:
         headers = {"If-Match": etag or self.etag(system)}
         params = given(derived_from=derived_from)
         response = self._transport.send("PUT", f"/v1/systems/{system}", json=document, params=params, headers=headers)
-        return cast("Stored", self._transport.body(response))
+        return Stored(self._transport.body(response))
 
     def delete(self, system: str, *, etag: str | None = None, force: bool = False) -> None:
         """Delete a system; results keep the revision that they used.
@@ -90,9 +87,9 @@ class Systems:
         """
         if isinstance(system, str) and parameters is None:
             path = f"/v1/systems/{system}/state-space"
-            return cast("StateSpace", self._transport.get(path, params=given(open_at=open_at)))
+            return StateSpace(self._transport.get(path, params=given(open_at=open_at)))
         body = given(system=system, open_at=open_at, parameters=parameters)
-        return cast("StateSpace", self._transport.post("/v1/state-space", body))
+        return StateSpace(self._transport.post("/v1/state-space", body))
 
     def matlab(self, system: str, *, open_at: str | Sequence[str] | None = None) -> bytes:
         """Return the same as the content of a .mat file."""

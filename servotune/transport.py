@@ -17,6 +17,7 @@ import httpx
 
 from servotune.encoding import encoded
 from servotune.errors import ServiceUnreachableError, UnexpectedReplyError, api_error
+from servotune.replies.base import Reply
 
 _RETRIED = frozenset({429, 502, 503, 504})
 _LONGEST_PAUSE = 20.0
@@ -69,12 +70,12 @@ class Transport:
         sent = {**(headers or {}), **({"Idempotency-Key": str(uuid.uuid4())} if creates else {})}
         return self.body(self.send("POST", path, json=document, params=params, headers=sent or None))
 
-    def items(self, path: str, *, params: Mapping[str, Any] | None = None) -> Iterator[Any]:
-        """Yield every item of a paginated list, following its cursors."""
+    def items(self, path: str, kind: type[Reply] = Reply, *, params: Mapping[str, Any] | None = None) -> Iterator[Any]:
+        """Yield every item of a paginated list as a reply of that kind, following its cursors."""
         query = dict(params or {})
         while True:
             page = self.get(path, params=query)
-            yield from page["items"]
+            yield from map(kind, page["items"])
             cursor = page.get("next_cursor")
             if cursor is None:
                 return

@@ -9,14 +9,15 @@ import hmac
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypedDict, cast
+from typing import Any, cast
 
 from servotune.documents import given
 from servotune.errors import ServotuneError
+from servotune.replies.base import Reply
 from servotune.transport import Transport
 
 
-class Webhook(TypedDict):
+class Webhook(Reply):
     """A webhook as the service keeps it."""
 
     id: str
@@ -38,7 +39,7 @@ class MadeWebhook(Webhook):
     secret: str | None
 
 
-class Delivery(TypedDict):
+class Delivery(Reply):
     """A message to a webhook and what became of it."""
 
     id: str
@@ -53,7 +54,7 @@ class Delivery(TypedDict):
     payload: dict[str, Any]
 
 
-class Alert(TypedDict):
+class Alert(Reply):
     """Something that somebody should look at."""
 
     id: str
@@ -83,21 +84,21 @@ class Webhooks:
             `"job.succeeded"`, `"job.failed"`, `"job.cancelled"`, `"alert.validation"`, `"alert.schedule"`.
         """
         document = {"name": name, "url": url, "events": list(events), "active": active}
-        return cast("MadeWebhook", self._transport.post("/v1/webhooks", document, creates=True))
+        return MadeWebhook(self._transport.post("/v1/webhooks", document, creates=True))
 
     def get(self, webhook: str) -> Webhook:
         """Return a webhook."""
-        return cast("Webhook", self._transport.get(f"/v1/webhooks/{webhook}"))
+        return Webhook(self._transport.get(f"/v1/webhooks/{webhook}"))
 
     def list(self) -> Iterator[Webhook]:
         """Yield the webhooks."""
-        return self._transport.items("/v1/webhooks")
+        return self._transport.items("/v1/webhooks", Webhook)
 
     def update(self, webhook: str, document: Mapping[str, Any], *, etag: str | None = None) -> Webhook:
         """Replace the `document` of a webhook; by default that of the version stored now, whoever wrote it."""
         tag = etag or self._transport.send("GET", f"/v1/webhooks/{webhook}").headers["ETag"]
         response = self._transport.send("PUT", f"/v1/webhooks/{webhook}", json=document, headers={"If-Match": tag})
-        return cast("Webhook", self._transport.body(response))
+        return Webhook(self._transport.body(response))
 
     def delete(self, webhook: str) -> None:
         """Delete a webhook and its log."""
@@ -105,11 +106,11 @@ class Webhooks:
 
     def test(self, webhook: str) -> Delivery:
         """Send a message of the event `webhook.test`."""
-        return cast("Delivery", self._transport.post(f"/v1/webhooks/{webhook}/test", {}, creates=True))
+        return Delivery(self._transport.post(f"/v1/webhooks/{webhook}/test", {}, creates=True))
 
     def deliveries(self, webhook: str, *, status: str | None = None) -> Iterator[Delivery]:
         """Yield what was sent, newest first; `status` is `"pending"`, `"delivered"` or `"failed"`."""
-        return self._transport.items(f"/v1/webhooks/{webhook}/deliveries", params=given(status=status))
+        return self._transport.items(f"/v1/webhooks/{webhook}/deliveries", Delivery, params=given(status=status))
 
 
 class Alerts:
@@ -120,11 +121,11 @@ class Alerts:
 
     def get(self, alert: str) -> Alert:
         """Return an alert."""
-        return cast("Alert", self._transport.get(f"/v1/alerts/{alert}"))
+        return Alert(self._transport.get(f"/v1/alerts/{alert}"))
 
     def list(self, *, kind: str | None = None, source: str | None = None) -> Iterator[Alert]:
         """Yield the alerts, newest first; `kind` is `"validation"` or `"schedule"`, `source` the id of what raised them."""
-        return self._transport.items("/v1/alerts", params=given(kind=kind, source=source))
+        return self._transport.items("/v1/alerts", Alert, params=given(kind=kind, source=source))
 
 
 def verify(

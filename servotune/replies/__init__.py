@@ -1,7 +1,8 @@
-"""The service's replies, typed: what `client` returns are plain dictionaries with these keys, SI units throughout."""
+"""The service's replies: dictionaries whose keys are attributes, too; SI units throughout."""
 
 from __future__ import annotations
 
+from servotune.replies.base import Reply
 from servotune.replies.cycles import LimitCycle, OperatingPoint, PredictedCycle
 from servotune.replies.datasets import ChannelData, Dataset
 from servotune.replies.fits import (
@@ -96,6 +97,7 @@ __all__ = [
     "PredictedCycle",
     "PredictedMetric",
     "Prediction",
+    "Reply",
     "Root",
     "Share",
     "Simulation",

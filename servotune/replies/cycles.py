@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from servotune.replies.base import Reply
 
 
-class PredictedCycle(TypedDict):
+class PredictedCycle(Reply):
     """A limit cycle (rad/s) by the describing function of one block; ``amplitude`` is that at the block's input."""
 
     block: str
@@ -15,7 +15,7 @@ class PredictedCycle(TypedDict):
     stable: bool
 
 
-class LimitCycle(TypedDict):
+class LimitCycle(Reply):
     """What a response swings in for ever (rad/s, amplitudes of the fundamental), beside what is predicted."""
 
     frequency: float
@@ -23,7 +23,7 @@ class LimitCycle(TypedDict):
     predictions: list[PredictedCycle]
 
 
-class OperatingPoint(TypedDict):
+class OperatingPoint(Reply):
     """Where a nonlinear system is linearised (SI)."""
 
     inputs: dict[str, float]

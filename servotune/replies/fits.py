@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any
+
+from servotune import plots, tables
+from servotune.replies.base import Reply
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 
-class Fit(TypedDict):
+class Fit(Reply):
     """How well simulated values follow measured ones (%)."""
 
     fit_percent: float
@@ -14,7 +21,7 @@ class Fit(TypedDict):
     nrmse_percent: float
 
 
-class Estimate(TypedDict):
+class Estimate(Reply):
     """An estimated parameter with its 95 % confidence interval."""
 
     value: float
@@ -24,7 +31,7 @@ class Estimate(TypedDict):
     start: float | None
 
 
-class FitReport(TypedDict):
+class FitReport(Reply):
     """Fits on the part that estimated and on the part that did not, beside trivial models."""
 
     estimation: dict[str, Fit]
@@ -32,7 +39,7 @@ class FitReport(TypedDict):
     baselines: dict[str, Any]
 
 
-class Identification(TypedDict):
+class Identification(Reply):
     """The result of an identification."""
 
     parameters: dict[str, Estimate]
@@ -49,8 +56,12 @@ class Identification(TypedDict):
     status: str
     advice: str
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return value, unit and 95 % interval of each parameter."""
+        return tables.estimates(self.parameters)
 
-class BlackBox(TypedDict):
+
+class BlackBox(Reply):
     """A model without a diagram: its order, every order tried, its simulation fits, and itself as a system document."""
 
     order: int
@@ -63,7 +74,7 @@ class BlackBox(TypedDict):
     document: dict[str, Any]
 
 
-class DriveParameters(TypedDict):
+class DriveParameters(Reply):
     """Mass, friction and offset of a drive, and the error of the equation of forces: no simulation."""
 
     parameters: dict[str, Estimate]
@@ -72,8 +83,12 @@ class DriveParameters(TypedDict):
     equation_error: Fit
     samples: int
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return value, unit and 95 % interval of each parameter."""
+        return tables.estimates(self.parameters)
 
-class StaticCurve(TypedDict):
+
+class StaticCurve(Reply):
     """A polynomial in (u - center)/scale, its fit, and itself as a lookup table in a system document."""
 
     degree: int
@@ -85,7 +100,7 @@ class StaticCurve(TypedDict):
     document: dict[str, Any]
 
 
-class MeasuredCurves(TypedDict):
+class MeasuredCurves(Reply):
     """Measured and simulated values over time (s)."""
 
     time: list[float]
@@ -93,7 +108,7 @@ class MeasuredCurves(TypedDict):
     simulated: list[float]
 
 
-class OneStepPrediction(TypedDict):
+class OneStepPrediction(Reply):
     """How well the next sample is foretold from those before: never a measure of the model."""
 
     model: Fit
@@ -115,7 +130,7 @@ class OutputValidation(Fit):
     curves: MeasuredCurves
 
 
-class Validation(TypedDict):
+class Validation(Reply):
     """Measured against simulated, the verdict, and what to try if it fails."""
 
     outputs: dict[str, OutputValidation]
@@ -126,3 +141,11 @@ class Validation(TypedDict):
     between_samples: dict[str, Any] | None
     remarks: list[str]
     advice: str
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return measured and simulated values over time (s), a pair of columns for each output."""
+        return tables.side_by_side({name: output.curves for name, output in self.outputs.items()})
+
+    def plot(self, axes: list[Axes] | None = None) -> list[Axes]:
+        """Draw measured and simulated values over time."""
+        return plots.validation(self, axes)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any
 
+from servotune import tables
+from servotune.replies.base import Reply
 from servotune.replies.values import Warned
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-class FrfOutput(TypedDict):
+
+class FrfOutput(Reply):
     """One response over the input: phases in rad, bounds that hold the truth line by line, None where nothing tells."""
 
     unit: str
@@ -25,10 +30,10 @@ class FrfOutput(TypedDict):
     simulated: dict[str, Any] | None
 
 
-class Frf(TypedDict):
+class Frf(Reply):
     """Responses of one or several outputs on common lines (rad/s); `id` where it is kept."""
 
-    id: NotRequired[str]
+    id: str | None
     dataset: str
     input: str
     input_unit: str
@@ -44,3 +49,11 @@ class Frf(TypedDict):
     modes: dict[str, Any] | None
     system: dict[str, Any] | None
     warnings: list[Warned]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return magnitude, phase (rad) and coherence over the frequency (rad/s), with the output as the first level of the columns."""
+        names = ("magnitude", "phase", "real", "imag", "coherence")
+        columns = {
+            (name, part): output[part] for name, output in self.outputs.items() for part in names if output[part]
+        }
+        return tables.frame("frequency", "rad/s", self.frequency, columns)

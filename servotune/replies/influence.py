@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from typing import NotRequired, TypedDict
+from typing import TYPE_CHECKING
 
+from servotune import plots, tables
+from servotune.replies.base import Reply
 from servotune.replies.values import Metric, Warned
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
-class Elasticity(TypedDict):
+
+class Elasticity(Reply):
     """Relative change of a metric per relative change of a parameter, in the limit."""
 
     value: float | None
     one_sided: bool
     verdict: str
-    method: NotRequired[str]
-    error: NotRequired[float | None]
+    method: str | None
+    error: float | None
 
 
-class Coefficient(TypedDict):
+class Coefficient(Reply):
     """Influence coefficient of eq. (4) at a finite relative change."""
 
     value: float | None
@@ -27,21 +33,21 @@ class Coefficient(TypedDict):
     verdict: str
 
 
-class Strongest(TypedDict):
+class Strongest(Reply):
     """The largest elasticity of each row and column."""
 
     by_parameter: dict[str, str]
     by_metric: dict[str, str]
 
 
-class Change(TypedDict):
+class Change(Reply):
     """A parameter before and after (SI)."""
 
     initial: float
     final: float
 
 
-class PredictedMetric(TypedDict):
+class PredictedMetric(Reply):
     """A metric as its derivatives predict it, by the power law M Π (p'/p)^E or on the straight line, and as it is."""
 
     value: float | None
@@ -53,19 +59,33 @@ class PredictedMetric(TypedDict):
     verdict: str
 
 
-class Prediction(TypedDict):
+class Prediction(Reply):
     """One set of changes and what it does."""
 
     changes: dict[str, Change]
     metrics: dict[str, PredictedMetric]
 
 
-class Influence(TypedDict):
+class Influence(Reply):
     """How strongly parameters move metrics; `elasticities[metric][parameter]`."""
 
     base: dict[str, Metric]
     elasticities: dict[str, dict[str, Elasticity]]
     coefficients: dict[str, dict[str, Coefficient]]
     strongest: Strongest
-    predictions: NotRequired[list[Prediction] | None]
-    warnings: NotRequired[list[Warned]]
+    predictions: list[Prediction] | None
+    warnings: list[Warned] | None
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the elasticities, a metric to a row and a parameter to a column."""
+        return tables.matrix(
+            "metric", {m: {p: e.value for p, e in own.items()} for m, own in self.elasticities.items()}
+        )
+
+    def plot(self, axes: list[Axes] | None = None) -> list[Axes]:
+        """Draw the elasticities of each metric as bars."""
+        return plots.influence(self, axes)
+
+    def summary(self) -> str:
+        """Return what is told of it in a line."""
+        return ", ".join(f"{metric}: most by {name}" for metric, name in self.strongest.by_metric.items())

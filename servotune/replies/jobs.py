@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any, NotRequired, TypedDict
+from typing import Any
 
+from servotune.replies.base import Reply
 from servotune.replies.values import Warned
 
 
-class JobState(TypedDict):
+class JobState(Reply):
     """What the service knows about a job."""
 
     id: str
     kind: str
     status: str
     progress: float
-    message: NotRequired[str | None]
-    created_at: NotRequired[str | None]
-    started_at: NotRequired[str | None]
-    seconds: NotRequired[float | None]
-    finished_at: NotRequired[str | None]
-    result: NotRequired[str | None]
-    error: NotRequired[dict[str, Any] | None]
-    paused: NotRequired[bool]
-    priority: NotRequired[str]
-    time_limit: NotRequired[float | None]
-    deadline: NotRequired[str | None]
-    attempts: NotRequired[int]
+    message: str | None
+    created_at: str | None
+    started_at: str | None
+    seconds: float | None
+    finished_at: str | None
+    result: str | None
+    error: dict[str, Any] | None
+    paused: bool | None
+    priority: str | None
+    time_limit: float | None
+    deadline: str | None
+    attempts: int | None
 
 
-class ExpectedCost(TypedDict):
+class ExpectedCost(Reply):
     """What a search will take on one core, right within a factor of three (s, bytes)."""
 
     evaluations: int
@@ -36,7 +37,7 @@ class ExpectedCost(TypedDict):
     bytes: float
 
 
-class Expected(TypedDict):
+class Expected(Reply):
     """What a job that was not started would take, and what it would warn of."""
 
     expected: ExpectedCost

@@ -2,43 +2,49 @@
 
 from __future__ import annotations
 
-from typing import Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any
 
+from servotune import plots, tables
+from servotune.replies.base import Reply
 from servotune.replies.values import Metric
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
-class GoalResult(TypedDict):
+
+class GoalResult(Reply):
     """A goal before and after an optimisation."""
 
     metric: str
-    experiment: NotRequired[str | None]
-    output: NotRequired[str | None]
+    experiment: str | None
+    output: str | None
     before: Metric
     after: Metric
     met: bool
     active: bool
     multiplier: float | None
-    hard: NotRequired[bool]
-    score: NotRequired[float | None]
-    scenario: NotRequired[int]
-    scenario_name: NotRequired[str]
-    elasticities: NotRequired[dict[str, float | None]]
+    hard: bool | None
+    score: float | None
+    scenario: int | None
+    scenario_name: str | None
+    elasticities: dict[str, float | None] | None
 
 
-class CertifiedGoal(TypedDict):
+class CertifiedGoal(Reply):
     """A goal at the optimum, computed exactly."""
 
     goal: int
     value: float | None
     violation: float | None
-    independent: NotRequired[float | None]
-    independent_tolerance: NotRequired[float | None]
+    independent: float | None
+    independent_tolerance: float | None
     scenario: int
-    scenario_name: NotRequired[str]
+    scenario_name: str | None
     at: dict[str, float] | None
 
 
-class Certificate(TypedDict):
+class Certificate(Reply):
     """The optimum, measured again by the exact engine and by a second way of its own; the worse of both counts."""
 
     valid: bool
@@ -46,17 +52,17 @@ class Certificate(TypedDict):
     goals: list[CertifiedGoal]
 
 
-class Evaluated(TypedDict):
+class Evaluated(Reply):
     """One point of the convergence history."""
 
     evaluation: int
     objective: float | None
     violation: float | None
-    variables: NotRequired[dict[str, float]]
-    seconds: NotRequired[float]
+    variables: dict[str, float] | None
+    seconds: float | None
 
 
-class Map(TypedDict):
+class Map(Reply):
     """Objective and violation over a grid, row-major with the first variable slowest."""
 
     axes: dict[str, list[float]]
@@ -64,14 +70,14 @@ class Map(TypedDict):
     violation: list[float | None]
 
 
-class FrontPoint(TypedDict):
+class FrontPoint(Reply):
     """A point of a front: its variables, and every goal there."""
 
     parameters: dict[str, float]
     goals: list[Metric]
 
 
-class CrossCheck(TypedDict):
+class CrossCheck(Reply):
     """What another method reached; `gap` is relative to the size of the objective, positive where it is worse."""
 
     method: str
@@ -82,7 +88,7 @@ class CrossCheck(TypedDict):
     best: dict[str, float]
 
 
-class Share(TypedDict):
+class Share(Reply):
     """The share of draws that meet every goal, with its 95 % interval."""
 
     share: float
@@ -93,7 +99,7 @@ class Share(TypedDict):
     failures: list[dict[str, int]]
 
 
-class Move(TypedDict):
+class Move(Reply):
     """A variable at a value a little away from the optimum, and what becomes of the goals there (in their order, SI)."""
 
     value: float
@@ -102,7 +108,7 @@ class Move(TypedDict):
     goals: list[float | None]
 
 
-class Alternative(TypedDict):
+class Alternative(Reply):
     """How the optimisation of one structure ended."""
 
     name: str
@@ -114,27 +120,23 @@ class Alternative(TypedDict):
     certificate: Certificate
 
 
-# Made from a dictionary because one of its keys, yield, is a word of the language.
-_Extras = TypedDict(
-    "_Extras",
-    {
-        "objective": float | None,
-        "bound": float | None,
-        "stationarity": float | None,
-        "conflict": list[dict[str, Any]],
-        "front": list[FrontPoint],
-        "hypervolume": float | None,
-        "knee": int,
-        "ideal": list[float | None],
-        "nadir": list[float | None],
-        "cross_check": list[CrossCheck],
-        "robustness": dict[str, Any],
-        "yield": Share,
-        "alternatives": list[Alternative],
-        "chosen": str,
-    },
-    total=False,
-)
+class _Extras(Reply):
+    """What an optimisation has where it was asked for, or where its method gives it."""
+
+    objective: float | None
+    bound: float | None
+    stationarity: float | None
+    conflict: list[dict[str, Any]] | None
+    front: list[FrontPoint] | None
+    hypervolume: float | None
+    knee: int | None
+    ideal: list[float | None] | None
+    nadir: list[float | None] | None
+    cross_check: list[CrossCheck] | None
+    robustness: dict[str, Any] | None
+    yield_: Share | None
+    alternatives: list[Alternative] | None
+    chosen: str | None
 
 
 class Optimization(_Extras):
@@ -147,10 +149,31 @@ class Optimization(_Extras):
     certificate: Certificate
     curves: dict[str, Any]
     elasticities: dict[str, Any]
-    sensitivity: NotRequired[dict[str, dict[str, Move | None]]]
+    sensitivity: dict[str, dict[str, Move | None]] | None
     history: list[Evaluated]
     evaluations: int
     seconds: float
-    effort: NotRequired[dict[str, dict[str, float]]]
-    map: NotRequired[Map | None]
+    effort: dict[str, dict[str, float]] | None
+    map: Map | None
     system: dict[str, Any]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the goals: metric, value before and after, unit, whether it is met."""
+        return tables.goals(self.goals)
+
+    def history_to_pandas(self) -> pd.DataFrame:
+        """Return the best so far at each evaluation that improved it."""
+        return tables.records("evaluation", self.history)
+
+    def plot(self, kind: str = "responses", axes: list[Axes] | None = None) -> list[Axes]:
+        """Draw the responses before and after, or with ``kind="history"`` the best objective over the evaluations."""
+        drawn = {"responses": plots.before_and_after, "history": plots.history}
+        if kind not in drawn:
+            raise ValueError(f"kind must be one of {', '.join(drawn)}, got {kind!r}")
+        return drawn[kind](self, axes)
+
+    def summary(self) -> str:
+        """Return what is told of it in a line."""
+        met = sum(goal.met for goal in self.goals)
+        best = ", ".join(f"{name} = {value:.6g}" for name, value in self.best.items())
+        return f"{self.status}, {met} of {len(self.goals)} goals met, {best}"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NotRequired, Required, TypedDict
+from typing import Any
 
+from servotune.replies.base import Reply
 from servotune.replies.values import Root, Warned
 
 
-class Stored(TypedDict):
+class Stored(Reply):
     """A stored system document and which revision it is."""
 
     id: str
@@ -16,7 +17,7 @@ class Stored(TypedDict):
     document: dict[str, Any]
 
 
-class StateSpace(TypedDict):
+class StateSpace(Reply):
     """A realised system: A, B, C, D without delays; A, B1 to D22 with them."""
 
     system: dict[str, Any] | None
@@ -27,32 +28,32 @@ class StateSpace(TypedDict):
     output_units: list[str]
     channels: list[str]
     A: list[list[float]]
-    B: NotRequired[list[list[float]]]
-    C: NotRequired[list[list[float]]]
-    D: NotRequired[list[list[float]]]
-    B1: NotRequired[list[list[float]]]
-    B2: NotRequired[list[list[float]]]
-    C1: NotRequired[list[list[float]]]
-    C2: NotRequired[list[list[float]]]
-    D11: NotRequired[list[list[float]]]
-    D12: NotRequired[list[list[float]]]
-    D21: NotRequired[list[list[float]]]
-    D22: NotRequired[list[list[float]]]
+    B: list[list[float]] | None
+    C: list[list[float]] | None
+    D: list[list[float]] | None
+    B1: list[list[float]] | None
+    B2: list[list[float]] | None
+    C1: list[list[float]] | None
+    C2: list[list[float]] | None
+    D11: list[list[float]] | None
+    D12: list[list[float]] | None
+    D21: list[list[float]] | None
+    D22: list[list[float]] | None
     delays: list[float]
     x0: list[float]
     poles: list[Root]
     warnings: list[Warned]
 
 
-class CatalogItem(TypedDict, total=False):
+class CatalogItem(Reply):
     """One entry of the catalogue."""
 
-    kind: Required[str]
-    title: Required[str]
-    inputs: list[str]
-    outputs: list[str]
-    parameters: list[dict[str, Any]]
-    equation: str
-    definition: str
-    unit: str
-    source: str
+    kind: str
+    title: str
+    inputs: list[str] | None
+    outputs: list[str] | None
+    parameters: list[dict[str, Any]] | None
+    equation: str | None
+    definition: str | None
+    unit: str | None
+    source: str | None
