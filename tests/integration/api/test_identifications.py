@@ -163,7 +163,7 @@ def test_a_search_whose_time_is_over_gives_its_best_values(client, sqlite_worker
     assert found["status"] == "budget"
     assert found["parameters"]["k"]["value"] == pytest.approx(K, rel=0.01)
     assert found["parameters"]["tau"]["value"] == pytest.approx(TAU, rel=0.01)
-    assert found["expected"]["evaluations"] >= 1200
+    assert found["expected"]["evaluations"] >= 8 * 100  # that many for a start, as 33 known plants took
     assert found["expected"]["bytes"] > 60_000 * 8
 
 
