@@ -218,20 +218,21 @@ class Running:
                 self._arm(drive, samples)
 
     def _arm(self, drive: Drive, samples: int) -> None:
-        device = self._inputs[0].channel.partition("/")[0]
         task = self._output = self._stack.enter_context(_closing(self._hardware.output_task()))
         output = drive.output
         task.ao_channels.add_ao_voltage_chan(output.channel, min_val=-output.amplitude, max_val=output.amplitude)
         ahead = samples if self._finite else min(samples, int(self.rate * _AHEAD))
         task.timing.cfg_samp_clk_timing(
             self.rate,
-            source=self._settings.clock or f"/{device}/ai/SampleClock",
+            source=self._settings.clock or self._task.timing.samp_clk_term,
             sample_mode=_mode(finite=self._finite),
             samps_per_chan=ahead,
         )
         if not self._finite:
             task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
-        task.triggers.start_trigger.cfg_dig_edge_start_trig(self._settings.trigger or f"/{device}/ai/StartTrigger")
+        # asked of the driver: within a chassis the terminals are the chassis', not the module's
+        start = self._settings.trigger or self._task.triggers.start_trigger.term
+        task.triggers.start_trigger.cfg_dig_edge_start_trig(start)
         self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=False)
         self._write(ahead)
         task.start()

@@ -61,7 +61,7 @@ class DaqSettings:
 
     ``server`` is the address of an NI gRPC Device Server, empty for the driver of this PC. ``deadline`` is what a call may
     take beyond its own timeout, ``chunk`` what is read in one go, both in s. ``clock`` and ``trigger`` are terminals that
-    outputs take their clock and start from; by default those of the first input's device.
+    outputs take their clock and start from; by default those that the driver names for the inputs' task.
     """
 
     server: str = ""

@@ -50,14 +50,21 @@ def write_whole(path: Path, data: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        _flush_folder(path.parent)
     except OSError as error:
         detail = f"{path.parent} must take the samples: {error.strerror}. Make room, or see to the disk"
         raise AttemptError("disk_full", detail) from error
+
+
+def _flush_folder(folder: Path) -> None:
+    """Let the new name of a file reach the disk, too; Windows opens no folder, and NTFS keeps names in its journal."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:

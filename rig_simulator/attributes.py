@@ -44,8 +44,10 @@ _TASK: dict[tuple[str, int], Callable[[Bench, Task], Value]] = {
     ("Timing", 0x1344): lambda _, t: t.rate,
     ("Timing", 0x1300): lambda _, t: t.mode or FINITE,
     ("Timing", 0x1310): lambda _, t: t.samples,
+    ("Timing", 0x2F1B): lambda b, t: b.terminal(t, "SampleClock"),
     ("Timing", 0x1852): lambda _, t: t.clock,
     ("Buffer", 0x186C): lambda b, t: b.buffer_of(t),
+    ("Trig", 0x2F1E): lambda b, t: b.terminal(t, "StartTrigger"),
     ("Trig", 0x1407): lambda _, t: t.trigger,
 }
 _CHANNEL: dict[int, Callable[[Channel], Value]] = {

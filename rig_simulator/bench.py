@@ -7,6 +7,7 @@ calls into these methods, and :class:`DriverError` into what each of them calls 
 from __future__ import annotations
 
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +21,8 @@ from rig_simulator.plant import Plant, PlantError
 from rig_simulator.sensors import Sensor, SensorRun
 
 Samples = npt.NDArray[np.float64]
+
+_TERMINAL = re.compile(r"a[io]/(sampleclock|starttrigger)|pfi\d+")
 
 _LONGEST_STEP = 20_000
 """Samples that are computed in one go, so that a fault on command is seen soon."""
@@ -138,13 +141,25 @@ class Bench:
         task.rate = external.rate if external else self.device(task.device).coerce(rate)
         task.mode, task.samples, task.clock = mode, samples, source
 
+    def terminal(self, task: Task, what: str) -> str:
+        """Return the name of a task's internal terminal, SampleClock or StartTrigger."""
+        return f"/{self.devices[task.device].timed_by}/{task.kind.lower()}/{what}"
+
+    def _is(self, terminal: str, task: Task, what: str) -> bool:
+        """Say whether a terminal is that of a task, however it is written."""
+        return terminal.strip("/").lower() == self.terminal(task, what).strip("/").lower()
+
     def _clock_of(self, source: str) -> Task | None:
         """Return the input task whose sample clock a terminal is."""
-        wanted = source.strip("/").lower()
-        for task in self.tasks.values():
-            if task.kind == "AI" and wanted == f"{task.device}/ai/sampleclock".lower():
-                return task
-        return None
+        return next((t for t in self.tasks.values() if t.kind == "AI" and self._is(source, t, "SampleClock")), None)
+
+    def _check_terminals(self, task: Task) -> None:
+        """Refuse a clock or a trigger from a terminal that no device has, as a driver does when a task is started."""
+        devices = {device.timed_by.lower() for device in self.devices.values()}
+        for terminal in filter(None, (task.clock, task.trigger)):
+            device, _, rest = terminal.strip("/").lower().partition("/")
+            if terminal.lower() != "onboardclock" and not (device in devices and _TERMINAL.fullmatch(rest)):
+                raise DriverError(-89120, f"Source Terminal: {terminal}\nTask Name: {task.name}")
 
     def start(self, task: Task) -> None:
         """Start a task, or arm it where it waits for another's start."""
@@ -152,6 +167,7 @@ class Bench:
             if not task.channels:
                 raise DriverError(-200428, f"Task Name: {task.name}")
             self.device(task.device)
+            self._check_terminals(task)
             for other in self.tasks.values():
                 busy = other.state in {"armed", "running"} and not self.done(other)
                 if other is not task and other.kind == task.kind and busy and other.device == task.device:
@@ -167,9 +183,8 @@ class Bench:
                 self._start_input(task)
 
     def _start_input(self, task: Task) -> None:
-        trigger = f"{task.device}/ai/starttrigger".lower()
         for other in self.tasks.values():
-            if other.state == "armed" and other.trigger.strip("/").lower() == trigger:
+            if other.state == "armed" and self._is(other.trigger, task, "StartTrigger"):
                 other.state, other.started = "running", task.started
         rng = np.random.default_rng(self._seed)
         plain = Sensor(noise=20e-6)

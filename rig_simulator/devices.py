@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,13 +15,19 @@ from rig_simulator.sensors import Converter, SensorRun
 
 Samples = npt.NDArray[np.float64]
 
+_OF_CHASSIS = re.compile(r"(.+)Mod\d+")
+
 FINITE, CONTINUOUS = 10178, 10123
 """nidaqmx.constants.AcquisitionType."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Device:
-    """A module; ``divider`` is the largest by which a delta-sigma module divides its ``max_rate``, 0 for any rate."""
+    """A module; ``divider`` is the largest by which a delta-sigma module divides its ``max_rate``, 0 for any rate.
+
+    Modules that are named as a driver names those of a chassis (cDAQ1Mod2) have no terminals of their own: the timing engines
+    are in the chassis.
+    """
 
     name: str
     model: str
@@ -31,6 +38,12 @@ class Device:
     divider: int = 31
     converter: Converter = field(default_factory=Converter)
     present: bool = True
+
+    @property
+    def timed_by(self) -> str:
+        """Return the device whose terminals its tasks use."""
+        within = _OF_CHASSIS.fullmatch(self.name)
+        return within[1] if within else self.name
 
     def coerce(self, rate: float) -> float:
         """Return the next rate that the module has; delta-sigma modules take the higher one."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 MESSAGES = {
     -50103: "The resource is reserved by another task.",
     -50405: "No transfer is in progress: the connection to the device has broken.",
+    -89120: "No device has the terminal from which a signal is to be routed.",
     -200077: "The value is not one that the property supports on this device.",
     -200088: "The task does not exist.",
     -200089: "There is a task of this name already.",

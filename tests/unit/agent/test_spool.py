@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +49,24 @@ def test_what_a_dead_process_left_is_found_again(spool, tmp_path) -> None:
     assert found.segments() == [segment]
     assert not list(tmp_path.rglob("*.part"))
     assert again.instance() == spool.instance() == Spool(tmp_path, limit=1, reserve=0).instance()
+
+
+def test_windows_opens_no_folder(tmp_path, monkeypatch) -> None:
+    """Its file system refuses to open a folder; the name of a file is in its journal."""
+    real = os.open
+
+    def refusing(path, flags, *rest, **options):
+        if Path(path).is_dir():
+            raise PermissionError(13, "Permission denied", str(path))
+        return real(path, flags, *rest, **options)
+
+    monkeypatch.setattr(os, "open", refusing)
+    with pytest.raises(AttemptError, match="Permission denied"):
+        write_whole(tmp_path / "x", b"data")
+    monkeypatch.setattr(os, "name", "nt")
+    write_whole(tmp_path / "x", b"data")
+    monkeypatch.undo()
+    assert (tmp_path / "x").read_bytes() == b"data"
 
 
 def test_a_file_is_never_half_there(tmp_path, monkeypatch) -> None:

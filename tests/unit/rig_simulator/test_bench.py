@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from rig_simulator.attributes import get
 from rig_simulator.bench import Bench
 from rig_simulator.commands import obey
 from rig_simulator.description import DescriptionError, read
@@ -45,6 +47,55 @@ def test_two_tasks_do_not_share_the_inputs_of_a_module() -> None:
     assert busy.value.code == -50103
     bench.clear("one")
     bench.start(tasks[1])
+
+
+def chassis() -> Bench:
+    return Bench(
+        [
+            Device(name="cDAQ1Mod1", model="NI 9234", serial=1, inputs=4),
+            Device(name="cDAQ1Mod2", model="NI 9260", serial=2, outputs=2, divider=0),
+            Device(name="Dev1", model="PCIe-6321", serial=3, inputs=8, outputs=2, divider=0),
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("terminal", "there"),
+    [
+        ("/cDAQ1/ai/SampleClock", True),
+        ("/cdaq1/AI/sampleclock", True),
+        ("/cDAQ1/PFI0", True),
+        ("/Dev1/ai/StartTrigger", True),
+        ("OnboardClock", True),
+        ("/cDAQ1Mod1/ai/SampleClock", False),
+        ("/cDAQ1Mod1/ai/StartTrigger", False),
+        ("/cDAQ2/ai/SampleClock", False),
+        ("/Dev1/ai/Clock", False),
+    ],
+)
+def test_modules_of_a_chassis_have_no_terminals_of_their_own(terminal: str, there: bool) -> None:
+    """NI-DAQmx names the timing engines of a CompactDAQ chassis by the chassis."""
+    bench = chassis()
+    task = bench.create("")
+    bench.add_channels(task, "AO", "cDAQ1Mod2/ao0", "", usage=0, lower=-5, upper=5, gain=1.0)
+    bench.set_clock(task, rate=5120, source="" if "Trigger" in terminal else terminal, mode=FINITE, samples=4)
+    task.trigger = terminal if "Trigger" in terminal else ""
+    bench.write(task, np.zeros((1, 4)), auto_start=False)
+    if there:
+        bench.start(task)
+        return
+    with pytest.raises(DriverError) as refused:
+        bench.start(task)
+    assert refused.value.code == -89120
+
+
+def test_the_terminals_of_a_task_are_told() -> None:
+    bench = chassis()
+    for channel, expected in (("cDAQ1Mod1/ai0", "/cDAQ1/ai"), ("Dev1/ai0", "/Dev1/ai")):
+        task = bench.create("")
+        bench.add_channels(task, "AI", channel, "", usage=0, lower=-5, upper=5, gain=1.0)
+        assert get(bench, "Timing", task.name, 0x2F1B) == f"{expected}/SampleClock"
+        assert get(bench, "Trig", task.name, 0x2F1E) == f"{expected}/StartTrigger"
 
 
 def test_faults_come_on_command() -> None:
