@@ -60,6 +60,14 @@ class FormatError(ValueError):
         self.column = column
 
 
+class DamagedFileError(FormatError):
+    """A file whose bytes contradict its format or themselves: what is to be done is the same for all of them."""
+
+    def __init__(self, message: str, *, line: int | None = None, column: int | None = None) -> None:
+        remedy = "the file is cut off or damaged, copy it again from where it was recorded or write it anew with what made it"
+        super().__init__(f"{message}: {remedy}", line=line, column=column)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
     """A channel that a file holds.

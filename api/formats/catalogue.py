@@ -59,7 +59,6 @@ _READERS: Mapping[str, Callable[[BinaryIO], Recording]] = MappingProxyType(
         "mat": _matlab,
         "hdf5": hdf5.open_file,
         "parquet": parquet.open_file,
-        "uff": uff.open_file,
         "mdf": mdf.open_file,
         "wav": wav.open_file,
         "mcap": mcap.open_file,
@@ -109,7 +108,9 @@ def _opened(format_: str, file: BinaryIO, options: TableOptions) -> Recording:
         if options.known.header_lines is None and scope.is_scope(start):
             return scope.open_file(file)
         return tables.open_file(file, options)
-    found = _READERS[format_](file)
+    found = (
+        uff.open_file(file, allow_truncated=options.allow_truncated) if format_ == "uff" else _READERS[format_](file)
+    )
     return found if options.over_time else spectral(found)
 
 

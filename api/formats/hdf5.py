@@ -61,7 +61,9 @@ def open_file(file: BinaryIO) -> Recording:
 
     def visit(path: str, item: Any) -> None:
         if len(arrays) + len(refused) > _MOST_ARRAYS:
-            raise FormatError(f"an HDF5 file must have at most {_MOST_ARRAYS} arrays, got more")
+            raise FormatError(
+                f"an HDF5 file must have at most {_MOST_ARRAYS} arrays, got more: save fewer of them into one file"
+            )
         name = path.replace("/", ".") if matlab else path
         if path.startswith(("#refs#", "#subsystem#")):
             return

@@ -24,6 +24,7 @@ from api.formats import (
     ANOTHER,
     ONE_COMPLEX,
     PIECE,
+    DamagedFileError,
     FormatError,
     Recording,
     by_channel,
@@ -164,15 +165,13 @@ def _tag(file: BinaryIO, order: str, position: int, end: int) -> tuple[int, int,
     file.seek(position)
     tag = file.read(8)
     if len(tag) < 8 or position + 8 > end:
-        raise FormatError(f"an element must be complete, got the end of the file at byte {position}: it is cut off")
+        raise DamagedFileError(f"an element must be complete, got the end of the file at byte {position}")
     kind, length = struct.unpack(f"{order}II", tag)
     if kind >> 16:  # a small element: bytes and type share the first word, up to four bytes of data follow
         return kind & 0xFFFF, min(kind >> 16, 4), position + 4, position + 8
     data = position + 8
     if data + length > end:
-        raise FormatError(
-            f"the element at byte {position} must be {length} bytes, got {end - data}: the file is cut off"
-        )
+        raise DamagedFileError(f"the element at byte {position} must be {length} bytes, got {end - data}")
     return kind, length, data, data + -(-length // 8) * 8
 
 
@@ -189,13 +188,13 @@ def _unpack(file: BinaryIO, data: int, length: int, spool: BinaryIO, *, size: in
             try:
                 plain = unpacker.decompress(piece, _CHUNK)
             except zlib.error as error:
-                raise FormatError(f"a compressed variable must be zlib data, got {error}") from error
+                raise DamagedFileError(f"a compressed variable must be zlib data, got {error}") from error
             piece = unpacker.unconsumed_tail
             done += len(plain)
             proportionate("the variables", before + done, size=size)
             spool.write(plain)
     if not unpacker.eof:
-        raise FormatError("a compressed variable must be complete, got a part of it: the file is cut off")
+        raise DamagedFileError("a compressed variable must be complete, got a part of it")
     return done
 
 
@@ -212,7 +211,9 @@ class _Variables:
         if position == end:
             return  # an empty field
         if depth > _DEEPEST or len(self._found.arrays) + len(self._found.refused) > _MOST_VARIABLES:
-            raise FormatError(f"variables must be at most {_MOST_VARIABLES}, nested at most {_DEEPEST} deep, got more")
+            raise FormatError(
+                f"variables must be at most {_MOST_VARIABLES}, nested at most {_DEEPEST} deep, got more: save fewer of them into one file"
+            )
         flags, position = self._numbers(position, end)
         kind, bits = (int(flags[0]) & 0xFF, int(flags[0]) >> 8) if flags.size else (0, 0)
         if kind == _OPAQUE:
@@ -257,7 +258,7 @@ class _Variables:
 
     def _array(self, position: int, end: int, path: str, shape: tuple[int, ...], bits: int) -> None:
         if min(shape, default=0) < 0:
-            raise FormatError(f"the size of {path} must not be negative, got {shape}")
+            raise DamagedFileError(f"the size of {path} must not be negative, got {shape}")
         offset, dtype, position = self._part(position, end, path, shape)
         imaginary = self._part(position, end, path, shape)[:2] if bits & _COMPLEX else None
         self._found.arrays.append(
@@ -268,7 +269,7 @@ class _Variables:
         """Return where the real or imaginary parts of an array are, their type, and where the next element is."""
         kind, length, data, following = _tag(self._file, self._order, position, end)
         if kind not in _NUMBERS:
-            raise FormatError(f"the values of {path} must be of a type of numbers, got {kind}")
+            raise DamagedFileError(f"the values of {path} must be of a type of numbers, got {kind}")
         dtype = self._order + _NUMBERS[kind]
         claimed(f"the values of {path}", math.prod(shape), size=length, itemsize=np.dtype(dtype).itemsize)
         return data, dtype, following
@@ -287,7 +288,7 @@ class _Variables:
         kind, length, data, position = _tag(self._file, self._order, position, end)
         size = int(width[0]) if width.size else 0
         if kind != 1 or size < 1:
-            raise FormatError(f"the names of the fields of {path} must be text, got elements of type {kind}")
+            raise DamagedFileError(f"the names of the fields of {path} must be text, got elements of type {kind}")
         self._file.seek(data)
         text = self._file.read(length)
         names = [text[i : i + size].split(b"\0")[0].decode("latin-1") for i in range(0, len(text), size)]
@@ -306,13 +307,13 @@ class _Variables:
         while position < end:
             kind, length, data, position = _tag(self._file, self._order, position, end)
             if kind != _MATRIX:
-                raise FormatError(f"a field or cell must be a matrix, got an element of type {kind}")
+                raise DamagedFileError(f"a field or cell must be a matrix, got an element of type {kind}")
             yield data, data + length
 
     def _numbers(self, position: int, end: int) -> tuple[npt.NDArray[np.int64], int]:
         kind, length, data, following = _tag(self._file, self._order, position, end)
         if kind not in _NUMBERS or length > 4096:
-            raise FormatError(f"the header of a variable must be numbers, got an element of type {kind}")
+            raise DamagedFileError(f"the header of a variable must be numbers, got an element of type {kind}")
         self._file.seek(data)
         values = np.frombuffer(self._file.read(length), dtype=self._order + _NUMBERS[kind])
         return values.astype(np.int64), following

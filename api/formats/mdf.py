@@ -17,6 +17,7 @@ import numpy as np
 from api.formats import (
     ANOTHER,
     PIECE,
+    DamagedFileError,
     FormatError,
     Recording,
     Series,
@@ -202,9 +203,9 @@ def _check_places(group: Any, number: int) -> None:
         else:  # versions 2 and 3; the blocks of version 2 end before that offset
             end = 8 * getattr(channel, "additional_byte_offset", 0) + channel.start_offset + channel.bit_count
         if end > 8 * size:
-            raise FormatError(
+            raise DamagedFileError(
                 f"channel {channel.name!r} must lie within the {size} bytes of a record of group {number}, got its end at bit "
-                f"{end}: the file is damaged"
+                f"{end}"
             )
 
 

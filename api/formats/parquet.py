@@ -81,7 +81,9 @@ def _values(column: Any, first: dict[str, Any], name: str) -> Values:
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
         ticks = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
         if np.issubdtype(ticks.dtype, np.floating):
-            raise FormatError(f"the instants of {name} must have no gaps, got a missing one")
+            raise FormatError(
+                f"the instants of {name} must have no gaps, got a missing one: leave out the rows without an instant"
+            )
         begin = first.setdefault(name, ticks[0] if ticks.size else 0)
         return np.asarray((ticks - begin) * scale, dtype=np.float64)
     if pa.types.is_boolean(column.type):

@@ -58,7 +58,7 @@ _OTHERS: Final[tuple[tuple[bytes, str], ...]] = (
     ),
     (b"\xd0\xcf\x11\xe0", "a document of an office program: save its table as CSV"),
     (b"\x1f\x8b", "compressed by gzip: send what is in it"),
-    (b"%PDF", "a PDF document"),
+    (b"%PDF", "a PDF document: send the file that it was printed from"),
     (b"TDSh", "the index of a TDMS file: send the file beside it"),
 )
 
@@ -101,7 +101,7 @@ def recognised(head: bytes, name: str = "") -> tuple[str, str]:
         return text, f"its first bytes, which are text{', and its name' if text == ending else ''}"
     if ending == "mat":
         return "mat", "its name"  # MATLAB 4 has no mark
-    raise FormatError(f"format must be given: neither the first bytes nor the name tell it; it is one of {known}")
+    raise FormatError(f"format must be given: neither the first bytes nor the name tell it; say one of: {known}")
 
 
 def _is_text(head: bytes) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from api.formats import FormatError
+from api.formats import DamagedFileError, FormatError
 
 _NUMBERS = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
@@ -75,7 +75,7 @@ def _definitions(name: str, text: str) -> dict[str, list[_Field]]:
             continue
         match = _FIELD.match(plain)
         if match is None:
-            raise FormatError(f"its definition must be fields of type and name, got {plain[:60]!r}")
+            raise DamagedFileError(f"its definition must be fields of type and name, got {plain[:60]!r}")
         count = (
             None if not match["array"] else int(match["count"]) if match["count"] and "<" not in match["array"] else -1
         )
@@ -107,7 +107,9 @@ class _Reader:
             return {"sec": sec, "nsec": nsec}
         name = self._found(type_, within)
         if depth > _DEEPEST:
-            raise FormatError(f"messages must be nested at most {_DEEPEST} deep, got more in {name}")
+            raise FormatError(
+                f"messages must be nested at most {_DEEPEST} deep, got more in {name}: record the inner messages as topics of their own"
+            )
         return {one.name: self._field(one, name, depth + 1) for one in self._types[name]}
 
     def _field(self, one: _Field, within: str, depth: int) -> Any:
@@ -152,6 +154,6 @@ class _Reader:
     def _bytes(self, count: int) -> bytes:
         end = self._at + count
         if end > len(self._data):
-            raise FormatError(f"a message must be {end} bytes as its definition says, got {len(self._data)}")
+            raise DamagedFileError(f"a message must be {end} bytes as its definition says, got {len(self._data)}")
         found, self._at = self._data[self._at : end], end
         return found

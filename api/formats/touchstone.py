@@ -18,7 +18,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import FormatError, Recording, SpectralFunction, Values
+from api.formats import DamagedFileError, FormatError, Recording, SpectralFunction, Values
 from api.formats.text.cells import Marks
 from api.formats.text.endings import Rows
 from api.formats.text.txt import Lines
@@ -58,7 +58,9 @@ def open_file(file: BinaryIO) -> Recording:
     """
     head, records = _read(file)
     if not records:
-        raise FormatError("a Touchstone file must hold frequencies with their values, got none")
+        raise FormatError(
+            "a Touchstone file must hold frequencies with their values, got none: was the measurement exported with it?"
+        )
     pairs = {len(record) // 2 for record in records}
     most = max(pairs)
     shape = head.keywords.get("matrix format", "full")
@@ -108,13 +110,13 @@ def open_frd(file: BinaryIO) -> Recording:
             rows.append([float(cell) for cell in plain[:3]])
         except ValueError as error:
             if rows:
-                raise FormatError(
+                raise DamagedFileError(
                     f"line {number} must be frequency, dB and degrees, got {line[:40]!r}", line=number
                 ) from error
     remarks = _end(file, lines, rows)
     widths = {len(row) for row in rows}
     if len(rows) < 2 or len(widths) > 1 or widths == {1}:
-        raise FormatError(
+        raise DamagedFileError(
             "an FRD file must hold rows of frequency (Hz), magnitude (dB) and phase (degrees), got others"
         )
     numbers = np.array(rows)
@@ -182,7 +184,7 @@ def _read(file: BinaryIO) -> tuple[_Head, list[list[float]]]:
             break
     if not head.said:
         raise FormatError(
-            "a Touchstone file must have its line of options (# Hz S RI R 50) before its numbers, got none"
+            "a Touchstone file must have its line of options (# Hz S RI R 50) before its numbers, got none: write it there"
         )
     if (shape := head.keywords.get("matrix format", "full")) not in {"full", "lower", "upper"}:
         raise FormatError(f"[Matrix Format] must be Full, Lower or Upper, got {shape[:20]!r}: write the matrices full")
@@ -213,7 +215,7 @@ def _taken(records: list[list[float]], cells: list[float], number: int) -> bool:
     elif records:
         records[-1] += cells
     else:
-        raise FormatError(
+        raise DamagedFileError(
             f"line {number} must begin with a frequency and have its values, got {len(cells)} numbers", line=number
         )
     return True
@@ -223,7 +225,7 @@ def _numbers(plain: str, number: int) -> list[float]:
     try:
         return [float(cell) for cell in plain.split()]
     except ValueError as error:
-        raise FormatError(f"line {number} must be numbers, got {plain[:40]!r}", line=number) from error
+        raise DamagedFileError(f"line {number} must be numbers, got {plain[:40]!r}", line=number) from error
 
 
 def _option(head: _Head, words: Sequence[str], line: int) -> None:
@@ -241,9 +243,9 @@ def _option(head: _Head, words: Sequence[str], line: int) -> None:
             try:
                 head.resistance = float(next(left, ""))
             except ValueError as error:
-                raise FormatError(f"line {line}: R must be followed by a resistance in ohm", line=line) from error
+                raise DamagedFileError(f"line {line}: R must be followed by a resistance in ohm", line=line) from error
         else:
-            raise FormatError(
+            raise DamagedFileError(
                 f"line {line} must be of {', '.join(_UNITS)}, {', '.join(_PARAMETERS)}, {', '.join(_FORMS)} and R, got {word[:20]!r}",
                 line=line,
             )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import BinaryIO
 
@@ -20,6 +20,7 @@ import numpy.typing as npt
 from api.formats import (
     ANOTHER,
     PIECE,
+    DamagedFileError,
     FormatError,
     Recording,
     Series,
@@ -71,15 +72,21 @@ class _Function:
     size: int
 
 
-def open_file(file: BinaryIO) -> Recording:
+def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
     """Return the time responses and the functions of frequency of a universal file; the rest is refused by name.
+
+    Parameters
+    ----------
+    file : binary file
+    allow_truncated : bool
+        Take the whole points of the last function where the file ends within it, and say so.
 
     Raises
     ------
     FormatError
         For another file, a header that is damaged or claims more ordinates than there are, or a file that ends early.
     """
-    found, others = _functions(file)
+    found, others, remarks = _functions(file, allow_truncated=allow_truncated)
     refused = {
         f"dataset {number}": "only datasets 58 hold recordings and functions: what else is in the file is not needed for them"
         for number in others
@@ -105,12 +112,15 @@ def open_file(file: BinaryIO) -> Recording:
             for points in _points(file, function):
                 yield position, np.ascontiguousarray(points[:, column])
 
-    remarks = ["the file states the time step with six digits: the sample rate is known to about 3e-6 of itself"]
+    if any(one.sample_rate for one in channels.series):
+        remarks.append(
+            "the file states the time step with six digits: the sample rate is known to about 3e-6 of itself"
+        )
     return Recording(
         series=channels.series,
         read=read,
         refused=refused,
-        remarks=remarks if any(one.sample_rate for one in channels.series) else [],
+        remarks=remarks,
         functions=spectral,
     )
 
@@ -211,8 +221,8 @@ def _points(file: BinaryIO, function: _Function) -> Iterator[Values]:
         yield flat[:whole].reshape(-1, width)
 
 
-def _functions(file: BinaryIO) -> tuple[list[_Function], list[int]]:
-    """Return the datasets 58 of a file, and the numbers of its other datasets."""
+def _functions(file: BinaryIO, *, allow_truncated: bool) -> tuple[list[_Function], list[int], list[str]]:
+    """Return the datasets 58 of a file, the numbers of its other datasets, and what must be said of its end."""
     file.seek(0, 2)
     size = file.tell()
     file.seek(0)
@@ -232,21 +242,44 @@ def _functions(file: BinaryIO) -> tuple[list[_Function], list[int]]:
             continue
         match = re.match(rb"\s*(\d+)(b?)", kind)
         if match is None:
-            raise FormatError(f"a dataset must begin with its number, got {kind[:20]!r}")
+            raise DamagedFileError(f"a dataset must begin with its number, got {kind[:20]!r}")
         if int(match[1]) != 58:
             others.append(int(match[1]))
             continue
-        found.append(_function(file, kind.decode("ascii", errors="replace"), binary=bool(match[2]), size=size))
+        found.append(_function(file, kind.decode("ascii", errors="replace"), binary=bool(match[2])))
     if not any_delimiter:
         raise FormatError("a universal file must have its datasets between lines of -1, got none" + ANOTHER)
-    if inside and found:
+    remarks = _at_the_end(file, found, size, allow_truncated=allow_truncated) if inside and found else []
+    for one in found:
+        # the narrowest ordinate of the format is E13.5
+        room, itemsize = (size - one.offset, 12) if one.binary is None else (one.size, 8 if one.double else 4)
+        claimed(f"ordinates of {one.name!r}", one.count * len(_widths(one)), size=room, itemsize=itemsize)
+    return found, others, remarks
+
+
+def _at_the_end(file: BinaryIO, found: list[_Function], size: int, *, allow_truncated: bool) -> list[str]:
+    """Refuse that the last function is cut, or cut it to its whole points and return what must be said of that."""
+    last = found[-1]
+    if not allow_truncated:
         raise FormatError(
-            f"the file must end with -1 after {found[-1].name!r}, got its end at byte {size}: it is cut off"
+            f"the file must end with -1 after {last.name!r}, got its end at byte {size}: it is cut off. "
+            "Set allow_truncated: true to take what is there"
         )
-    return found, others
+    if last.binary:
+        there = max(size - last.offset, 0) // ((8 if last.double else 4) * len(_widths(last)))
+    else:
+        file.seek(last.offset)
+        # a line without an end may lack its last digits
+        lines = (line for line in file if line.endswith(b"\n"))
+        there = sum(len(line.rstrip()) // sum(_widths(last)) for line in lines)
+    there = min(there, last.count)
+    if there < 2:
+        raise DamagedFileError(f"{last.name!r} must have at least 2 points, got {there} before the file ends")
+    found[-1] = replace(last, count=there, size=min(last.size, max(size - last.offset, 0)))
+    return [f"the file is cut off: {there} of the {last.count} points of {last.name!r} are there"]
 
 
-def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Function:
+def _function(file: BinaryIO, kind: str, *, binary: bool) -> _Function:
     head = [file.readline(4096).decode("latin-1").rstrip("\r\n").ljust(81) for _ in range(_LINES)]
     try:
         type_, response, node, direction = int(head[5][0:5]), head[5][31:41], head[5][41:51], head[5][51:55]
@@ -254,9 +287,11 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
         start, step = float(head[6][30:43]), float(head[6][43:56])
         axis, quantity = int(head[7][0:10] or 0), int(head[8][0:10] or 0)
     except ValueError as error:
-        raise FormatError(f"the header of a dataset 58 must have its numbers in their columns ({error})") from error
+        raise DamagedFileError(
+            f"the header of a dataset 58 must have its numbers in their columns ({error})"
+        ) from error
     if ordinate not in {2, 4, 5, 6}:
-        raise FormatError(f"the ordinate's data type must be 2, 4, 5 or 6, got {ordinate}")
+        raise DamagedFileError(f"the ordinate's data type must be 2, 4, 5 or 6, got {ordinate}")
     is_complex, double = ordinate > 4, ordinate in {4, 6}
     offset = file.tell()
     per_point = (2 if is_complex else 1) + (spacing == 0)
@@ -267,19 +302,15 @@ def _function(file: BinaryIO, kind: str, *, binary: bool, size: int) -> _Functio
         try:
             order, form, length = {"1": "<", "2": ">"}[fields[1]], fields[2], int(fields[4])
         except (IndexError, KeyError, ValueError) as error:
-            raise FormatError(
+            raise DamagedFileError(
                 f"the first line of a binary dataset 58 must name byte order and sizes, got {kind[:80]!r}"
             ) from error
         if form != "2":
-            raise FormatError(f"binary ordinates must be in the format of IEEE 754 (2), got {form}")
-        if length > size - offset:
-            raise FormatError(f"the ordinates must be {length} bytes, got {size - offset} before the file ends")
+            raise FormatError(
+                f"binary ordinates must be in the format of IEEE 754 (2), got {form}: write it anew as text or with IEEE numbers"
+            )
         length = _length(file, offset, stated=length, needed=count * per_point * (8 if double else 4))
-        claimed(f"ordinates of {head[0].strip()!r}", count * per_point, size=length, itemsize=8 if double else 4)
         file.seek(offset + length)
-    else:
-        # the narrowest ordinate of the format is E13.5
-        claimed(f"ordinates of {head[0].strip()!r}", count * per_point, size=size - offset, itemsize=12)
     point = _point(response, node, direction)
     name = point if response.strip() not in {"", "NONE"} else head[0].strip() or f"function {node.strip()}"
     return _Function(
@@ -376,8 +407,8 @@ def _text(file: BinaryIO, function: _Function) -> Iterator[Values]:
         try:
             values = np.array(cells, dtype="S").astype(np.float64)
         except ValueError as error:
-            raise FormatError(f"{function.name!r} must have {total} numbers, got {filled} and {error}") from error
+            raise DamagedFileError(f"{function.name!r} must have {total} numbers, got {filled} and {error}") from error
         if not values.size:
-            raise FormatError(f"{function.name!r} must have {total} numbers, got {filled}: the file is cut off")
+            raise DamagedFileError(f"{function.name!r} must have {total} numbers, got {filled}")
         filled += values.size
         yield values

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from api.formats import (
     ANOTHER,
     MOST_CHANNELS,
+    DamagedFileError,
     FormatError,
     Recording,
     Series,
@@ -111,7 +112,7 @@ def _parts(file: BinaryIO) -> tuple[_Sound, list[str]]:
             form = _form(file.read(min(length, 40)))
         elif name == b"data":
             if not form:
-                raise FormatError("a WAV file must say how its samples lie (fmt) before them, it does not")
+                raise DamagedFileError("a WAV file must say how its samples lie (fmt) before them, it does not")
             return _sound(form, position + 8, stated=long if length == _UNKNOWN and long else length, size=size)
         position += 8 + length + length % 2
     raise FormatError("a WAV file must have samples (data), got none: it is cut off, or empty")
@@ -119,7 +120,7 @@ def _parts(file: BinaryIO) -> tuple[_Sound, list[str]]:
 
 def _form(head: bytes) -> tuple[int, int, int, int]:
     if len(head) < 16:
-        raise FormatError(f"the part fmt must be at least 16 bytes, got {len(head)}: the file is cut off")
+        raise DamagedFileError(f"the part fmt must be at least 16 bytes, got {len(head)}")
     kind, channels, rate, _, frame, bits = struct.unpack("<HHIIHH", head[:16])
     if kind == _EXTENSIBLE and len(head) >= 26:
         kind = struct.unpack("<H", head[24:26])[0]
@@ -130,7 +131,7 @@ def _form(head: bytes) -> tuple[int, int, int, int]:
             "them so, without compression"
         )
     if not 1 <= channels <= MOST_CHANNELS or not rate or frame != channels * -(-bits // 8):
-        raise FormatError(
+        raise DamagedFileError(
             f"a WAV file must have 1 ... {MOST_CHANNELS} channels, a rate and frames of their width, got {channels} channels, "
             f"{rate} samples/s and frames of {frame} bytes"
         )

@@ -90,7 +90,7 @@ class ImportDocument(Document):
     )
     allow_truncated: bool | None = Field(
         default=None,
-        description="texts: whether a last row that is or may be cut is left out; otherwise a cut one is refused",
+        description="texts and universal files: whether a last row or point that is or may be cut is left out; otherwise a cut one is refused",
     )
     sample_rate: float | None = Field(
         default=None,

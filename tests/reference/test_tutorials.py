@@ -65,6 +65,16 @@ def _pendulum() -> tuple[list[float], list[float]]:
     return [m * length / q, 0.0], denominator
 
 
+def _train() -> tuple[list[float], list[float]]:
+    """Return from the force on the engine to its speed; the car hangs on a spring, and rolling resistance grows with speed."""
+    engine, car, k, mu, g = 1.0, 0.5, 1.0, 0.02, 9.8
+    s = control.tf("s")
+    first, second = engine * s**2 + mu * engine * g * s + k, car * s**2 + mu * car * g * s + k
+    # both positions share a pole at 0, which the speed cancels
+    denominator = (first * second - k**2).num[0][0][:-1]
+    return list(second.num[0][0]), list(denominator)
+
+
 _POSITION = _motor(3.2284e-6, 3.5077e-6, 0.0274, 4.0, 2.75e-6)
 _BALL = 0.111 * 9.8 * 0.03 / (1.0 * (9.99e-6 / 0.015**2 + 0.111))
 
@@ -124,6 +134,30 @@ TUTORIALS = {
             "lead": block("transfer_function", numerator=[37.0, 0.37], denominator=[1.0, 5.0]),
         },
         poles=(-2 + 2j, -2 - 2j),
+    ),
+    "mass on a spring": Tutorial(
+        plant=([1.0], [1.0, 10.0, 20.0]),
+        controllers={
+            "pid": _pid(350.0, 300.0, 50.0, 1e3),
+            "lead-lag": block("transfer_function", numerator=[400.0, 4400.0, 4000.0], denominator=[1.0, 50.05, 2.5]),
+        },
+        poles=(-8 + 6j, -8 - 6j),
+    ),
+    "train": Tutorial(
+        plant=_train(),
+        controllers={
+            "pid": _pid(4.0, 0.5, 1.0, 1e3),
+            "lag": block("transfer_function", numerator=[3.0, 0.6], denominator=[1.0, 0.01]),
+        },
+        poles=(-0.8 + 0.6j, -0.8 - 0.6j, -2),
+    ),
+    "first order of the frequency response": Tutorial(
+        plant=([10.0], [1.25, 1.0]),
+        controllers={
+            "pid": _pid(5.0, 3.75, 0.02, 1e3),
+            "lag": block("transfer_function", numerator=[2.0, 2.0], denominator=[1.0, 0.02]),
+        },
+        poles=(-6,),
     ),
 }  # fmt: skip
 LOOPS = [(name, controller) for name, tutorial in TUTORIALS.items() for controller in tutorial.controllers]
@@ -279,6 +313,9 @@ DIGITAL = {
     "suspension": (0.0005, 100000.0, 50000.0, 2000.0),
     "pitch": (0.01, 2.0, 0.4, 3.0),
     "ball and beam": (0.02, 8.0, 0.2, 20.0),
+    "mass on a spring": (0.005, 100.0, 80.0, 5.0),
+    "train": (0.05, 2.0, 0.3, 0.5),
+    "first order of the frequency response": (0.02, 1.0, 0.8, 0.0),
 }
 FILTER = 50.0
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from api.formats import FormatError, SpectralFunction, Values
+from api.formats import DamagedFileError, SpectralFunction, Values
 from api.formats.spectral.names import Meaning, angle_unit, frequency_scale, meaning_of, points_of, units_of
 
 _TURN = 6.5
@@ -166,7 +166,7 @@ def _function(frequency: Values, meaning: Meaning, one: Vector, made: _Made) -> 
     def read() -> tuple[Values, npt.NDArray[np.complex128]]:
         values = made.read()
         if values.shape != frequency.shape:
-            raise FormatError(f"{one.name} must have a value on each of {frequency.size} lines, got {values.size}")
+            raise DamagedFileError(f"{one.name} must have a value on each of {frequency.size} lines, got {values.size}")
         return frequency[order], values[order]
 
     return SpectralFunction(

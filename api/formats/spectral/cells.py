@@ -34,7 +34,9 @@ def number_of(cell: str, decimal: str) -> complex:
     """
     value = complex(math.nan, math.nan) if is_word_for_missing(cell.strip()) else _parsed(cell, decimal)
     if value is None:
-        raise FormatError(f"a cell must be a complex number such as 1.5-2i, got {cell[:40]!r}")
+        raise FormatError(
+            f"a cell must be a complex number such as 1.5-2i, got {cell[:40]!r}: write it so, or leave the cell empty"
+        )
     return value
 
 

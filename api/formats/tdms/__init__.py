@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from api.formats import (
     NO_VALUES,
-    FormatError,
+    DamagedFileError,
     Recording,
     Series,
     bounded,
@@ -40,7 +40,7 @@ def open_file(file: BinaryIO) -> Recording:
     try:
         memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except ValueError as error:
-        raise FormatError("a TDMS file must begin with TDSm, got an empty file") from error
+        raise DamagedFileError("a TDMS file must begin with TDSm, got an empty file") from error
     parser = Parser(memory)
     parser.run()
     objects = parser.objects

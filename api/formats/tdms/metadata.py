@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from api.formats import (
+    DamagedFileError,
     FormatError,
     text_reason,
 )
@@ -96,7 +97,7 @@ class Parser:
         while position < size:
             if self._memory[position : position + 4] != b"TDSm" or size - position < _LEAD_IN:
                 what = "a TDMS file" if position == 0 else "a segment of a TDMS file"
-                raise FormatError(
+                raise DamagedFileError(
                     f"{what} must begin with TDSm, got {self._memory[position : position + 4]!r} at {position}"
                 )
             (mask,) = struct.unpack_from("<I", self._memory, position + 4)
@@ -111,8 +112,8 @@ class Parser:
                 if data > size:
                     break
             if not position + _LEAD_IN <= data <= end <= size:
-                raise FormatError(
-                    f"the segment at byte {position} must end within the {size} bytes of the file, got {end}: it is cut off"
+                raise DamagedFileError(
+                    f"the segment at byte {position} must end within the {size} bytes of the file, got {end}"
                 )
             if mask & _METADATA:
                 self._at, self._end = position + _LEAD_IN, data
@@ -122,7 +123,9 @@ class Parser:
             position = end
             segments += 1
             if segments > _MOST_SEGMENTS:
-                raise FormatError(f"a TDMS file must have at most {_MOST_SEGMENTS} segments, got more")
+                raise FormatError(
+                    f"a TDMS file must have at most {_MOST_SEGMENTS} segments, got more: defragment it (TDMS Defragment in LabVIEW)"
+                )
 
     def _metadata(self, listed: list[str]) -> list[str]:
         """Read the objects of a segment; return the paths of those that have values, in the order of their values."""
@@ -133,7 +136,7 @@ class Parser:
             head = self._number("I")
             if head == _AS_BEFORE:
                 if found.index is None:
-                    raise FormatError(
+                    raise DamagedFileError(
                         f"the values of {path} must be described before they are called the same as before"
                     )
             elif head != _NO_DATA:
@@ -156,7 +159,7 @@ class Parser:
         dtype = _NUMBERS.get(kind)
         size = np.dtype(dtype).itemsize if dtype else _SIZES.get(kind, 0)
         if not size:
-            raise FormatError(f"the type of values must be one of TDMS, got {kind:#x}")
+            raise DamagedFileError(f"the type of values must be one of TDMS, got {kind:#x}")
         reason = "" if dtype else "its values are no plain numbers (times, complex or extended): save it as double"
         return _Index(kind=kind, count=count, dtype=dtype, size=size, total=size * count, reason=reason)
 
@@ -177,7 +180,7 @@ class Parser:
                 f"its raw values have {len(scalers)} scalers of a kind that is not read: export it with scaled values"
             )
         elif buffer >= len(widths) or offset + np.dtype(_DAQMX_NUMBERS[code]).itemsize > widths[buffer]:
-            raise FormatError(
+            raise DamagedFileError(
                 f"raw values must lie within their buffers, got offset {offset} in buffer {buffer} of {widths}"
             )
         return _Index(
@@ -245,7 +248,7 @@ class Parser:
     def _raw_buffers(self, described: Sequence[tuple[TdmsObject, _Index]], data: int, end: int) -> None:
         widths = described[0][1].widths
         if any(index.widths != widths for _, index in described):
-            raise FormatError("the channels of a raw segment must have the same buffers, got others")
+            raise DamagedFileError("the channels of a raw segment must have the same buffers, got others")
         rows = [
             max((index.count for _, index in described if index.buffer == i), default=0) for i in range(len(widths))
         ]
@@ -287,12 +290,12 @@ class Parser:
             self._need(size)
             self._at += size
             return None
-        raise FormatError(f"property {name!r} of {path} must have a type of TDMS, got {kind:#x}")
+        raise DamagedFileError(f"property {name!r} of {path} must have a type of TDMS, got {kind:#x}")
 
     def _few(self, what: str) -> int:
         count = self._number("I")
         if count > 1000:
-            raise FormatError(f"{what} of raw values must be at most 1000, got {count}")
+            raise DamagedFileError(f"{what} of raw values must be at most 1000, got {count}")
         return count
 
     def _number(self, form: str) -> int:
@@ -314,9 +317,7 @@ class Parser:
 
     def _need(self, count: int) -> None:
         if self._at + count > self._end:
-            raise FormatError(
-                f"metadata must end at byte {self._end}, got more at byte {self._at}: the file is damaged"
-            )
+            raise DamagedFileError(f"metadata must end at byte {self._end}, got more at byte {self._at}")
 
 
 def parts(path: str) -> list[str]:

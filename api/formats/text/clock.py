@@ -67,7 +67,9 @@ class Clock:
         for text in texts:
             match = _STAMP.fullmatch(text)
             if match is None:
-                raise FormatError(f"a time stamp must be a date and time of day, got {text[:40]!r}")
+                raise FormatError(
+                    f"a time stamp must be a date and time of day, got {text[:40]!r}: leave the row out, or write it as the others"
+                )
             parts = match["a"], match["b"], match["c"]
             if parts not in days:
                 days[parts] = 0.0 if match["a"] is None else self._days(*parts) * _DAY
@@ -112,7 +114,7 @@ class Clock:
             return date(year + 2000 if year < 100 else year, by_letter["m"], by_letter["d"])
         except ValueError as error:
             raise FormatError(
-                f"a date must have its parts in the order {self.order}, got {'/'.join(parts)!r}"
+                f"a date must have its parts in the order {self.order}, got {'/'.join(parts)!r}: leave the row out, or write it as the others"
             ) from error
 
 

@@ -107,7 +107,7 @@ def guess(lines: Sequence[str], given: Known) -> Guess:
     """
     full = [line for line in lines if line.strip()]
     if not full:
-        raise FormatError("file must hold rows of numbers, got none in its beginning")
+        raise FormatError("file must hold rows of numbers, got none in its beginning: is it empty, or another format?")
     # the second half of a short file: its header may be longer than its rows are many
     sample = full[-min(_LOOK, max(len(full) // 2, 1)) :]
     mark, decimal = _separators(sample, given, first=lines[0])

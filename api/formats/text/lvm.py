@@ -19,6 +19,7 @@ from api.formats import (
     ANOTHER,
     MOST_CHANNELS,
     NO_VALUES,
+    DamagedFileError,
     FormatError,
     Recording,
     Series,
@@ -122,7 +123,7 @@ def open_file(file: BinaryIO, *, allow_truncated: bool = False) -> Recording:
 def _layout(head: Mapping[str, Sequence[str]], count: int) -> _Layout:
     decimal = head.get("Decimal_Separator", ["."])[0] or "."
     if decimal not in {".", ","}:
-        raise FormatError(f'Decimal_Separator must be "." or ",", got {decimal[:40]!r}')
+        raise DamagedFileError(f'Decimal_Separator must be "." or ",", got {decimal[:40]!r}')
     kind = head.get("X_Columns", ["One"])[0]
     several = kind == "Multi"
     return _Layout(
@@ -281,7 +282,7 @@ def _scan(file: BinaryIO) -> tuple[dict[str, list[str]], list[_Table]]:
         elif tables and line.strip():
             tables[-1].rows += 1
     if not any(table.rows for table in tables):
-        raise FormatError("a LabVIEW measurement file must hold a table with rows, got none")
+        raise DamagedFileError("a LabVIEW measurement file must hold a table with rows, got none")
     return head, tables
 
 
@@ -298,7 +299,7 @@ def _header(lines: Iterator[tuple[int, str]]) -> dict[str, list[str]]:
         if number > _LONGEST_HEADER:
             break
         head[key.strip()] = [value.strip() for value in values] or [""]
-    raise FormatError(f"the header must end with {_END} within {_LONGEST_HEADER} lines, got none")
+    raise DamagedFileError(f"the header must end with {_END} within {_LONGEST_HEADER} lines, got none")
 
 
 def _separator(head: Mapping[str, Sequence[str]]) -> str:
@@ -310,7 +311,7 @@ def _separator(head: Mapping[str, Sequence[str]]) -> str:
 def _channels(table: _Table) -> int:
     text = (table.keys.get("Channels") or [""])[0]
     if not text.isdecimal() or not 1 <= int(text) <= MOST_CHANNELS:
-        raise FormatError(f"Channels must be 1 ... {MOST_CHANNELS}, got {text[:40]!r}", line=table.first_line)
+        raise DamagedFileError(f"Channels must be 1 ... {MOST_CHANNELS}, got {text[:40]!r}", line=table.first_line)
     return int(text)
 
 
@@ -320,7 +321,7 @@ def _number(text: str, decimal: str, what: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise FormatError(f"{what} must be a finite number, got {text[:40]!r}")
+        raise DamagedFileError(f"{what} must be a finite number, got {text[:40]!r}")
     return value
 
 

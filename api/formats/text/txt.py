@@ -91,13 +91,17 @@ class TextLayout:
 
     def __post_init__(self) -> None:
         if not self.columns and self.stamps is None:
-            raise FormatError("columns must name at least one column, got none")
+            raise FormatError("columns must name at least one column, got none: leave it out for all of them")
         if min(self.columns, default=0) < 0:
-            raise FormatError(f"column index must be at least 0, got {min(self.columns)}")
+            raise FormatError(f"column index must be at least 0, got {min(self.columns)}: the first column is 0")
         if not self.delimiter or "\n" in self.delimiter or "\r" in self.delimiter:
-            raise FormatError(f"delimiter must be text within a line, got {self.delimiter!r}")
+            raise FormatError(
+                f"delimiter must be text within a line, got {self.delimiter!r}: leave it out, and the file tells it"
+            )
         if self.header_lines < 0:
-            raise FormatError(f"header_lines must be at least 0, got {self.header_lines}")
+            raise FormatError(
+                f"header_lines must be at least 0, got {self.header_lines}: leave it out, and the file tells it"
+            )
 
 
 def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np.float64]]:
@@ -142,7 +146,10 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
         if layout.comment and line.lstrip(' \t"').startswith(layout.comment):
             continue
         if blank:
-            raise FormatError(f"line {blank} must hold a row of numbers, got a blank line", line=blank)
+            raise FormatError(
+                f"line {blank} must hold a row of numbers, got a blank line between rows: take it out, or save what follows as a file of its own",
+                line=blank,
+            )
         rows.append((number, line))
         begun = True
         if len(rows) == BLOCK_ROWS:
@@ -151,7 +158,9 @@ def read(chunks: Iterable[bytes], layout: TextLayout) -> Iterator[npt.NDArray[np
     if rows:
         yield _block(rows, layout)
     if not begun:
-        raise FormatError(f"file must hold at least one row after {layout.header_lines} header lines, got none")
+        raise FormatError(
+            f"file must hold at least one row after {layout.header_lines} header lines, got none: is header_lines right?"
+        )
 
 
 def _block(rows: Sequence[tuple[int, str]], layout: TextLayout) -> npt.NDArray[np.float64]:
@@ -230,7 +239,9 @@ def _loaded(lines: list[str], layout: TextLayout) -> npt.NDArray[np.float64] | N
 
 def _too_few(line: int, column: int, count: int) -> FormatError:
     return FormatError(
-        f"line {line} must have a column {column} (counted from 0), got {count} columns", line=line, column=column
+        f"line {line} must have a column {column} (counted from 0), got {count} columns: leave the row out or complete it, or say another column",
+        line=line,
+        column=column,
     )
 
 

@@ -78,11 +78,13 @@ def _written(
     count = frequency.size
     if count < 2 or values.shape != frequency.shape:
         raise FormatError(
-            f"a frequency response must be as long as its {count} (at least 2) frequencies, got {values.shape}"
+            f"a frequency response must be as long as its {count} (at least 2) frequencies, got {values.shape}: give a value for each"
         )
     step = (frequency[-1] - frequency[0]) / (count - 1)
     if not step > 0.0 or float(np.max(np.abs(frequency - frequency[0] - step * np.arange(count)))) > 1e-6 * step:
-        raise FormatError("the frequencies of a universal file must be evenly spaced and rising, got others")
+        raise FormatError(
+            "the frequencies of a universal file must be evenly spaced and rising, got others: export it in another format"
+        )
     complex_values = kind == 4
     ratio = (function.response_unit, function.reference_unit) if complex_values else ("NONE", "NONE")
     lines = [

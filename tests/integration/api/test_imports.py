@@ -263,7 +263,7 @@ BAD = {
     "no sample rate": ("mat", matlab(a=np.ones(50)), {}, "sample_rate must be given in import"),
     "not there": ("mat", matlab(a=np.ones(50)), {"columns": [{"source": "c", "name": "c"}]}, r"one of the file's \(a\), got 'c'"),
     "a text": ("mat", matlab(a=np.ones(50), w="hi"), {"columns": [{"source": "w", "name": "w"}]}, "w cannot be read: it is a text"),
-    "truncated": ("tdms", tdms(x=np.ones(5000))[:-90], {}, "it is cut off"),
+    "truncated": ("tdms", tdms(x=np.ones(5000))[:-90], {}, "the file is cut off"),
     "empty table": ("csv", b"\n", {}, "rows of numbers"),
     "not what it says": ("tdms", DAQ, {}, "must begin with TDSm"),
     "an infinity": ("tdms", tdms(x=np.array([1.0, np.inf])), {}, "channel 'x' must be finite or missing, got an infinity at sample 1"),

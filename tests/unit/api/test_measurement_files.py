@@ -177,10 +177,10 @@ def damaged_tdms():
     return {
         "empty": (b"", "begin with TDSm, got an empty file"),
         "other": (b"PK\x03\x04" * 20, "must begin with TDSm"),
-        "cut off": (good[:-500], "must end within the .* bytes of the file, got .*: it is cut off"),
-        "cut in its header": (good[:60], "it is cut off"),
+        "cut off": (good[:-500], "must end within the .* bytes of the file, got .*: the file is cut off"),
+        "cut in its header": (good[:60], "is cut off"),
         "garbage behind": (good + b"garbage" * 10, "a segment of a TDMS file must begin with TDSm"),
-        "a name longer than the file": (text[:32] + b"\xff\xff\xff\x7f" + text[36:], "the file is damaged"),
+        "a name longer than the file": (text[:32] + b"\xff\xff\xff\x7f" + text[36:], "metadata must end .* damaged"),
     }
 
 

@@ -71,7 +71,7 @@ def test_the_recordings_among_the_examples(path):
         (b"TDSh....", "the index of a TDMS file"),
         (
             b"\x89PNG\r\n\x1a\n\x00",
-            "format must be given: .* it is one of csv, frd, hdf5, lvm, mat, mcap, mdf, parquet, tdms, touchstone, txt, uff, wav",
+            "format must be given: .* say one of: csv, frd, hdf5, lvm, mat, mcap, mdf, parquet, tdms, touchstone, txt, uff, wav",
         ),
         (b"", "format must be given"),
         (b"\x00" * 64, "format must be given"),

@@ -165,7 +165,10 @@ def test_numbers_that_touch_are_told_apart_by_their_columns(tmp_path):
         (head(count=10**9) + ROW + END, "must fit into the .* bytes that are there, got 1000000000 values"),
         (head(ordinate=3) + ROW + END, "data type must be 2, 4, 5 or 6, got 3"),
         (head().replace("         6", "         x") + ROW + END, "must have its numbers in their columns"),
-        (head(kind="    58b     1     2          11        9999999") + ROW + END, "must be 9999999 bytes, got"),
+        (
+            head(kind="    58b     1     2          11        9999999") + ROW + END,
+            "must end with -1 after .*: it is cut off",
+        ),
         (head(kind="    58b     1     1          11        24") + ROW + END, "in the format of IEEE 754"),
         ("    -1\nwhat\n    -1\n", "must begin with its number"),
         ("nothing\n" * 5, "between lines of -1, got none"),
@@ -174,6 +177,37 @@ def test_numbers_that_touch_are_told_apart_by_their_columns(tmp_path):
 def test_damaged_universal_files_are_refused(tmp_path, content, message):
     with pytest.raises(FormatError, match=message):
         arrays(opened("uff", content.encode(), tmp_path))
+
+
+def truncated(content: bytes, tmp_path):
+    """Return a cut file as it is read where that is allowed."""
+    found = opened("uff", content, tmp_path, allow_truncated=True)
+    return found, arrays(found)
+
+
+@pytest.mark.parametrize("cut", [1, 13, 30, 60])
+def test_the_whole_points_of_a_cut_file_are_read_where_that_is_allowed(tmp_path, cut):
+    """A line without an end may lack its last digits, so it does not count."""
+    whole = (head(count=18) + ROW * 3).encode()
+    found, read = truncated(whole[:-cut], tmp_path)
+    np.testing.assert_array_equal(read["P 7+Z"], [-1, -2, -3, -4, -5, -6] * 2)
+    assert found.remarks[0] == "the file is cut off: 12 of the 18 points of 'P 7+Z' are there"
+
+
+def test_a_cut_binary_file_keeps_its_whole_points(tmp_path):
+    data = BINARY.read_bytes()
+    whole = arrays(opened("uff", data, tmp_path))
+    found, read = truncated(data[: 3 * len(data) // 4 + 1], tmp_path)
+    *others, last = read
+    for name in others:
+        np.testing.assert_array_equal(read[name], whole[name])
+    np.testing.assert_array_equal(read[last], whole[last][: read[last].size])
+    assert f"{read[last].size} of the {whole[last].size} points" in found.remarks[0]
+
+
+def test_a_file_cut_before_its_second_point_is_refused(tmp_path):
+    with pytest.raises(FormatError, match="must have at least 2 points, got 0 before the file ends"):
+        truncated((head() + ROW[:30]).encode(), tmp_path)
 
 
 @pytest.mark.parametrize(
