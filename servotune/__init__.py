@@ -6,7 +6,7 @@ Examples
 
     import servotune
 
-    client = servotune.connect("http://127.0.0.1:8000", key="...")  # or SERVOTUNE_URL and SERVOTUNE_KEY
+    client = servotune.connect("http://127.0.0.1:8000", key="...")  # or `servotune login`
     reply = client.simulate(document, input={"port": "reference", "signal": {"kind": "step"}})
     print(reply.metrics["position"].overshoot)  # reply["variants"][0]["metrics"] is the same
     reply.plot()

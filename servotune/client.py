@@ -70,6 +70,11 @@ class Client(Studies, Measured, Searches):
     ) -> None:
         self.close()
 
+    @property
+    def url(self) -> str:
+        """The address of the service."""
+        return self._transport.url
+
     def close(self) -> None:
         """Close the connection."""
         self._transport.close()
@@ -87,15 +92,16 @@ class Client(Studies, Measured, Searches):
         return cast("dict[str, Any]", self._transport.body(self._transport.send("GET", "/readyz", attempts=1)))
 
 
-URL, KEY = "SERVOTUNE_URL", "SERVOTUNE_KEY"
+URL, KEY, PROFILE = "SERVOTUNE_URL", "SERVOTUNE_KEY", "SERVOTUNE_PROFILE"
 """Environment variables that `connect` and the commands read."""
-_HERE = "http://127.0.0.1:8000"
+HERE = "http://127.0.0.1:8000"
 
 
 def connect(
     url: str | None = None,
     *,
     key: str | None = None,
+    profile: str | None = None,
     wait: float = 0.0,
     timeout: float = 120.0,
     attempts: int = 4,
@@ -105,9 +111,13 @@ def connect(
     Parameters
     ----------
     url : str, optional
-        Address of the service; that of the environment variable ``SERVOTUNE_URL``, or ``http://127.0.0.1:8000``, where none is given.
+        Address of the service; where none is given, that of the environment variable ``SERVOTUNE_URL``, of the profile, or
+        ``http://127.0.0.1:8000``.
     key : str, optional
-        API key; that of ``SERVOTUNE_KEY`` where none is given. `servotune serve` prints the first one when it starts for the first time.
+        API key; where none is given, that of ``SERVOTUNE_KEY``, or of the profile if the address is the profile's. `servotune serve`
+        prints the first one when it starts for the first time.
+    profile : str, optional
+        What `servotune login` has kept under this name; ``SERVOTUNE_PROFILE``, or ``default``, where none is given.
     wait : float
         How long to wait for a service that is still starting (s); 0 does not ask.
     timeout : float
@@ -120,15 +130,32 @@ def connect(
     ServiceUnreachableError
         Not ready after `wait` seconds.
     ValueError
-        The address is none.
+        The address is none, or there is no such profile.
     """
-    address, secret = url or os.environ.get(URL) or _HERE, key or os.environ.get(KEY) or None
+    address, secret = _whom_to_ask(
+        url or os.environ.get(URL), key or os.environ.get(KEY), profile or os.environ.get(PROFILE)
+    )
     if not address.startswith(("http://", "https://")):
         raise ValueError(f"the address of the service must begin with http:// or https://, got {address!r}")
     client = Client(Transport(address, key=secret, timeout=timeout, attempts=attempts))
     if wait > 0.0:
         _wait_until_ready(client, wait)
     return client
+
+
+def _whom_to_ask(url: str | None, key: str | None, profile: str | None) -> tuple[str, str | None]:
+    """Return address and key: a key is sent to no other address than the one that it was kept with."""
+    if (url and key) and not profile:
+        return url, key
+    from servotune import profiles  # noqa: PLC0415 - most scripts need none
+
+    kept = profiles.load(profile or profiles.DEFAULT)
+    if profile and kept is None:
+        known = ", ".join(profiles.names()) or "none"
+        raise ValueError(f"profile must be one of `servotune login`, got {profile!r}: there is {known}")
+    address = url or (kept.url if kept else HERE)
+    own = kept is not None and kept.url.rstrip("/") == address.rstrip("/")
+    return address, key or (kept.key if kept is not None and own else None)
 
 
 def _wait_until_ready(client: Client, wait: float) -> None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from itertools import takewhile
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Literal, TypeVar, cast
 
 import httpx
 
@@ -200,6 +200,11 @@ class Jobs:
     def get(self, job: str) -> Job[Any]:
         """Return the job with this id, to wait for it or to fetch its result."""
         return Job(self._transport, JobState(self._transport.get(f"/v1/jobs/{job}")))
+
+    def start(self, kind: Literal["optimization", "identification"], request: Mapping[str, Any]) -> Job[Any]:
+        """Start a job from its whole request, `job.request()` of another one say."""
+        path = {"optimization": "/v1/optimizations", "identification": "/v1/identifications"}[kind]
+        return Job(self._transport, JobState(self._transport.post(path, request, creates=True)))
 
     def list(self, *, kind: str | None = None, status: str | None = None) -> Iterator[Job[Any]]:
         """Yield the jobs, newest first as the service lists them, optionally of one kind or status."""

@@ -9,11 +9,13 @@ from servotune.replies.values import Root, Warned
 
 
 class Stored(Reply):
-    """A stored system document and which revision it is."""
+    """A stored system document and which revision it is; lists tell its name in place of the document."""
 
     id: str
     revision: int
     created_at: str
+    updated_at: str | None
+    name: str | None
     document: dict[str, Any]
 
 

@@ -23,7 +23,7 @@ OURS = {
 ROOMS = {
     "agent": ["agent"],
     "rig_simulator": ["server", "agent"],
-    "servotune": ["notebook"],  # where it is asked for a table or a plot
+    "servotune": ["keyring", "notebook"],  # where it is asked for a table or a plot
     "engine": ["server", "interop"],
     "optimizers": ["server", "convex", "pareto"],
     "storage": ["server"],
@@ -39,6 +39,7 @@ ROOMS = {
         "interop",
         "bench",
         "demo",
+        "keyring",
         "notebook",
         "telemetry",
         "dev",

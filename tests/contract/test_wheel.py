@@ -71,6 +71,6 @@ def test_metadata_names_licence_command_and_extras(wheel: zipfile.ZipFile) -> No
     assert metadata["License-Expression"] == "Apache-2.0"
     assert {"server", "agent", "demo", "dev"} <= set(metadata.get_all("Provides-Extra", []))
     base = [r for r in metadata.get_all("Requires-Dist", []) if "extra ==" not in r]
-    assert sorted(requirement.split(">")[0] for requirement in base) == ["httpx", "rich"]
+    assert sorted(requirement.split(">")[0] for requirement in base) == ["click", "httpx", "rich"]
     assert "servotune = servotune.main:main" in wheel.read(f"{info}/entry_points.txt").decode()
     assert f"{info}/licenses/LICENSE" in wheel.namelist()

@@ -170,14 +170,13 @@ def test_what_is_incomplete_is_not_exported(client, chain) -> None:
 
 
 def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
-    code = "import sys; from servotune.lineage_command import lineage; sys.exit(lineage(sys.argv[1:]))"
     environment = os.environ | {
         "SERVOTUNE_URL": service.url,
         "SERVOTUNE_KEY": service.keys["admin"],
         "PYTHONPATH": ":".join(sys.path),
     }
     return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
+        [sys.executable, "-m", "servotune", "lineage", *arguments],
         env=environment,
         capture_output=True,
         text=True,

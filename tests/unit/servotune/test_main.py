@@ -43,7 +43,7 @@ def test_a_command_gets_its_arguments_and_gives_its_exit_code(installed, capsys)
 def test_help_lists_the_commands_in_one_line_each(installed, capsys):
     assert main.main(["--help"]) == 0
     out = capsys.readouterr().out
-    assert "  echo         Say what it was given.\n" in out
+    assert "  echo    Say what it was given.\n" in out
     assert "Not shown" not in out
     assert "a_package_that_nobody_has" in out
 
