@@ -15,6 +15,8 @@ Examples
 
 from __future__ import annotations
 
+from servotune.algebra import Part, block, feedback, from_control, gain, parallel, series, tf
+from servotune.building import System, quantity
 from servotune.client import Client, connect
 from servotune.errors import (
     ApiError,
@@ -51,15 +53,25 @@ __all__ = [
     "JobCancelledError",
     "JobFailedError",
     "NotFoundError",
+    "Part",
     "PreconditionFailedError",
     "ProgressBar",
     "ServerError",
     "ServiceUnreachableError",
     "ServotuneError",
+    "System",
     "TooLargeError",
     "TooManyRequestsError",
     "UnauthorizedError",
     "UnexpectedReplyError",
     "WaitTimeoutError",
+    "block",
     "connect",
+    "feedback",
+    "from_control",
+    "gain",
+    "parallel",
+    "quantity",
+    "series",
+    "tf",
 ]

@@ -103,3 +103,11 @@ def test_an_optimum_tells_its_goals_in_a_table_and_its_responses_in_a_plot(scrip
     assert found.plot("history")[0].get_xlabel() == "evaluations"
     assert found.best.kp == found["best"]["kp"]
     assert "converged" in repr(found)
+
+
+def test_a_formula_goes_wherever_a_document_goes(script) -> None:
+    drive = servotune.tf([1.0], [0.02, 1.0, 0.0], "drive")
+    loop = servotune.feedback(servotune.gain("=kp") >> drive).system("axis", kp=servotune.quantity(12.0, "1/s"))
+    built = script.simulate(loop, input=STEP | {"port": "r"}, samples=50)
+    written = script.simulate(AXIS, input=STEP, samples=50)
+    assert built.outputs["y"] == pytest.approx(written.outputs["position"], abs=1e-12)
