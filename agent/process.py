@@ -247,7 +247,8 @@ class Terminal:
             return bool(self._lines) and self._lines[-1].strip().lower() == "yes"
 
     def _listen(self) -> None:
-        for line in sys.stdin:
+        # not sys.stdin, whose lock this thread would hold when the interpreter ends, which is fatal
+        for line in open(0, closefd=False):  # noqa: SIM115 - for as long as this process lives
             with self._came:
                 self._lines.append(line)
                 self._came.notify_all()

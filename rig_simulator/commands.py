@@ -68,7 +68,8 @@ def rig_simulator(argv: Sequence[str]) -> int:
 
 
 def _listen(bench: Bench) -> None:
-    for line in sys.stdin:
+    # not sys.stdin, whose lock this thread would hold when the interpreter ends, which is fatal
+    for line in open(0, closefd=False):  # noqa: SIM115 - for as long as this process lives
         try:
             answer = obey(bench, line.split())
         except (ValueError, KeyError, IndexError) as error:

@@ -39,6 +39,7 @@ from servotune.errors import (
     WaitTimeoutError,
 )
 from servotune.jobs import Job
+from servotune.local import local
 from servotune.progress import ProgressBar
 
 __all__ = [
@@ -70,6 +71,7 @@ __all__ = [
     "feedback",
     "from_control",
     "gain",
+    "local",
     "parallel",
     "quantity",
     "series",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, cast
 
@@ -50,6 +51,8 @@ class Client(Studies, Measured, Searches):
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
+        self.closing: list[Callable[[], object]] = []
+        """What else is done when the connection is closed."""
         self.systems = Systems(transport)
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
@@ -78,6 +81,8 @@ class Client(Studies, Measured, Searches):
     def close(self) -> None:
         """Close the connection."""
         self._transport.close()
+        while self.closing:
+            self.closing.pop()()
 
     def ready(self) -> dict[str, Any]:
         """Return the readiness report of the service.

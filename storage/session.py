@@ -211,5 +211,10 @@ def _write_ahead(connection: sqlite3.Connection) -> None:
             if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
                 raise
             time.sleep(0.01)
+        except sqlite3.DatabaseError as error:
+            (_, _, path) = connection.execute("PRAGMA database_list").fetchone()
+            raise DatabaseUrlError(
+                f"{path} must be a SQLite database, got a file that is none or is damaged ({error}): name another one, or restore a backup"
+            ) from error
         else:
             return

@@ -5,16 +5,15 @@ from __future__ import annotations
 import logging
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from api.runtime.arguments import parser_of, stopped_by_signals, whole
+from api.runtime.arguments import at_end_of_input, parser_of, stopped_by_signals, whole
 from storage.loading import uncollected
 
 if TYPE_CHECKING:
-    import threading
-
     from pydantic_core import ErrorDetails
 
     from api.settings import Settings
@@ -40,6 +39,7 @@ def serve(argv: Sequence[str]) -> int:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     parser.add_argument("--port", type=whole(0, 65535), default=8000, help="port to listen on (default: %(default)s)")
     parser.add_argument("--no-worker", action="store_true", help="start no worker beside the service")
+    parser.add_argument("--with-parent", action="store_true", help="stop when standard input closes")
     parser.add_argument(
         "--processes",
         type=whole(1, 64),
@@ -49,6 +49,8 @@ def serve(argv: Sequence[str]) -> int:
     given = parser.parse_args(argv)
 
     settings = read_settings()
+    if given.with_parent:
+        at_end_of_input(lambda: os.kill(os.getpid(), signal.SIGTERM))
     _prepare(settings)
     processes = settings.processes if given.processes is None else given.processes
     if processes > 1:
@@ -108,8 +110,6 @@ def worker(argv: Sequence[str]) -> int:
     given = parser.parse_args(argv)
 
     with uncollected():
-        import threading
-
         from api.telemetry.tracing import traces_of
         from storage.errors import UNAVAILABLE, DatabaseUrlError, StateError
         from storage.jobs.worker import Worker
@@ -117,7 +117,7 @@ def worker(argv: Sequence[str]) -> int:
     settings = read_settings()
     stop = stopped_by_signals()
     if given.with_parent:
-        threading.Thread(target=_wait_for_end_of_input, args=(stop,), daemon=True).start()
+        at_end_of_input(stop.set)
     slots = settings.worker_slots if given.slots is None else given.slots
     traces = traces_of(settings, "servotune-worker")
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
@@ -243,8 +243,3 @@ def _tell_what_lies_open(settings: Settings) -> None:
         )
     else:
         log.warning("webhooks and sign-ins through an OpenID provider are refused: %s", NO_KEY)
-
-
-def _wait_for_end_of_input(stop: threading.Event) -> None:
-    sys.stdin.buffer.read()
-    stop.set()

@@ -11,9 +11,7 @@ import json
 import os
 import signal
 import socket
-import sys
 import tempfile
-import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from prometheus_client.multiprocess import mark_process_dead
 
-from api.runtime.arguments import stopped_by_signals
+from api.runtime.arguments import at_end_of_input, stopped_by_signals
 from api.runtime.child_process import Kept, worker_beside
 from api.runtime.shared_memory import SiblingOfWorker, Siblings
 
@@ -72,7 +70,7 @@ def answer(settings: Settings, told: str) -> bool:
     from api.processes import serving  # noqa: PLC0415 - the process that starts the others needs none of it
 
     given = json.loads(told)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    at_end_of_input(lambda: os.kill(os.getpid(), signal.SIGTERM))
     siblings = Siblings(Path(given["folder"]), given["count"])
     app = create_app(
         settings.model_copy(update={"compute_slots": max(settings.compute_slots // siblings.count, 1)}),
@@ -84,11 +82,6 @@ def answer(settings: Settings, told: str) -> bool:
         return serving.run(
             app, host=given["host"], port=given["port"], listeners=[own], proxies=settings.trusted_proxies
         )
-
-
-def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
-    os.kill(os.getpid(), signal.SIGTERM)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import argparse
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -43,3 +44,15 @@ def stopped_by_signals() -> threading.Event:
         # From a thread: a handler runs within whatever this one does, and waits for ever for a lock that this one holds.
         signal.signal(number, lambda *_: _thread.start_new_thread(stop.set, ()))
     return stop
+
+
+def at_end_of_input(act: Callable[[], object]) -> None:
+    """Do something when whoever started this process closes its standard input, or ends."""
+
+    def wait() -> None:
+        # not through sys.stdin, whose lock this thread would hold when the interpreter ends, which is fatal
+        while os.read(0, 1 << 16):
+            pass
+        act()
+
+    threading.Thread(target=wait, daemon=True).start()
