@@ -16,6 +16,7 @@ Examples
 from __future__ import annotations
 
 from servotune.algebra import Part, block, feedback, from_control, gain, parallel, series, tf
+from servotune.asynchronous import AsyncClient
 from servotune.building import System, quantity
 from servotune.client import Client, connect
 from servotune.errors import (
@@ -44,6 +45,7 @@ from servotune.progress import ProgressBar
 
 __all__ = [
     "ApiError",
+    "AsyncClient",
     "Client",
     "ConflictError",
     "DocumentError",
