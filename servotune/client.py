@@ -78,6 +78,11 @@ class Client(Studies, Measured, Searches):
         """The address of the service."""
         return self._transport.url
 
+    @property
+    def key(self) -> str | None:
+        """The key that is sent, None where none is."""
+        return self._transport.key
+
     def close(self) -> None:
         """Close the connection."""
         self._transport.close()

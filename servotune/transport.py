@@ -43,7 +43,7 @@ class Transport:
         headers = {"Accept": "application/json", "User-Agent": "servotune-python"}
         if key is not None:
             headers["Authorization"] = f"Bearer {key}"
-        self.url = url.rstrip("/")
+        self.url, self.key = url.rstrip("/"), key
         self._attempts = attempts
         self._http = httpx.Client(
             base_url=self.url, headers=headers, timeout=httpx.Timeout(timeout, connect=5.0), follow_redirects=False
