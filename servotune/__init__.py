@@ -37,6 +37,7 @@ from servotune.errors import (
     TooManyRequestsError,
     UnauthorizedError,
     UnexpectedReplyError,
+    VersionWarning,
     WaitTimeoutError,
 )
 from servotune.jobs import Job
@@ -67,6 +68,7 @@ __all__ = [
     "TooManyRequestsError",
     "UnauthorizedError",
     "UnexpectedReplyError",
+    "VersionWarning",
     "WaitTimeoutError",
     "block",
     "connect",

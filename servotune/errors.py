@@ -11,6 +11,10 @@ class ServotuneError(Exception):
     """Anything this library raises on purpose; catch it to catch them all."""
 
 
+class VersionWarning(UserWarning):
+    """Client and service are of different versions."""
+
+
 class ServiceUnreachableError(ServotuneError):
     """No answer from the service: wrong address, not started, or the network is down."""
 

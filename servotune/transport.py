@@ -9,14 +9,16 @@ from __future__ import annotations
 import random
 import time
 import uuid
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import httpx
 
 from servotune.encoding import encoded
-from servotune.errors import ServiceUnreachableError, UnexpectedReplyError, api_error
+from servotune.errors import ServiceUnreachableError, UnexpectedReplyError, VersionWarning, api_error
 from servotune.replies.base import Reply
 
 _RETRIED = frozenset({429, 502, 503, 504})
@@ -45,6 +47,7 @@ class Transport:
             headers["Authorization"] = f"Bearer {key}"
         self.url, self.key = url.rstrip("/"), key
         self._attempts = attempts
+        self._compared = False
         self._http = httpx.Client(
             base_url=self.url, headers=headers, timeout=httpx.Timeout(timeout, connect=5.0), follow_redirects=False
         )
@@ -131,6 +134,7 @@ class Transport:
 
     def checked(self, response: httpx.Response) -> httpx.Response:
         """Return a successful response; raise the problem that any other one describes."""
+        self._compare(response.headers.get("Servotune-Version", ""))
         if response.is_success:
             return response
         request = f"{response.request.method} {response.request.url.path}"
@@ -140,6 +144,19 @@ class Transport:
         if not isinstance(problem, Mapping):
             problem = {"title": response.reason_phrase, "detail": response.text.strip()[:200]}
         raise api_error(response.status_code, problem, request)
+
+    def _compare(self, service: str) -> None:
+        """Warn once where the service is of another version than this client, as far as its API may differ."""
+        if self._compared or not service:
+            return
+        self._compared, own = True, _own_version()
+        if own and service.split(".")[:2] != own.split(".")[:2]:
+            warnings.warn(
+                f"the service at {self.url} is of version {service}, this client of {own}, and each may not know what is new in the "
+                f"other: pip install 'servotune=={service}'",
+                VersionWarning,
+                stacklevel=2,
+            )
 
     def body(self, response: httpx.Response) -> Any:
         """Return the JSON body of a response, `None` when it is empty."""
@@ -157,6 +174,13 @@ class Transport:
         return ServiceUnreachableError(
             f"no answer from {self.url}: {reason}. Is the service running (`servotune serve`)?"
         )
+
+
+def _own_version() -> str:
+    try:
+        return version("servotune")
+    except PackageNotFoundError:  # run from its sources
+        return ""
 
 
 def pause(attempt: int) -> float:

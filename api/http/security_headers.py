@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from importlib.metadata import version
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -11,6 +12,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.telemetry.logs import CURRENT_REQUEST
 
 REQUEST_ID = "X-Request-ID"
+VERSION = "Servotune-Version"
+"""Of the service, by which clients see whether they fit."""
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 ALWAYS = {
@@ -37,6 +40,7 @@ class Edge:
     def __init__(self, app: ASGIApp, *, encrypted: bool) -> None:
         self._app = app
         self._headers = dict(ALWAYS)
+        self._version = version("servotune")
         if encrypted:
             self._headers["Strict-Transport-Security"] = f"max-age={_YEAR}"
 
@@ -60,6 +64,7 @@ class Edge:
                 headers.setdefault("Content-Security-Policy", NO_PAGE)
                 if path.startswith("/v1"):
                     headers.setdefault("Cache-Control", "no-store")
+                    headers[VERSION] = self._version
             await send(message)
 
         await self._app(scope, receive, send_with_headers)

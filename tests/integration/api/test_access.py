@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from importlib.metadata import version
 
 import httpx
 import pytest
@@ -342,6 +343,7 @@ def test_the_audit_log_says_who_did_what_in_which_request(service, client) -> No
     me = client.get("/v1/session").json()["principal"]
     created = client.post("/v1/systems", json=LAG, headers={"X-Request-ID": "mine-1"})
     assert created.headers["X-Request-ID"] == "mine-1"
+    assert created.headers["Servotune-Version"] == version("servotune")
     where = created.headers["Location"]
     client.put(where, json=LAG | {"name": "renamed"}, headers={"If-Match": '"1"'})
     client.delete(where, headers={"If-Match": '"2"'})

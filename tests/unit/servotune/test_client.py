@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import warnings
+from importlib.metadata import version
 
 import pytest
 
@@ -14,6 +16,26 @@ def test_every_request_carries_the_key(service: Service, client: servotune.Clien
     service.on("GET /readyz", Answer({"checks": {"worker": "ok"}}))
     assert client.ready() == {"checks": {"worker": "ok"}}
     assert service.asked[0].headers["Authorization"] == "Bearer secret"
+
+
+@pytest.mark.parametrize(
+    ("service_version", "warned"), [("99.1.0", True), (None, False), ("same", False), ("same.9", False)]
+)
+def test_a_service_of_another_version_is_warned_of_once(
+    service: Service, client: servotune.Client, service_version: str | None, warned: bool
+):
+    own = ".".join(version("servotune").split(".")[:2])
+    told = {} if service_version is None else {"Servotune-Version": service_version.replace("same", f"{own}.7")}
+    service.on("GET /v1/jobs/job_1", Answer({"id": "job_1"}, headers=told))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        client.jobs.get("job_1")
+        client.jobs.get("job_1")
+    said = [str(one.message) for one in caught if one.category is servotune.VersionWarning]
+    assert len(said) == warned
+    if warned:
+        assert "is of version 99.1.0" in said[0]
+        assert "pip install 'servotune==99.1.0'" in said[0]
 
 
 def test_absent_arguments_are_left_to_the_service(service: Service, client: servotune.Client):
