@@ -15,8 +15,9 @@ Examples
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from servotune.algebra import Part, block, feedback, from_control, gain, parallel, series, tf
-from servotune.asynchronous import AsyncClient
 from servotune.building import System, quantity
 from servotune.client import Client, connect
 from servotune.errors import (
@@ -43,6 +44,9 @@ from servotune.errors import (
 from servotune.jobs import Job
 from servotune.local import local
 from servotune.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from servotune.asynchronous import AsyncClient
 
 __all__ = [
     "ApiError",
@@ -81,3 +85,12 @@ __all__ = [
     "series",
     "tf",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what few scripts need, and what brings an event loop, where it is asked for."""
+    if name == "AsyncClient":
+        from servotune.asynchronous import AsyncClient  # noqa: PLC0415 - as said above
+
+        return AsyncClient
+    raise AttributeError(f"module 'servotune' has no attribute {name!r}")
