@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
+import servotune
 from examples import (
     dc_motor_resistance,
     hanging_load,
@@ -19,7 +19,6 @@ from examples import (
     programmed_delay,
     velocity_limit,
 )
-from examples.demo.service import own_service
 from examples.presentation import save
 
 STUDIES = (
@@ -41,7 +40,7 @@ FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 def main() -> int:
     """Write all figures and return the exit code."""
     FIGURES.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder, own_service(Path(folder)) as client:
+    with servotune.local() as client:
         for script in STUDIES:
             path = FIGURES / f"{script.__name__.rpartition('.')[2].replace('_', '-')}.png"
             print(f"\n{path.name}\n")

@@ -70,9 +70,10 @@ def local(folder: Path | str | None = None, *, timeout: float = 120.0) -> Client
 def _started(place: Path, port: int, key: str, log: Path) -> subprocess.Popen[bytes]:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SERVOTUNE_")}
     environment |= {
-        "SERVOTUNE_DATABASE_URL": f"sqlite:///{place / 'servotune.db'}",
+        "SERVOTUNE_DATABASE_URL": f"sqlite:///{(place / 'servotune.db').resolve()}",
         "SERVOTUNE_BOOTSTRAP_KEY": key,
         "SERVOTUNE_REQUESTS_PER_MINUTE": "0",
+        "SERVOTUNE_WORKER_SLOTS": str(os.cpu_count() or 1),
     }
     command = [sys.executable, "-m", "servotune", "serve", "--port", str(port), "--with-parent"]
     with log.open("wb") as written:

@@ -11,7 +11,6 @@ from pathlib import Path
 import servotune
 from examples.demo import analysing, measuring, report, tuning
 from examples.demo.findings import PLACES, DemoError, Estimate, Findings, Recording, Search, Understanding
-from examples.demo.service import own_service
 from examples.demo.systems import VARIABLES
 from examples.demo.units import MILLISECONDS, measured, parameter, signed, words
 
@@ -52,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     began = time.monotonic()
     step = Narrator()
     try:
-        with own_service(options.workdir) as client:
+        for old in options.workdir.glob("servotune.db*"):
+            old.unlink()
+        with servotune.local(options.workdir) as client:
             findings = improve(client, understand(client, options.recording, step), step)
         step("h", "report")
         report.write(findings, options.report)

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+import servotune
 from examples.demo import __main__ as demo
 from examples.demo import report
 from examples.demo.findings import Findings, Understanding
 from examples.demo.measuring import DATA
-from examples.demo.service import own_service
 
 LATER = 3
 """Samples (1 ms each) by which the changed recording's measured channel comes later."""
@@ -64,7 +64,7 @@ class Understood:
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Understood:
     folder, said = tmp_path_factory.mktemp("changed"), io.StringIO()
     recording = delayed(DATA / "0A.txt", folder / "0A.txt")
-    with own_service(folder / "work") as client, redirect_stdout(said):
+    with servotune.local(folder / "work") as client, redirect_stdout(said):
         found = demo.understand(client, recording, demo.Narrator())
     return Understood(said.getvalue(), found)
 
