@@ -155,7 +155,7 @@ class Optimization(_Extras):
     seconds: float
     effort: dict[str, dict[str, float]] | None
     map: Map | None
-    system: dict[str, Any]
+    system: dict[str, Any] | None
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the goals: metric, value before and after, unit, whether it is met."""

@@ -102,7 +102,7 @@ def test_every_one_ends_soon_with_an_answer_or_a_named_refusal(all_ended: list[E
         assert one.status in ends or one.refused, one
         assert one.seconds <= LONGEST, one
         assert one.room <= LARGEST, one
-        assert one.evaluations <= 200, one
+        assert WHOLE or one.evaluations <= 200, one
 
 
 def test_intervals_hold_the_truth_where_nothing_is_doubted(all_ended: list[Ended]) -> None:
