@@ -86,6 +86,7 @@ def _wait(client: Client, process: subprocess.Popen[bytes], log: Path) -> None:
     while True:
         with suppress(ServiceUnreachableError, ApiError):
             client.ready()
+            next(client.systems.list(), None)  # who answers at this port knows the key: it is no other program
             return
         if process.poll() is not None or time.monotonic() > until:
             said = log.read_text(errors="replace").strip().splitlines()[-3:]

@@ -11,6 +11,7 @@ import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, ids, print_json, print_table, shown_as
+from servotune.commands.files import read_json
 from servotune.errors import JobCancelledError, JobFailedError
 from servotune.jobs import FINAL, Job
 from servotune.replies.base import Reply
@@ -100,8 +101,6 @@ def watch(client: Client, *, job: str, timeout: float | None, as_json: bool) -> 
 
 def start(client: Client, kind: Kind, file: Path, *, waits: bool, timeout: float | None, as_json: bool) -> int:
     """Start a job from a request in a file; wait for its end where that is wanted."""
-    from servotune.commands.systems import read_json  # noqa: PLC0415 - systems are no part of this file
-
     job = client.jobs.start(kind, read_json(file))
     if not waits:
         if as_json:

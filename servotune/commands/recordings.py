@@ -8,7 +8,7 @@ import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, print_json, print_table, shown_as
-from servotune.commands.systems import read_json
+from servotune.commands.files import read_json
 from servotune.progress import ProgressBar
 
 

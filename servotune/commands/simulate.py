@@ -10,7 +10,7 @@ import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, ids, print_json, print_table, shown_as
-from servotune.commands.systems import system_of
+from servotune.commands.files import system_of
 from servotune.replies import Simulation
 
 Pair = tuple[str, Any]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import click
 
 from servotune.client import Client
 from servotune.commands.connecting import asking, ids, print_json, print_table, shown_as
+from servotune.commands.files import read_json
 
 
 @click.group
@@ -61,25 +60,3 @@ def delete(client: Client, *, system: str, force: bool) -> None:
     """Delete a system; results keep the revision that they used."""
     client.systems.delete(system, force=force)
     click.echo(f"Deleted {system}.")
-
-
-def read_json(file: Path) -> dict[str, Any]:
-    """Return the JSON object in a file.
-
-    Raises
-    ------
-    click.UsageError
-        It is none.
-    """
-    try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise click.UsageError(f"{file} must be JSON, got {error}") from error
-    if not isinstance(found, dict):
-        raise click.UsageError(f"{file} must be a JSON object, got {type(found).__name__}")
-    return found
-
-
-def system_of(given: str) -> str | dict[str, Any]:
-    """Return a system as it is sent: a document where a file of this name is there, else an id."""
-    return read_json(Path(given)) if Path(given).is_file() else given
