@@ -205,8 +205,19 @@ def test_a_cut_binary_file_keeps_its_whole_points(tmp_path):
     assert f"{read[last].size} of the {whole[last].size} points" in found.remarks[0]
 
 
+def test_a_function_with_fewer_points_than_it_says_is_read_as_far_as_it_goes(tmp_path):
+    """As programs leave them that shorten a file by hand, or end while they measure."""
+    content = (head(count=18) + ROW * 2 + END + head(count=6) + ROW + END).encode()
+    with pytest.raises(FormatError, match="must fit into the 158 bytes that are there, got 18 values"):
+        arrays(opened("uff", content, tmp_path))
+    found, read = truncated(content, tmp_path)
+    assert [len(one) for one in read.values()] == [12, 6]
+    assert found.remarks[0] == "the file is cut off: 12 of the 18 points of 'P 7+Z' are there"
+    assert len(found.remarks) == 2
+
+
 def test_a_file_cut_before_its_second_point_is_refused(tmp_path):
-    with pytest.raises(FormatError, match="must have at least 2 points, got 0 before the file ends"):
+    with pytest.raises(FormatError, match="must have at least 2 points, got 0"):
         truncated((head() + ROW[:30]).encode(), tmp_path)
 
 
