@@ -145,7 +145,7 @@ ALL = FILES | OTHERS
 
 
 def test_every_format_is_here() -> None:
-    assert set(FILES) == {*_READERS, *TABLES, "lvm"}
+    assert set(FILES) == {*_READERS, *TABLES, "lvm", "uff"}
 
 
 def changed(whole: bytes, rng: np.random.Generator) -> bytes:
