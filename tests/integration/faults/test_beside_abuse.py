@@ -206,7 +206,7 @@ def test_an_export_of_1_gb_slows_nobody(
     database_url: str, tmp_path: Path, form: str, record_testsuite_property: Told
 ) -> None:
     with running(database_url, tmp_path) as service:
-        where = upload(service, 128)
+        where = upload(service, 160 if form == "hdf5" else 128)  # HDF5 leaves compressed, to four fifths
 
         def abuse(service: Service, enough: threading.Event) -> None:
             export(service, enough, where=where, form=form)
