@@ -100,8 +100,8 @@ proof: setup  ## the random-system properties at full size (an hour on two cores
 faults: setup  ## killed workers and services, a database that goes away or fills up, load; longer than in `make test`
 	@SERVOTUNE_FAULTS=full $(BIN)/pytest -q tests/integration/faults tests/integration/storage/test_jobs_recovery.py
 
-fuzz: setup  ## random requests made from the contract, eighty times as many as in `make test` (long)
-	@$(BIN)/pytest -q tests/integration/api/test_fuzzing.py --hypothesis-profile=proof
+fuzz: setup  ## random requests made from the contract on both databases, and files of every format with random damage (long)
+	@$(BIN)/pytest -q tests/integration/api/test_fuzzing.py tests/property/test_damaged_files.py --hypothesis-profile=proof -n $$(getconf _NPROCESSORS_ONLN) --dist worksteal
 
 # One thread for everybody, and memory that is kept between calls: batched numpy is at its best so.
 bench: setup  ## this engine beside its peers: time, ratio and accuracy (minutes)
