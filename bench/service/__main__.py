@@ -1,4 +1,4 @@
-"""`make bench-service`: rates of the queue, what a second worker brings, and two hundred clients for a minute."""
+"""`make bench-service`: what a body costs, rates of the queue, what a second worker brings, and two hundred clients for a minute."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 from bench.service import workers
+from bench.service.bodies import costs
 from bench.service.load import load
 from bench.service.process import KEY, serving
 from tests.support import postgres
@@ -26,6 +27,8 @@ def main() -> None:
     parser.add_argument("--only", choices=("sqlite", "postgres"), help="let the clients ask this database, and no more")
     given = parser.parse_args()
     print(f"load of the machine: {', '.join(f'{value:.1f}' for value in os.getloadavg())}; {os.cpu_count()} cores")
+    for count, taken, refused in costs():
+        print(f"a body of {count} keys, one twice: {1e6 * taken / count:.2f} us a key ({refused})")
     with tempfile.TemporaryDirectory() as folder, postgres.server() as server:
         for name in ("sqlite", "postgres") if given.only is None else (given.only,):
 
@@ -37,9 +40,9 @@ def main() -> None:
             if given.only is None:
                 for what, rate in workers.rates(fresh("rates"), jobs=given.jobs).items():
                     print(f"{name}: jobs {what}: {rate:.0f}/s")
-                taken = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
+                lasted = workers.parts(fresh("parts"), count=given.parts, seconds=given.work)
                 print(
-                    f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {taken[1]:.1f} s, 2 workers {taken[2]:.1f} s, {taken[1] / taken[2]:.2f}x"
+                    f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
                 )
             with serving(fresh("load"), Path(folder) / f"{name}.log", processes=given.processes) as url:
                 outcome = asyncio.run(load(url, KEY, clients=given.clients, seconds=given.seconds))
