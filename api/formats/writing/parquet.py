@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -41,6 +42,8 @@ class _Sink(io.RawIOBase):
 
 def write(recording: Outgoing) -> Iterator[bytes]:
     """Yield the file."""
+    # its own allocator keeps what was freed, where api.runtime.memory cannot reach it; read when the library is loaded
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     import pyarrow as pa  # noqa: PLC0415 - loads a library that most processes never need
     import pyarrow.parquet as pq  # noqa: PLC0415 - as above
 
