@@ -78,7 +78,7 @@ def interior() -> tuple[Real, Real]:
 
 
 def weights(theta: Array) -> Array:
-    """Return the interpolation weights from node values to the points ``theta``, by the barycentric formula.
+    """Return the interpolation weights from node values to the points ``theta``.
 
     Parameters
     ----------
@@ -89,12 +89,10 @@ def weights(theta: Array) -> Array:
     -------
     ndarray, shape (..., N + 1)
     """
-    inside = np.clip(np.real(theta), 0.0, 1.0)
-    apart = inside[..., None] - NODES
-    there = apart == 0.0
-    shares = np.where(there.any(axis=-1, keepdims=True), there, _SIGNS / np.where(there, 1.0, apart))
-    basis = shares / shares.sum(axis=-1, keepdims=True)
-    offset = theta - inside  # the infinitesimal part, and what the clipping took away
+    x = np.clip(2 * np.real(theta) - 1, -1.0, 1.0)
+    vandermonde = np.polynomial.chebyshev.chebvander(x, DEGREE).reshape(*np.shape(x), DEGREE + 1)
+    basis = vandermonde @ coefficient_matrix()
+    offset = theta - (x + 1) / 2  # the infinitesimal part, and what the clipping took away
     if np.any(offset != 0):
         basis = basis + offset[..., None] * (basis @ differentiation_matrix())
     return np.asarray(basis)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from engine.exact.frequency.dc_gain import known_gain
 from engine.exact.time.chebyshev import NODES
-from engine.exact.time.trajectory import Response
+from engine.exact.time.trajectory import respond
 from engine.model.errors import UnresolvedError
 
 if TYPE_CHECKING:
@@ -48,16 +48,15 @@ def followed(
 ) -> Followed:
     """Return the response until nothing moves any more: a lifetime, and longer where that is not enough."""
     horizon, rest, stalled = _horizon(part, signals, lifetime), np.full(len(finals), np.inf), 0
-    response = Response(part, list(signals.values()))
     longest: Followed | None = None
     if any(final is None for final in finals):
-        found = response.to(horizon)
+        found = respond(part, list(signals.values()), horizon)
         none = np.zeros(len(finals))
         return Followed(response=found, left=none, largest=none, rounded=none == 0)
     known = known_gain(part)[1] @ np.abs([float(signal.final() or 0.0) for signal in signals.values()])
     while True:
         try:
-            found = response.to(horizon)
+            found = respond(part, list(signals.values()), horizon)
         except UnresolvedError:
             if longest is None:
                 raise

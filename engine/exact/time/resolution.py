@@ -20,7 +20,6 @@ _GROWTH = 3e-8  # when coefficients 8 and 9 are below this, twice the segment is
 _ROUNDING = 4e-15
 _NOISE = 5e-11  # what rounding may leave of a mode that has died away in a long segment
 _CANCELLED = 1e-15  # what rounding leaves of the terms that a signal is the sum of
-_LEVEL = 20  # rounding that is integrated three times falls as k^-3: (16 / 6)^3
 
 
 class Resolution:
@@ -65,7 +64,7 @@ class Resolution:
         held = resolved.all(axis=1)
         if not held.all():
             # coefficients that do not fall any more are rounding, which a shorter segment would not make less
-            level = coefficients[:, 6:10].max(axis=1) <= _LEVEL * coefficients[:, -3:].max(axis=1)
+            level = coefficients[:, 6:10].max(axis=1) <= 8 * coefficients[:, -3:].max(axis=1)
             noise, cancelled = _NOISE * scale, _CANCELLED * terms()
             np.maximum(noise, cancelled, out=noise)
             held = np.all(resolved | (level & (tail <= noise)), axis=1)
