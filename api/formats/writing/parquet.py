@@ -47,9 +47,6 @@ def write(recording: Outgoing) -> Iterator[bytes]:
     import pyarrow as pa  # noqa: PLC0415 - loads a library that most processes never need
     import pyarrow.parquet as pq  # noqa: PLC0415 - as above
 
-    pa.set_memory_pool(
-        pa.system_memory_pool()
-    )  # its own keeps what was freed, where api.runtime.memory cannot reach it
     fields = [
         pa.field(column.name, pa.float64(), metadata={"unit": column.unit, "quantity": column.quantity})
         for column in recording.columns
