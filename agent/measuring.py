@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from agent.drivers.interface import Driver, Running
 from agent.drives import signal_of
 from agent.errors import AttemptError
-from agent.hardware import Hardware, Running
 from agent.lease import Lease
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
@@ -100,7 +100,7 @@ class Measurement:
 
     def __init__(
         self,
-        hardware: Hardware,
+        hardware: Driver,
         spool: Spool,
         settings: Settings,
         *,

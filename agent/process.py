@@ -13,8 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
-from agent.hardware import Hardware
 from agent.lease import Lease
 from agent.measuring import Measurement
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
@@ -48,7 +48,7 @@ class Agent:
         self._stop = threading.Event()
         self._spool = Spool(Path(settings.spool.folder), limit=settings.spool.limit, reserve=settings.spool.reserve)
         self._service = Service(settings.service.url, key=settings.key, timeout=settings.service.timeout)
-        self._hardware = Hardware(settings.daq, rig=settings.rig.name)
+        self._hardware = load(settings.daq.driver)(settings.daq, rig=settings.rig.name)
         self._uploader = Uploader(self._service, self._spool)
 
     def stop(self) -> None:

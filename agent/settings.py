@@ -8,6 +8,7 @@
     [rig]
     name = "bench-1"                       # SERVOTUNE_AGENT_RIG, --rig
     [daq]
+    driver = "nidaqmx"                     # or another of `servotune.drivers`; the rest of the table is the driver's own
     server = "127.0.0.1:31763"             # absent: the driver of this PC
     [spool]
     folder = "/var/lib/servotune-agent"    # SERVOTUNE_AGENT_SPOOL, --spool
@@ -30,9 +31,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any, TypeVar
 
+from agent.drivers.loading import load
 from agent.errors import SettingsError
 
-KINDS = ("voltage", "acceleration", "force", "velocity", "bridge")
 Section = TypeVar("Section")
 
 
@@ -57,18 +58,30 @@ class RigSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DaqSettings:
-    """How the hardware is reached.
+    """How the hardware is reached; every driver adds what it needs.
 
-    ``server`` is the address of an NI gRPC Device Server, empty for the driver of this PC. ``deadline`` is what a call may
-    take beyond its own timeout, ``chunk`` what is read in one go, both in s. ``clock`` and ``trigger`` are terminals that
-    outputs take their clock and start from; by default those that the driver names for the inputs' task.
+    ``driver`` is the name of an entry point of ``servotune.drivers``. ``deadline`` is what a call may take beyond its own
+    timeout, ``chunk`` what is read in one go, both in s.
     """
 
-    server: str = ""
+    driver: str = "nidaqmx"
     deadline: float = 10.0
     chunk: float = 0.25
-    clock: str = ""
-    trigger: str = ""
+
+    def check(self) -> None:
+        """Make sure that the values make sense.
+
+        Raises
+        ------
+        SettingsError
+            With the name, the rule and the value.
+        """
+        for name in ("deadline", "chunk"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise SettingsError(f"daq.{name} must be > 0 s, got {value:g}")
+            if value == math.inf:
+                raise SettingsError(f"daq.{name} must be finite, got {value:g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,7 +218,7 @@ def read(path: Path | None, environment: Mapping[str, str], arguments: Mapping[s
     settings = Settings(
         service=_section(ServiceSettings, tables.get("service", {}), "service"),
         rig=_section(RigSettings, tables.get("rig", {}), "rig"),
-        daq=_section(DaqSettings, tables.get("daq", {}), "daq"),
+        daq=_daq(tables.get("daq", {})),
         spool=_section(SpoolSettings, tables.get("spool", {}), "spool"),
         devices=_list(DeviceSettings, tables, "devices"),
         inputs=_list(InputSettings, tables, "inputs"),
@@ -224,6 +237,12 @@ def _tables(path: Path | None) -> dict[str, Any]:
         raise SettingsError(f"{path} must be readable: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} must be TOML: {error}") from error
+
+
+def _daq(table: Any) -> DaqSettings:
+    """Return the settings of the hardware, as their driver has them."""
+    named = table.get("driver", DaqSettings().driver) if isinstance(table, dict) else DaqSettings().driver
+    return _section(load(_checked(named, "str", "daq.driver")).settings, table, "daq")
 
 
 def _list(kind: type[Section], tables: Mapping[str, Any], name: str) -> tuple[Section, ...]:
@@ -270,19 +289,18 @@ def _checked(value: Any, type_: str, place: str) -> Any:
 def _check(settings: Settings) -> None:
     if not settings.rig.name:
         raise SettingsError("rig.name must be given (--rig)")
-    for name in ("deadline", "chunk"):
-        if not getattr(settings.daq, name) > 0.0:
-            raise SettingsError(f"daq.{name} must be > 0 s, got {getattr(settings.daq, name):g}")
+    settings.daq.check()
+    kinds = load(settings.daq.driver).kinds
     for entry in settings.inputs:
-        _check_input(entry)
+        _check_input(entry, kinds)
     for output in settings.outputs:
         _check_output(output)
 
 
-def _check_input(entry: InputSettings) -> None:
+def _check_input(entry: InputSettings, kinds: tuple[str, ...]) -> None:
     place = f"input {entry.name}"
-    if entry.kind not in KINDS:
-        raise SettingsError(f"{place}: kind must be one of {', '.join(KINDS)}, got {entry.kind!r}")
+    if entry.kind not in kinds:
+        raise SettingsError(f"{place}: kind must be one of {', '.join(kinds)}, got {entry.kind!r}")
     if entry.sensitivity == 0.0 or not math.isfinite(entry.sensitivity):
         raise SettingsError(f"{place}: sensitivity must be finite and not 0, got {entry.sensitivity:g}")
     if not 0.0 < entry.range < math.inf:

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent.drivers.nidaqmx.driver import Nidaqmx
+from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.drives import signal_of
 from agent.errors import AttemptError
-from agent.hardware import Hardware
 from agent.safety import Drive
-from agent.settings import DaqSettings, InputSettings, OutputSettings
+from agent.settings import InputSettings, OutputSettings
 from rig_simulator.bench import Bench
 from rig_simulator.devices import Device, Task
 from rig_simulator.grpc_server import Server
@@ -40,7 +41,7 @@ class WatchedBench(Bench):
 
 
 @pytest.fixture(scope="module")
-def rig() -> Iterator[tuple[WatchedBench, Hardware]]:
+def rig() -> Iterator[tuple[WatchedBench, Nidaqmx]]:
     bench = WatchedBench(
         [
             Device(name="Mod1", model="NI 9234", serial=1, inputs=1, divider=0),
@@ -48,7 +49,7 @@ def rig() -> Iterator[tuple[WatchedBench, Hardware]]:
         ]
     )
     server = Server(bench)
-    hardware = Hardware(DaqSettings(server=f"127.0.0.1:{server.port}", deadline=60.0), rig="bench")
+    hardware = Nidaqmx(NidaqmxSettings(server=f"127.0.0.1:{server.port}", deadline=60.0), rig="bench")
     yield bench, hardware
     hardware.close()
     server.close()
@@ -115,7 +116,7 @@ def excess(drive: Drive) -> float:
 
 @given(drive=jobs(), stopped=numbers(0.0, 1.2))
 def test_no_job_exceeds_the_limits_of_an_output(
-    rig: tuple[WatchedBench, Hardware], drive: Drive, stopped: float
+    rig: tuple[WatchedBench, Nidaqmx], drive: Drive, stopped: float
 ) -> None:
     bench, hardware = rig
     output = drive.output

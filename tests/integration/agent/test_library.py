@@ -18,17 +18,18 @@ COMPILER = shutil.which("cc")
 PROGRAM = """
 import json
 import numpy as np
-from agent import hardware as hardware_module
+from agent.drivers.nidaqmx import driver as driver_module
 from agent.errors import AttemptError
-from agent.hardware import Hardware
+from agent.drivers.nidaqmx.driver import Nidaqmx
+from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.safety import Drive
-from agent.settings import DaqSettings, DeviceSettings, InputSettings, OutputSettings
+from agent.settings import DeviceSettings, InputSettings, OutputSettings
 from rig_simulator.driver_library import Library
 from tests.integration.agent.lab import make_bench
 
 bench = make_bench()
 library = Library(bench)
-hardware = Hardware(DaqSettings(chunk=0.1), rig="bench-1")
+hardware = Nidaqmx(NidaqmxSettings(chunk=0.1), rig="bench-1")
 found = {"devices": hardware.check([DeviceSettings(name="cDAQ1Mod1", serial="1A2B3C4")])}
 output = OutputSettings(name="valve", channel="cDAQ1Mod2/ao0", amplitude=4.0)
 inputs = [InputSettings(name="a", channel="cDAQ1Mod1/ai0"), InputSettings(name="b", channel="cDAQ1Mod1/ai1"),
@@ -53,7 +54,7 @@ def run(seconds, rate=1000.0):
             "finite": running._finite, "level": bench.levels["cDAQ1Mod2/ao0"]}
 
 found["finite"] = run(1.0)
-hardware_module._WHOLE = 10_000  # samples, beyond which a run is streamed both ways
+driver_module._WHOLE = 10_000  # samples, beyond which a run is streamed both ways
 found["continuous"] = run(6.0, rate=5120.0)
 
 def failing(work):

@@ -7,8 +7,8 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError, DaqNotFoundError, RpcError
 
-from agent.errors import DRIVER_ERRORS, AttemptError
-from agent.hardware import translated
+from agent.drivers.nidaqmx.errors import DRIVER_ERRORS, translated
+from agent.errors import AttemptError
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,10 @@ def test_the_later_one_counts(tmp_path) -> None:
         (GOOD.replace("sensitivity = 2", "calibration = 3"), r"inputs\[0\].calibration must be a table, got 3"),
         (GOOD + '[[outputs]]\nname = "valve"\nchannel = "x"\namplitude = 1', "got 'valve' twice"),
         (GOOD + "[daq]\nchunk = 0", "daq.chunk must be > 0 s, got 0"),
+        (GOOD + "[daq]\ndeadline = inf", "daq.deadline must be finite, got inf"),
+        (GOOD + "[daq]\ndriver = 'nidacmx'", "daq.driver must be one of .*nidaqmx.*, got 'nidacmx'"),
+        (GOOD + "[daq]\ndriver = 3", "daq.driver must be text, got 3"),
+        ("daq = 3", "daq must be a table, got 3"),
         ("[[", "must be TOML"),
     ],
 )

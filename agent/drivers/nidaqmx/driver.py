@@ -1,7 +1,6 @@
 """The rig through NI-DAQmx: the driver of this PC, or an NI gRPC Device Server; inputs and output on one clock, one start.
 
-Values are volts as the module delivers them: IEPE channels are made with a sensitivity of exactly 1 V for their unit, so that
-the calibration stays with the recording and can be corrected later.
+Values are volts as the module delivers them.
 """
 
 from __future__ import annotations
@@ -13,30 +12,19 @@ from typing import Any
 
 import nidaqmx
 import numpy as np
-import numpy.typing as npt
-from nidaqmx.constants import (
-    AccelSensitivityUnits,
-    AccelUnits,
-    AcquisitionType,
-    BridgeUnits,
-    Coupling,
-    ExcitationSource,
-    ForceIEPESensorSensitivityUnits,
-    ForceUnits,
-    RegenerationMode,
-    VelocityIEPESensorSensitivityUnits,
-    VelocityUnits,
-)
-from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, Error, RpcError
+from nidaqmx.constants import AcquisitionType, RegenerationMode
+from nidaqmx.errors import Error
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
-from agent.deadline import channel
-from agent.errors import AttemptError, of_driver, of_server
+from agent.drivers.interface import Channel, Driver, Running, Samples
+from agent.drivers.nidaqmx.deadline import channel
+from agent.drivers.nidaqmx.errors import translated
+from agent.drivers.nidaqmx.inputs import KINDS, add_input
+from agent.drivers.nidaqmx.settings import NidaqmxSettings
+from agent.errors import AttemptError
 from agent.safety import Drive, way_home
-from agent.settings import DaqSettings, DeviceSettings, InputSettings, OutputSettings
-
-Samples = npt.NDArray[np.float64]
+from agent.settings import InputSettings, OutputSettings
 
 _WHOLE = 2_000_000
 """Samples (of all channels) up to which a run is finite, and its drive is written before it starts."""
@@ -45,17 +33,13 @@ _AHEAD = 4.0
 _HOME_RATE = 1000.0
 
 
-class Hardware:
-    """The devices of a rig.
+class Nidaqmx(Driver):
+    """The devices of a rig; the rig's name is part of the names of its tasks, by which what an earlier agent left is found."""
 
-    Parameters
-    ----------
-    settings : DaqSettings
-    rig : str
-        Part of the names of the tasks, by which an agent finds what an earlier one has left behind.
-    """
+    settings = NidaqmxSettings
+    kinds = KINDS
 
-    def __init__(self, settings: DaqSettings, *, rig: str) -> None:
+    def __init__(self, settings: NidaqmxSettings, *, rig: str) -> None:
         self._settings = settings
         self._channel = channel(settings.server, margin=settings.deadline) if settings.server else None
         word = "".join(letter if letter.isalnum() else "-" for letter in rig)
@@ -72,19 +56,8 @@ class Hardware:
             self._channel.close()
 
     def devices(self) -> list[dict[str, Any]]:
-        """Return the modules that are there.
-
-        Raises
-        ------
-        AttemptError
-            When the hardware cannot be reached.
-        """
+        """Return the modules that are there."""
         with translated():
-            system = (
-                nidaqmx.system.System.remote(self._options("")["grpc_options"])
-                if self._channel is not None
-                else nidaqmx.system.System.local()
-            )
             return [
                 {
                     "name": device.name,
@@ -92,34 +65,24 @@ class Hardware:
                     "serial": f"{device.serial_num:08X}",
                     "simulated": bool(device.is_simulated),
                 }
-                for device in system.devices
+                for device in self._system().devices
             ]
 
-    def check(self, expected: Sequence[DeviceSettings]) -> list[dict[str, Any]]:
-        """Return the modules that are there, having made sure that they are the right ones.
-
-        Raises
-        ------
-        AttemptError
-            `unknown_device`, `wrong_device`.
-        """
-        found = self.devices()
-        there = {device["name"]: device for device in found}
-        for device in expected:
-            got = there.get(device.name)
-            if got is None:
-                known = ", ".join(there) or "none"
-                raise AttemptError(
-                    "unknown_device", f"device {device.name} must be there ({known}): check cable and power"
-                )
-            for what in ("model", "serial"):
-                wanted = getattr(device, what)
-                if wanted and wanted.upper().lstrip("0") != got[what].upper().lstrip("0"):
-                    raise AttemptError(
-                        "wrong_device",
-                        f"{what} of {device.name} must be {wanted}, got {got[what]}: the calibration is another one's",
-                    )
+    def channels(self) -> list[Channel]:
+        """Return the analog channels of all modules; an output tells no range before a task has it."""
+        found = []
+        with translated():
+            for device in self._system().devices:
+                inputs = device.ai_physical_chans.channel_names
+                ranges = tuple(sorted({abs(limit) for limit in device.ai_voltage_rngs})) if inputs else ()
+                found += [Channel(name=name, direction="input", ranges=ranges) for name in inputs]
+                found += [Channel(name=name, direction="output") for name in device.ao_physical_chans.channel_names]
         return found
+
+    def _system(self) -> Any:
+        if self._channel is None:
+            return nidaqmx.system.System.local()
+        return nidaqmx.system.System.remote(self._options("")["grpc_options"])
 
     def clean(self) -> None:
         """Clear the tasks that an agent of this rig has left on a device server; the driver of a PC does so by itself."""
@@ -130,13 +93,7 @@ class Hardware:
                 self._task(name).close()
 
     def rest(self, output: OutputSettings, *, level: float | None = None) -> None:
-        """Bring an output to its safe value, softly where it is known where it stands.
-
-        Raises
-        ------
-        AttemptError
-            When the hardware does not answer: the output may stand anywhere.
-        """
+        """Bring an output to its safe value, softly where it is known where it stands."""
         start = output.safe if level is None else level
         with translated(), self._task(self._output) as task:
             task.ao_channels.add_ao_voltage_chan(output.channel, min_val=-output.amplitude, max_val=output.amplitude)
@@ -150,22 +107,18 @@ class Hardware:
 
     @contextmanager
     def run(self, inputs: Sequence[InputSettings], rate: float, *, seconds: float) -> Iterator[Running]:
-        """Prepare the inputs; the rate that the hardware really has is then known.
-
-        Parameters
-        ----------
-        seconds : float
-            Length of the run, roughly.
-        """
+        """Prepare the inputs; the rate that the hardware really has is then known."""
         with ExitStack() as stack:
             with translated():
                 task = stack.enter_context(_closing(self._task(self._input)))
                 for entry in inputs:
-                    _add(task, entry)
+                    add_input(task, entry)
                 finite = rate * seconds * len(inputs) <= _WHOLE
                 task.timing.cfg_samp_clk_timing(rate, sample_mode=_mode(finite=finite), samps_per_chan=1000)
                 actual = float(task.timing.samp_clk_rate)
-            yield Running(self, self._settings, stack, task, inputs=inputs, asked=rate, rate=actual, finite=finite)
+            yield NidaqmxRunning(
+                self, self._settings, stack, task, inputs=inputs, asked=rate, rate=actual, finite=finite
+            )
 
     def output_task(self) -> Any:
         """Return the task of the outputs."""
@@ -180,13 +133,13 @@ class Hardware:
         return {"grpc_options": nidaqmx.GrpcSessionOptions(self._channel, name)}
 
 
-class Running:
+class NidaqmxRunning(Running):
     """Inputs that are ready, and what they deliver once they are started."""
 
     def __init__(
         self,
-        hardware: Hardware,
-        settings: DaqSettings,
+        hardware: Nidaqmx,
+        settings: NidaqmxSettings,
         stack: ExitStack,
         task: Any,
         *,
@@ -252,13 +205,7 @@ class Running:
             self._task.start()
 
     def read(self) -> Samples:
-        """Return the next samples, shape (channels, n); none when the run is over.
-
-        Raises
-        ------
-        AttemptError
-            With what the hardware complains about.
-        """
+        """Return the next samples, shape (channels, n); none when the run is over."""
         count = min(max(int(self.rate * self._settings.chunk), 1), self._samples - self._read)
         block = np.empty((len(self._inputs), count))
         if not count:
@@ -294,54 +241,6 @@ def _mode(*, finite: bool) -> Any:
     return AcquisitionType.FINITE if finite else AcquisitionType.CONTINUOUS
 
 
-def _add(task: Any, entry: InputSettings) -> None:
-    """Add an input that delivers volts."""
-    limits = {"min_val": -entry.range, "max_val": entry.range}
-    channels = task.ai_channels
-    current = {
-        "current_excit_source": ExcitationSource.INTERNAL,
-        "current_excit_val": entry.excitation or 0.002,
-    }
-    match entry.kind:
-        case "voltage":
-            channels.add_ai_voltage_chan(entry.channel, **limits)
-        case "acceleration":
-            made = channels.add_ai_accel_chan(
-                entry.channel,
-                units=AccelUnits.G,
-                sensitivity=1000.0,
-                sensitivity_units=AccelSensitivityUnits.MILLIVOLTS_PER_G,
-                **limits,
-                **current,
-            )
-            made.ai_coupling = Coupling.AC
-        case "force":
-            channels.add_ai_force_iepe_chan(
-                entry.channel,
-                units=ForceUnits.NEWTONS,
-                sensitivity=1000.0,
-                sensitivity_units=ForceIEPESensorSensitivityUnits.MILLIVOLTS_PER_NEWTON,
-                **limits,
-                **current,
-            )
-        case "velocity":
-            channels.add_ai_velocity_iepe_chan(
-                entry.channel,
-                units=VelocityUnits.METERS_PER_SECOND,
-                sensitivity=1.0,  # mV/(mm/s) is V/(m/s)
-                sensitivity_units=VelocityIEPESensorSensitivityUnits.MILLIVOLTS_PER_MILLIMETER_PER_SECOND,
-                **limits,
-                **current,
-            )
-        case _:
-            channels.add_ai_bridge_chan(
-                entry.channel,
-                units=BridgeUnits.VOLTS_PER_VOLT,
-                voltage_excit_val=entry.excitation or 2.5,
-                **limits,
-            )
-
-
 @contextmanager
 def _closing(task: Any) -> Iterator[Any]:
     """Close a task, whether the hardware still answers or not: what has gone wrong before is told, not this."""
@@ -350,17 +249,3 @@ def _closing(task: Any) -> Iterator[Any]:
     finally:
         with contextlib.suppress(Error):
             task.close()
-
-
-@contextmanager
-def translated() -> Iterator[None]:
-    """Turn what nidaqmx raises into a word and a sentence."""
-    try:
-        yield
-    except (DaqNotFoundError, DaqNotSupportedError) as error:
-        detail = "NI-DAQmx must be installed on this PC, or daq.server name an NI gRPC Device Server"
-        raise AttemptError("no_driver", detail) from error
-    except RpcError as error:
-        raise of_server(getattr(error.rpc_code, "name", str(error.rpc_code)), error.description) from error
-    except DaqError as error:
-        raise of_driver(int(error.error_code), str(error)) from error
