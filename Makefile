@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WARM := $(VENV)/.warm
 PAGES := api/static/index.html
+DISTRIBUTIONS := $(sort $(wildcard distributions/*))
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some hundred processes: what they load is compiled once, also where the environment says that nothing compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
@@ -16,18 +17,18 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-service bench-web bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-service bench-web bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
 
 # The stamp is newer than what it depends on exactly when the environment is complete: a second `make` installs nothing.
-$(INSTALLED): requirements.lock pyproject.toml
+$(INSTALLED): requirements.lock pyproject.toml $(wildcard distributions/*/pyproject.toml)
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11) and "Python 3.11 or newer is needed, $(PYTHON) is " + sys.version.split()[0])'
 	@test -x $(BIN)/python || "$(PYTHON)" -m venv $(VENV) || { echo 'No virtual environment: on Debian, apt install python3.11-venv'; exit 1; }
 	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'
 	@$(BIN)/python -m pip install -qq --require-hashes --only-binary :all: -r requirements.lock
-	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation $(addprefix --editable ./,$(DISTRIBUTIONS))
 	@touch $@
 
 $(WARM): $(INSTALLED)
@@ -58,6 +59,10 @@ web-test: $(PAGES)  ## types, lint and unit tests of the browser client
 
 screenshots: setup  ## write docs/screenshots/ from the pages, with a service of their own
 	@$(BIN)/python -m tests.browser.screenshots
+
+# Wheels are for those who have no copy of the repository: servotune, servotune-server with the pages, servotune-agent.
+wheels: setup  ## build the three distributions into dist/
+	@for each in $(DISTRIBUTIONS); do (cd $$each && $(CURDIR)/$(BIN)/python -m hatchling build --target wheel --directory $(CURDIR)/dist) || exit 1; done
 
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo
@@ -130,9 +135,10 @@ catalogue: setup  ## write docs/catalogue/ from the code
 figures: setup  ## write docs/figures/ from the examples, with a service of their own (a minute or two)
 	@$(BIN)/python -m examples.figures
 
-lock: setup  ## resolve the newest versions that pyproject.toml allows into requirements.lock
-	@$(BIN)/uv pip compile pyproject.toml --all-extras --python-version 3.11 --generate-hashes --upgrade --quiet \
-		--no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
+# Our own distributions need one another: they are told where they are, and left out of the lock.
+lock: setup  ## resolve the newest versions that our declarations allow into requirements.lock
+	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group dev \
+		--python-version 3.11 --generate-hashes --upgrade --quiet --no-emit-package servotune --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
 	@rm -rf $(VENV) dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

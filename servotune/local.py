@@ -48,7 +48,7 @@ def local(folder: Path | str | None = None, *, timeout: float = 120.0) -> Client
             client.simulate(document, input={"port": "reference", "signal": {"kind": "step"}}).plot()
     """
     if find_spec("uvicorn") is None or find_spec("api") is None:
-        raise ServotuneError("an engine on this computer needs more than the client: pip install 'servotune[server]'")
+        raise ServotuneError("an engine on this computer needs more than the client: pip install servotune-server")
     place = Path(tempfile.mkdtemp(prefix="servotune-") if folder is None else folder)
     place.mkdir(parents=True, exist_ok=True)
     key = f"st_{secrets.token_urlsafe(32)}"

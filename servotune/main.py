@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import httpx
@@ -23,7 +23,15 @@ from servotune.errors import ServiceUnreachableError, ServotuneError
 
 GROUP = "servotune.commands"
 
-_REQUIREMENT = re.compile(r"""^([A-Za-z0-9._-]+).*;.*\bextra\s*==\s*['"]([^'"]+)['"]""")
+ELSEWHERE = {
+    "servotune-server": ("serve", "worker", "openapi", "backup", "restore", "check", "move", "rig-simulator"),
+    "servotune-agent": ("agent",),
+}
+"""Distributions beside this one, and the commands that they bring."""
+
+_REQUIREMENT = re.compile(r"""^([A-Za-z0-9._-]+)(?:.*;.*\bextra\s*==\s*['"]([^'"]+)['"])?""")
+_IMPORTED_AS = {"grpc": "nidaqmx"}
+"""Modules that come with a distribution of another name, as an extra of it."""
 _AS_GIVEN = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
 
@@ -53,6 +61,9 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is asked for, or tell the known ones."""
         if args and args[0] not in self._points:
+            for distribution, commands in ELSEWHERE.items():
+                if args[0] in commands:
+                    raise click.UsageError(f"{args[0]!r} comes with another package: pip install {distribution}", ctx)
             known = ", ".join(sorted(self._points)) or "none is installed"
             raise click.UsageError(f"there is no command {args[0]!r}; the commands are: {known}", ctx)
         return super().resolve_command(ctx, args)
@@ -63,7 +74,11 @@ def _plain(name: str, function: Any) -> click.Command:
 
     @click.pass_context
     def run(context: click.Context) -> int:
-        return int(function(context.args))
+        try:
+            return int(function(context.args))
+        except ModuleNotFoundError as error:  # of an extra: what needs it is imported when it is wanted
+            click.echo(f"servotune {name}: {_missing(error)}", err=True)
+            return 3
 
     summary = (inspect.getdoc(function) or "").partition("\n")[0]
     return click.Command(name, callback=run, short_help=summary, context_settings=_AS_GIVEN, add_help_option=False)
@@ -107,25 +122,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _missing(error: ModuleNotFoundError) -> str:
-    """Say which optional part of the installation brings the module that is missing."""
+    """Say which part of the installation brings the module that is missing."""
     module = (error.name or "").partition(".")[0]
-    extra = _extra_with(module)
-    cure = (
-        f"pip install 'servotune[{extra}]'" if extra else f"pip install {module}" if module else "reinstall servotune"
-    )
-    return f"needs the Python package {module!r}, which is not installed: {cure}"
+    return f"needs the Python package {module!r}, which is not installed: {_cure(module)}"
 
 
-def _extra_with(module: str) -> str | None:
-    try:
-        requirements = requires("servotune") or []
-    except PackageNotFoundError:
-        return None
-    for requirement in requirements:
-        match = _REQUIREMENT.match(requirement)
-        if match and _normal(match[1]) == _normal(module):
-            return match[2]
-    return None
+def _cure(module: str) -> str:
+    wanted = _normal(_IMPORTED_AS.get(module, module))
+    for need in _needs():
+        if need.name == wanted and need.extra:
+            return f"pip install '{need.distribution}[{need.extra}]'"
+        if need.name == wanted:
+            return f"pip install --force-reinstall {need.distribution}"
+    return f"pip install {module}" if module else "reinstall servotune"
+
+
+class _Need(NamedTuple):
+    """What one of our distributions declares, under an extra or always."""
+
+    distribution: str
+    name: str
+    extra: str | None
+
+
+def _needs() -> Iterator[_Need]:
+    for distribution in ("servotune", *ELSEWHERE):
+        try:
+            declared = requires(distribution) or []
+        except PackageNotFoundError:
+            continue
+        for text in declared:
+            if match := _REQUIREMENT.match(text):
+                yield _Need(distribution, _normal(match[1]), match[2])
 
 
 def _normal(name: str) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from types import TracebackType
-from typing import Protocol, Self
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from typing import Any, Protocol, Self, TextIO
 
 APPEARS_AFTER = 1.0
 """Seconds of work after which the bar appears: shorter work needs none."""
+_FORM = "  {desc} {bar:32} {percentage:3.0f} % {elapsed}{postfix}"
 
 
 class Observer(Protocol):
@@ -21,24 +20,17 @@ class Observer(Protocol):
 
 
 class ProgressBar:
-    """One line on the terminal that shows how far a piece of work is, and is gone when the work is done."""
+    """One line of a terminal or notebook that shows how far a piece of work is, and is gone when the work is done."""
 
-    def __init__(self, title: str, *, console: Console | None = None) -> None:
-        self._progress = Progress(
-            TextColumn("  {task.description}"),
-            BarColumn(bar_width=32),
-            TextColumn("{task.percentage:3.0f} %"),
-            TimeElapsedColumn(),
-            TextColumn("[dim]{task.fields[message]}"),
-            console=console or Console(stderr=True),
-            transient=True,
-        )
-        self._task = self._progress.add_task(title, total=1.0, message="")
-        self._timer = threading.Timer(APPEARS_AFTER, self._progress.start)
+    def __init__(self, title: str, *, file: TextIO | None = None) -> None:
+        self._title, self._file = title, file or sys.stderr
+        self._fraction, self._message = 0.0, ""
+        self._bar: Any = None
+        self._timer = threading.Timer(APPEARS_AFTER, self._appear)
         self._timer.daemon = True
 
     def __enter__(self) -> Self:
-        if self._progress.console.is_terminal:
+        if self._file.isatty() or "ipykernel" in sys.modules:  # a notebook's output says that it is no terminal
             self._timer.start()
         return self
 
@@ -48,9 +40,23 @@ class ProgressBar:
         self._timer.cancel()
         if self._timer.is_alive():
             self._timer.join()  # it may be appearing
-        if self._progress.live.is_started:
-            self._progress.stop()
+        if self._bar is not None:
+            self._bar.close()
 
     def __call__(self, fraction: float, message: str) -> None:
         """Show how far the work is."""
-        self._progress.update(self._task, completed=fraction, message=message)
+        self._fraction, self._message = min(max(fraction, 0.0), 1.0), message
+        if self._bar is not None:
+            self._show(self._bar)
+
+    def _appear(self) -> None:
+        from tqdm import tqdm  # noqa: PLC0415 - most scripts never wait that long
+
+        bar = tqdm(desc=self._title, total=1.0, file=self._file, leave=False, bar_format=_FORM, dynamic_ncols=True)
+        bar.start_t -= APPEARS_AFTER
+        self._show(bar)
+        self._bar = bar
+
+    def _show(self, bar: Any) -> None:
+        bar.n = self._fraction
+        bar.set_postfix_str(self._message)  # and draws it

@@ -33,6 +33,6 @@ def load(name: str) -> type[Driver]:
         driver: type[Driver] = found[0].load()
     except ImportError as error:
         raise SettingsError(
-            f"daq.driver: {name} needs a library that is not installed ({error}): pip install 'servotune[{name}]'"
+            f"daq.driver: {name} needs a library that is not installed ({error}): pip install 'servotune-agent[{name}]'"
         ) from error
     return driver

@@ -96,7 +96,7 @@ def _messages(file: BinaryIO, topics: Sequence[str] | None) -> Iterator[tuple[An
     try:
         from mcap.reader import SeekingReader  # noqa: PLC0415 - an optional extra, needed for these files alone
     except ImportError as error:
-        raise FormatError("reading MCAP needs the package mcap: install servotune[formats]") from error
+        raise FormatError("reading MCAP needs the package mcap: install servotune-server[formats]") from error
     size = file.seek(0, 2)
     file.seek(0)
     reader = SeekingReader(file, validate_crcs=True, record_size_limit=_LARGEST_RECORD)

@@ -57,7 +57,7 @@ def open_file(file: BinaryIO) -> Recording:
     try:
         from asammdf import MDF  # noqa: PLC0415 - an optional extra (LGPL), needed for these files alone
     except ImportError as error:
-        raise FormatError("reading MDF needs the package asammdf: install servotune[formats]") from error
+        raise FormatError("reading MDF needs the package asammdf: install servotune-server[formats]") from error
     file.seek(0)
     if file.read(3) != b"MDF":
         raise FormatError("an MDF file must begin with MDF, got something else" + ANOTHER)

@@ -121,7 +121,7 @@ def traces_of(settings: Settings, process: str) -> Traces:
         from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415 - as above
     except ModuleNotFoundError as error:
         raise SystemExit(
-            f"SERVOTUNE_OTLP_ENDPOINT must be left out without the extra servotune[telemetry], {error.name} is missing"
+            f"SERVOTUNE_OTLP_ENDPOINT must be left out without the extra servotune-server[telemetry], {error.name} is missing"
         ) from error
     provider = TracerProvider(
         resource=Resource.create({"service.name": process, "service.version": version("servotune")})

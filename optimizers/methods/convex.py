@@ -78,7 +78,7 @@ class Convex(Method):
         """
         if importlib.util.find_spec("cvxpy") is None:
             raise ProblemError(
-                "cvxpy must be installed for the method convex (pip install 'servotune[convex]'), got no such package",
+                "cvxpy must be installed for the method convex (pip install 'servotune-server[convex]'), got no such package",
                 at=("method", "kind"),
             )
         tracker = Tracker(Evaluator(problem), monitor, _BUDGET)

@@ -73,7 +73,7 @@ class Pareto(Method):
         """
         if importlib.util.find_spec("pymoo") is None:
             raise ProblemError(
-                "pymoo must be installed for the method pareto (pip install 'servotune[pareto]'), got no such package",
+                "pymoo must be installed for the method pareto (pip install 'servotune-server[pareto]'), got no such package",
                 at=("method", "kind"),
             )
         if len(problem.objectives) < 2:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -45,17 +44,19 @@ def print_json(value: Any) -> None:
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], *, nothing: str) -> None:
     """Print rows under their headings; one sentence where there are none."""
-    from rich.console import Console  # noqa: PLC0415 - loads some milliseconds that a script need not wait for
-    from rich.table import Table  # noqa: PLC0415 - as above
-
     if not rows:
         click.echo(nothing)
         return
-    table = Table(*columns, box=None, header_style="bold", pad_edge=False)
-    for row in rows:
-        table.add_row(*("" if cell is None else str(cell) for cell in row))
-    # wide enough for everything where no person reads it: a cut id is of no use to a script
-    Console(width=None if sys.stdout.isatty() else 400, highlight=False, markup=False).print(table)
+    texts = [["" if cell is None else str(cell) for cell in row] for row in rows]
+    # never cut, also where the terminal is too narrow: a part of an id is of no use to anybody
+    widths = [max(map(len, column)) for column in zip(columns, *texts, strict=True)]
+    click.secho(_line(columns, widths), bold=True)
+    for row in texts:
+        click.echo(_line(row, widths))
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
 def client_for_completion(context: click.Context) -> Client:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
 import click
-from rich.console import Console
-from rich.table import Table
 
 from servotune.bundles import Bundle
 from servotune.client import Client
-from servotune.commands.connecting import asking
+from servotune.commands.connecting import asking, print_table
 from servotune.repeating import TOLERANCE, Repeated
 
 _SHOWN = 5
@@ -57,14 +56,10 @@ def replay(client: Client, *, bundle: Path, tolerance: float, every: bool) -> in
     """Make it all again and compare every number."""
     with Bundle(bundle) as opened:
         then = opened.manifest.get("versions", {})
-    console = Console(width=None if sys.stdout.isatty() else 160)
     done = client.lineage.repeat(bundle, told=_tell)
-    table = Table(
-        "thing", "quantity", "recorded", "repeated", "difference", title=f"{bundle.name}, recorded with {_text(then)}"
-    )
-    for found in done:
-        _rows(table, found, None if every else _SHOWN)
-    console.print(table)
+    click.echo(f"{bundle.name}, recorded with {_text(then)}")
+    rows = [row for found in done for row in _rows(found, None if every else _SHOWN)]
+    print_table(("thing", "quantity", "recorded", "repeated", "difference"), rows, nothing="It holds nothing.")
     compared = sum(len(found.differences) for found in done)
     largest = max((found.largest for found in done), default=0.0)
     agrees = largest <= tolerance
@@ -79,17 +74,17 @@ def _tell(found: Repeated) -> None:
     sys.stderr.write(f"{found.kind} {found.id} -> {found.new_id or found.note}\n")
 
 
-def _rows(table: Table, found: Repeated, most: int | None) -> None:
+def _rows(found: Repeated, most: int | None) -> Iterator[tuple[str, ...]]:
     thing = f"{found.kind} {found.id}"
     if not found.differences:
-        table.add_row(thing, found.note or "made again", "", "", "")
+        yield thing, found.note or "made again", "", "", ""
         return
     for row in found.differences[:most]:
-        table.add_row(thing, row.path, _number(row.recorded), _number(row.repeated), f"{row.difference:.2g}")
+        yield thing, row.path, _number(row.recorded), _number(row.repeated), f"{row.difference:.2g}"
         thing = ""
     left = 0 if most is None else len(found.differences) - most
     if left > 0:
-        table.add_row("", f"... and {left} more, closer", "", "", "")
+        yield "", f"... and {left} more, closer", "", "", ""
 
 
 def _number(value: object) -> str:

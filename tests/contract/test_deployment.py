@@ -13,6 +13,7 @@ import yaml
 
 from api.commands import service as commands
 from api.settings import Settings
+from tests.support.distributions import OWNER
 
 ROOT = Path(__file__).parents[2]
 IMAGE = (ROOT / "Containerfile").read_text()
@@ -58,10 +59,9 @@ def test_what_is_copied_is_not_ignored(ignoring: str) -> None:
 
 
 def test_every_package_that_is_installed_is_copied_into_the_image() -> None:
-    wheel = re.search(r"^packages = (\[[^\]]*\])", (ROOT / "pyproject.toml").read_text(), flags=re.MULTILINE)
-    assert wheel is not None
-    for package in json.loads(wheel[1].replace("'", '"')):
+    for package, distribution in OWNER.items():
         assert re.search(rf"^COPY {package} {package}$", IMAGE, flags=re.MULTILINE), package
+        assert re.search(rf"\./distributions/{distribution}\b", IMAGE), distribution
 
 
 def test_what_a_container_gets_from_another_stage_is_made_there() -> None:

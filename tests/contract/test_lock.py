@@ -1,17 +1,17 @@
-"""requirements.lock: every version exact, every file hashed, no index address, and nothing that pyproject.toml lacks."""
+"""requirements.lock: every version exact, every file hashed, no index address, and everything that we ask for."""
 
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.support.distributions import declared, parts
+
 ROOT = Path(__file__).parents[2]
 LOCK = (ROOT / "requirements.lock").read_text()
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
 def locked() -> dict[str, Requirement]:
@@ -36,7 +36,7 @@ def test_no_address_of_an_index_or_file() -> None:
 
 
 def test_everything_that_the_project_asks_for_is_locked_within_its_bounds() -> None:
-    wanted = [*PROJECT["dependencies"], *(r for extra in PROJECT["optional-dependencies"].values() for r in extra)]
+    wanted = [text for part in parts() for text in declared(part)]
     have = locked()
     for text in wanted:
         requirement = Requirement(text)

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-#: What a wheel is made from, here with packages that are empty.
-_PACKAGES = ("agent", "api", "engine", "optimizers", "rig_simulator", "storage", "servotune")
+from tests.support.distributions import FOLDER, PACKAGES
 
 
 def build(project: Path) -> subprocess.CompletedProcess[str]:
@@ -22,12 +20,12 @@ def build(project: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, tmp_path)
-    for package in _PACKAGES:
+    """The server's distribution, with packages that are empty."""
+    made = shutil.copytree(FOLDER / "servotune-server", tmp_path / "distributions" / "servotune-server")
+    for package in PACKAGES["servotune-server"]:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
-    return tmp_path
+    return made
 
 
 def test_no_wheel_is_built_without_the_pages(project: Path) -> None:

@@ -126,7 +126,7 @@ def _by_library(properties: Mapping[str, Any], kind: str) -> tuple[Scaling | Non
     try:
         from nptdms import scaling  # noqa: PLC0415 - an optional extra (LGPL), needed for few files
     except ImportError:
-        return None, f"its scaling ({kind}) needs the package npTDMS: install servotune[formats]"
+        return None, f"its scaling ({kind}) needs the package npTDMS: install servotune-server[formats]"
     try:
         found = scaling.get_scaling(dict(properties), {}, {})
     except (KeyError, TypeError, ValueError) as error:

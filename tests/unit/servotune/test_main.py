@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -24,11 +24,17 @@ def echo(arguments: list[str]) -> int:
     return 7
 
 
+def needing(_: list[str]) -> int:
+    """Ask for an optional package while it runs."""
+    raise ModuleNotFoundError(name="nidaqmx.constants")
+
+
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch) -> dict[str, EntryPoint]:
-    """Two installed commands: one that runs, one whose optional package is absent."""
+    """Three installed commands: one that runs, two whose optional package is absent, from the start and later."""
     points = {
         "echo": EntryPoint("echo", f"{__name__}:echo", GROUP),
+        "needing": EntryPoint("needing", f"{__name__}:needing", GROUP),
         "broken": EntryPoint("broken", "a_package_that_nobody_has.commands:run", GROUP),
     }
     monkeypatch.setattr(main, "entry_points", lambda *, group: tuple(points.values()) if group == GROUP else ())
@@ -43,14 +49,14 @@ def test_a_command_gets_its_arguments_and_gives_its_exit_code(installed, capsys)
 def test_help_lists_the_commands_in_one_line_each(installed, capsys):
     assert main.main(["--help"]) == 0
     out = capsys.readouterr().out
-    assert "  echo    Say what it was given.\n" in out
+    assert "  echo     Say what it was given.\n" in out
     assert "Not shown" not in out
     assert "a_package_that_nobody_has" in out
 
 
 def test_an_unknown_command_is_answered_with_the_known_ones(installed, capsys):
     assert main.main(["serv"]) == 2
-    assert "'serv'; the commands are: broken, echo" in capsys.readouterr().err
+    assert "'serv'; the commands are: broken, echo, needing" in capsys.readouterr().err
 
 
 def test_a_missing_package_is_named_with_the_cure(installed, capsys):
@@ -61,12 +67,29 @@ def test_a_missing_package_is_named_with_the_cure(installed, capsys):
     )
 
 
-def test_the_cure_names_the_extra_that_brings_the_package(monkeypatch: pytest.MonkeyPatch):
-    needs = ["httpx>=0.28", "fastapi>=0.120; extra == 'server'", 'python-dateutil>=2 ; extra == "formats"']
-    monkeypatch.setattr(main, "requires", lambda _: needs)
-    assert main._missing(ModuleNotFoundError(name="fastapi.routing")).endswith("pip install 'servotune[server]'")
-    assert main._extra_with("python_dateutil") == "formats"
-    assert main._extra_with("httpx") is None
+def test_the_cure_names_the_extra_that_brings_the_package(installed, capsys, monkeypatch: pytest.MonkeyPatch):
+    needs = {
+        "servotune": ["httpx>=0.28", 'matplotlib>=3 ; extra == "notebook"'],
+        "servotune-agent": ["servotune==0.1.0", "nidaqmx[grpc]>=1.1; extra == 'nidaqmx'"],
+    }
+
+    def requires(name: str) -> list[str]:
+        if name not in needs:
+            raise PackageNotFoundError(name)
+        return needs[name]
+
+    monkeypatch.setattr(main, "requires", requires)
+    assert main._missing(ModuleNotFoundError(name="matplotlib.figure")).endswith("pip install 'servotune[notebook]'")
+    assert main._cure("nidaqmx") == main._cure("grpc") == "pip install 'servotune-agent[nidaqmx]'"
+    assert main._cure("httpx") == "pip install --force-reinstall servotune"
+    assert main._cure("fastapi") == "pip install fastapi"
+    assert main.main(["needing"]) == 3
+    assert capsys.readouterr().err.endswith("pip install 'servotune-agent[nidaqmx]'\n")
+
+
+def test_a_command_of_another_distribution_is_told_with_its_name(installed, capsys):
+    assert main.main(["serve", "--port", "8000"]) == 2
+    assert "'serve' comes with another package: pip install servotune-server" in capsys.readouterr().err
 
 
 def test_the_client_needs_nothing_of_the_server():

@@ -40,7 +40,7 @@ export function RigsPage() {
           >
             {t("rigs.noneDoc")}
             <Code block mt="sm">
-              {"pip install 'servotune[agent]'\nexport SERVOTUNE_AGENT_KEY=...\nservotune agent --settings agent.toml"}
+              {"pip install 'servotune-agent[nidaqmx]'\nexport SERVOTUNE_AGENT_KEY=...\nservotune agent --settings agent.toml"}
             </Code>
           </Empty>
         )}
