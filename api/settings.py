@@ -66,6 +66,7 @@ class Settings(BaseSettings):
     plain_secrets: bool = False
     audit_days: float = Field(default=400.0, gt=0)
     job_days: float = Field(default=400.0, gt=0)
+    event_days: float = Field(default=30.0, gt=0)
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"
     otlp_endpoint: str | None = Field(default=None, pattern="^https?://[^?#]+$")

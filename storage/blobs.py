@@ -18,7 +18,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import CursorResult, Table, delete, exists, select, update
+from sqlalchemy import CursorResult, Table, delete, exists, func, select, update
 from sqlalchemy.orm import Session
 
 from storage.errors import ChecksumError, NotFoundError
@@ -111,8 +111,25 @@ def _is_new(session: Session, sha256: str, size: int) -> bool:
             return False
 
 
-def forget_unused(session: Session, *, before: datetime) -> int:
-    """Delete the blobs that nothing refers to and that nobody has put since ``before``; return how many."""
+def forget_unused(session: Session, *, before: datetime, after: str = "", limit: int = 1000) -> tuple[int, str | None]:
+    """Delete blobs that nothing refers to and that nobody has put since ``before``, of the next ``limit`` ones.
+
+    Parameters
+    ----------
+    after : str
+        SHA-256 behind which to begin, in their order.
+
+    Returns
+    -------
+    count : int
+        How many were deleted.
+    last : str or None
+        SHA-256 of the last one that was looked at; None when there was none.
+    """
+    looked_at = select(Blob.sha256).where(Blob.sha256 > after).order_by(Blob.sha256).limit(limit).subquery()
+    last = session.scalar(select(func.max(looked_at.c.sha256)))
+    if last is None:
+        return 0, None
     head = cast("Table", Blob.__table__)
     references = (
         key.parent
@@ -122,9 +139,11 @@ def forget_unused(session: Session, *, before: datetime) -> int:
     )
     unused = [~exists().where(column == Blob.sha256) for column in references]
     gone = session.execute(
-        delete(Blob).where(Blob.created_at < before, *unused).execution_options(synchronize_session=False)
+        delete(Blob)
+        .where(Blob.sha256 > after, Blob.sha256 <= last, Blob.created_at < before, *unused)
+        .execution_options(synchronize_session=False)
     )
-    return int(cast("CursorResult[Any]", gone).rowcount)
+    return int(cast("CursorResult[Any]", gone).rowcount), last
 
 
 def iterate_bytes(session: Session, sha256: str) -> Iterator[bytes]:

@@ -1,4 +1,4 @@
-"""`make bench-service`: what a body costs, rates of the queue, what a second worker brings, and two hundred clients for a minute."""
+"""`make bench-service`: what a body costs, rates of the queue, what a second worker brings, workers at rest, full tables, two hundred clients for a minute."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from bench.service import workers
 from bench.service.bodies import costs
 from bench.service.load import load
 from bench.service.process import KEY, serving
+from bench.service.resting import resting
+from bench.service.tables import tables
 from tests.support import postgres
 
 
@@ -24,6 +26,8 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=8, help="parts of a job")
     parser.add_argument("--work", type=float, default=4.0, help="processor time of a part, s")
     parser.add_argument("--processes", type=int, default=1, help="processes of the service that the clients ask")
+    parser.add_argument("--resting", type=int, default=20, help="workers that have nothing to do, on Postgres")
+    parser.add_argument("--rows", type=int, default=1_000_000, help="jobs and recordings in full tables, 0 for none")
     parser.add_argument("--only", choices=("sqlite", "postgres"), help="let the clients ask this database, and no more")
     given = parser.parse_args()
     print(f"load of the machine: {', '.join(f'{value:.1f}' for value in os.getloadavg())}; {os.cpu_count()} cores")
@@ -44,6 +48,13 @@ def main() -> None:
                 print(
                     f"{name}: {given.parts} parts of {given.work:g} s: 1 worker {lasted[1]:.1f} s, 2 workers {lasted[2]:.1f} s, {lasted[1] / lasted[2]:.2f}x"
                 )
+                if name == "postgres":
+                    cores = resting(fresh("resting"), workers=given.resting, seconds=30.0)
+                    print(f"{name}: {given.resting} workers at rest: {cores:.3f} cores of the database")
+                for what, taken in tables(fresh("tables"), count=given.rows) if given.rows else ():
+                    print(
+                        f"{name}: {given.rows:,} jobs, as many recordings, ten times as many events: {what} {1000 * taken:.1f} ms"
+                    )
             with serving(fresh("load"), Path(folder) / f"{name}.log", processes=given.processes) as url:
                 outcome = asyncio.run(load(url, KEY, clients=given.clients, seconds=given.seconds))
             times = ", ".join(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any, ClassVar
 
-from sqlalchemy import JSON, DateTime, Dialect, MetaData, String, Text
+from sqlalchemy import JSON, DateTime, Dialect, Index, MetaData, String, Text, text
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
@@ -86,6 +86,11 @@ def _clean(text: str) -> str:
 Id = Token(40)
 Sha256 = Token(64)
 Word = Token(64)
+
+
+def partial_index(*columns: str, where: str) -> Index:
+    """Return an index of some rows of a table, used by questions that say so in these words."""
+    return Index(None, *columns, postgresql_where=text(where), sqlite_where=text(where))
 
 
 class Base(DeclarativeBase):

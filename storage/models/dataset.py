@@ -34,6 +34,7 @@ class Dataset(Base):
     __tablename__ = "dataset"
     __table_args__ = (
         Index(None, "workspace_id", "created_at", "id"),
+        Index(None, "workspace_id", "name", "status", "created_at", "id"),
         CheckConstraint("status IN ('open', 'parsing', 'ready', 'failed')", name="status"),
     )
 

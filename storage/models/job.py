@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, false
 from sqlalchemy.orm import Mapped, mapped_column
 
-from storage.models.base import Base, Id, Word, utc_now
+from storage.models.base import Base, Id, Word, partial_index, utc_now
 
 
 class JobStatus(StrEnum):
@@ -53,8 +53,14 @@ class Job(Base):
     __tablename__ = "job"
     __table_args__ = (
         Index(None, "workspace_id", "created_at", "id"),
+        Index(None, "workspace_id", "status", "created_at", "id"),
+        Index(None, "workspace_id", "kind", "created_at", "id"),
+        Index(None, "workspace_id", "kind", "status", "created_at", "id"),
+        partial_index("schedule_id", "created_at", "id", where="schedule_id IS NOT NULL"),
+        partial_index("schedule_id", "status", "created_at", "id", where="schedule_id IS NOT NULL"),
         Index(None, "status"),
-        Index(None, "parent_id", "part"),
+        partial_index("parent_id", "part", where="parent_id IS NOT NULL"),
+        Index(None, "finished_at"),
         CheckConstraint("status IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", name="status"),
     )
 
@@ -70,7 +76,7 @@ class Job(Base):
     attempts: Mapped[int] = mapped_column(default=0)
     worker: Mapped[str | None] = mapped_column(Word)
     last_event: Mapped[int] = mapped_column(default=0)
-    schedule_id: Mapped[str | None] = mapped_column(Id, index=True)
+    schedule_id: Mapped[str | None] = mapped_column(Id)
     ticket: Mapped[str | None] = mapped_column(Word)
     round: Mapped[int] = mapped_column(default=0, server_default="0")
     priority: Mapped[int] = mapped_column(default=Priority.NORMAL, server_default="2")
@@ -87,9 +93,10 @@ class Job(Base):
 
 
 class JobEvent(Base):
-    """Something that happened to a job; ids count from 1 within the job, without gaps."""
+    """Something that happened to a job; ids count from 1 within the job, without gaps until old ones are thinned out."""
 
     __tablename__ = "job_event"
+    __table_args__ = (partial_index("at", where="type <> 'status'"),)
 
     job_id: Mapped[str] = mapped_column(ForeignKey("job.id", ondelete="CASCADE"), primary_key=True)
     id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)

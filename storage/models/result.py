@@ -15,7 +15,10 @@ class Result(Base):
     """A kept answer. ``request`` is the body that asked for it, ``versions`` the software that gave it."""
 
     __tablename__ = "result"
-    __table_args__ = (Index(None, "workspace_id", "created_at", "id"),)
+    __table_args__ = (
+        Index(None, "workspace_id", "created_at", "id"),
+        Index(None, "workspace_id", "kind", "created_at", "id"),
+    )
 
     id: Mapped[str] = mapped_column(Id, primary_key=True)
     workspace_id: Mapped[str] = mapped_column(ForeignKey("workspace.id"))

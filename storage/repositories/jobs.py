@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import CursorResult, delete, func, literal_column, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
@@ -366,6 +366,22 @@ def forget(session: Session, *, before: datetime, limit: int = 200) -> int:
         if result is not None:
             parts.discard(session, result)
     return len(jobs)
+
+
+def forget_events(session: Session, *, before: datetime, limit: int = 1000) -> int:
+    """Delete the reports of progress and messages written before, the oldest first; return how many, at most ``limit``.
+
+    What changed a job's status stays as long as the job.
+    """
+    reports = JobEvent.type != literal_column("'status'")  # in the words of the index, which has no parameter
+    old = select(JobEvent.job_id, JobEvent.id).where(reports, JobEvent.at < before).order_by(JobEvent.at).limit(limit)
+    gone = session.execute(
+        delete(JobEvent)
+        .where(tuple_(JobEvent.job_id, JobEvent.id).in_(old))
+        .execution_options(synchronize_session=False)
+    )
+    assert isinstance(gone, CursorResult)
+    return gone.rowcount
 
 
 def waiting(session: Session) -> Sequence[tuple[str, str, int, datetime]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from datetime import datetime, timedelta
 
 from api.services.operation.app_context import Installation
@@ -29,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def tidy(service: Installation) -> None:
-    """Forget stored replies, sign-ins, audit entries, alerts and deliveries that are too old, and blobs that nobody needs; a database that is away is asked next time."""
+    """Forget stored replies, sign-ins, audit entries, alerts, deliveries, jobs and their events that are too old, and blobs that nobody needs; a database that is away is asked next time."""
     now = utc_now()
     try:
         with service.database.session() as session:
@@ -40,20 +41,39 @@ def tidy(service: Installation) -> None:
             schedules.forget(session, before=oldest)
             alerts.forget(session, before=oldest)
             webhooks.forget(session, before=now - _DELIVERIES)
-        # By itself: with many blobs it takes a while, and writers wait for it.
-        with service.database.session() as session:
-            forget_unused(session, before=now - _UNUSED)
+        _forget_blobs(service, before=now - _UNUSED)
         _forget_jobs(service, before=now - timedelta(days=service.settings.job_days), ended=now - _ENGINE_ROWS)
+        _again(lambda: _forget_events(service, before=now - timedelta(days=service.settings.event_days)))
     except UNAVAILABLE as error:
         _log.warning("what is too old could not be forgotten: %s", error)
 
 
 def _forget_jobs(service: Installation, *, before: datetime, ended: datetime) -> None:
     """Forget old jobs, and what the job engine remembers of jobs that have ended; a bounded number at a time."""
-    for _ in range(_ROUNDS):
+
+    def forget() -> int:
         with service.database.session() as session:
-            if not jobs.forget(session, before=before):
-                break
+            return jobs.forget(session, before=before)
+
+    _again(forget)
+    _again(lambda: service.queue.forget(before=ended))
+
+
+def _forget_events(service: Installation, *, before: datetime) -> int:
+    with service.database.session() as session:
+        return jobs.forget_events(session, before=before)
+
+
+def _forget_blobs(service: Installation, *, before: datetime) -> None:
+    """Look at every blob, some at a time: writers wait for no more than that."""
+    last: str | None = ""
+    while last is not None:
+        with service.database.session() as session:
+            _, last = forget_unused(session, before=before, after=last)
+
+
+def _again(forget: Callable[[], int]) -> None:
+    """Forget until nothing is left, for a bounded number of transactions: the next hour goes on."""
     for _ in range(_ROUNDS):
-        if not service.queue.forget(before=ended):
+        if not forget():
             break

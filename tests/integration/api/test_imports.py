@@ -351,8 +351,8 @@ def test_what_nothing_refers_to_is_swept(sqlite_service, client):
     later = datetime.now(UTC) + timedelta(seconds=1)
     with database.session() as session:
         kept = session.scalar(select(func.count()).select_from(Blob))
-        assert forget_unused(session, before=datetime.now(UTC) - timedelta(hours=1)) == 0
-        assert forget_unused(session, before=later) >= 3  # the file, and the samples with their extremes
+        assert forget_unused(session, before=datetime.now(UTC) - timedelta(hours=1))[0] == 0
+        assert forget_unused(session, before=later)[0] >= 3  # the file, and the samples with their extremes
         assert session.scalar(select(func.count()).select_from(Blob)) < kept
         # and nothing that is still wanted
         for row in session.scalars(select(Dataset).where(Dataset.status == "ready")):
