@@ -17,7 +17,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-service bench-web bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -117,6 +117,9 @@ bench-coverage: setup  ## what a candidate costs for every metric under every co
 
 bench-service: setup  ## rates of the queue, what a second worker brings, 200 clients for a minute (minutes)
 	@$(BIN)/python -m bench.service
+
+bench-client: setup  ## the client's wheel, its installation with and without a cache, its import (a minute)
+	@$(BIN)/python -m bench.client
 
 bench-web: setup  ## from a moving slider to the painted picture, a diagram of 300 blocks, ten million samples, in a real Chromium (minutes)
 	@$(BIN)/python -m bench.drag

@@ -8,8 +8,6 @@ from contextlib import nullcontext
 from itertools import takewhile
 from typing import Any, Generic, Literal, TypeVar, cast
 
-import httpx
-
 from servotune.errors import JobCancelledError, JobFailedError, WaitTimeoutError
 from servotune.events import Event, parse
 from servotune.progress import Observer, ProgressBar
@@ -102,6 +100,8 @@ class Job(Generic[ResultT]):
         ServiceUnreachableError
             The stream broke off and the service does not answer any more.
         """
+        import httpx  # noqa: PLC0415 - loaded with the connection, not with the client
+
         last_id, breaks = "", 0
         while not self.refresh().done:
             left = float("inf") if deadline is None else deadline - time.monotonic()

@@ -17,7 +17,6 @@ from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, r
 from typing import Any, NamedTuple
 
 import click
-import httpx
 
 from servotune.errors import ServiceUnreachableError, ServotuneError
 
@@ -115,7 +114,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ServotuneError as error:
         click.echo(f"servotune: {error}", err=True)
         return 4 if isinstance(error, ServiceUnreachableError) else 1
-    except (OSError, ValueError, httpx.HTTPError) as error:
+    except (OSError, ValueError) as error:
+        click.echo(f"servotune: {error}", err=True)
+        return 1
+    except Exception as error:
+        import httpx  # noqa: PLC0415 - the help and many commands need none
+
+        if not isinstance(error, httpx.HTTPError):
+            raise
         click.echo(f"servotune: {error}", err=True)
         return 1
     return done if isinstance(done, int) else 0
