@@ -17,7 +17,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi catalogue figures lock clean
+.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -131,6 +131,9 @@ bench-optimizers: setup  ## every published optimum by every method that covers 
 
 openapi: setup  ## write openapi/openapi.json from the code
 	@mkdir -p openapi && $(BIN)/servotune openapi > openapi/.new && mv openapi/.new openapi/openapi.json
+
+stub: setup  ## write servotune/asynchronous.pyi from the client
+	@$(BIN)/python -m tests.support.stub
 
 catalogue: setup  ## write docs/catalogue/ from the code
 	@$(BIN)/python docs/catalogue/generate.py

@@ -23,7 +23,7 @@ import httpx, servotune
 with servotune.local() as client:
     loop = servotune.feedback(servotune.gain(25) >> servotune.tf([1], [0.02, 1, 0])).system("axis")
     reply = client.simulate(loop, input={"port": "r", "signal": {"kind": "step"}})
-    print(reply.metrics["y"].overshoot.value, "Servotune" in httpx.get(client.url).text)
+    print(reply.metrics["y"].overshoot.value, "<title>Servotune" in httpx.get(client.url, headers={"Accept": "text/html"}).text)
 """
 
 
