@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WARM := $(VENV)/.warm
 PAGES := api/static/index.html
-DISTRIBUTIONS := $(sort $(wildcard distributions/*))
+DISTRIBUTIONS := $(patsubst %/pyproject.toml,%,$(sort $(wildcard distributions/*/pyproject.toml)))
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some hundred processes: what they load is compiled once, also where the environment says that nothing compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
@@ -23,7 +23,7 @@ help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
 
 # The stamp is newer than what it depends on exactly when the environment is complete: a second `make` installs nothing.
-$(INSTALLED): requirements.lock pyproject.toml $(wildcard distributions/*/pyproject.toml)
+$(INSTALLED): requirements.lock pyproject.toml $(addsuffix /pyproject.toml,$(DISTRIBUTIONS))
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11) and "Python 3.11 or newer is needed, $(PYTHON) is " + sys.version.split()[0])'
 	@test -x $(BIN)/python || "$(PYTHON)" -m venv $(VENV) || { echo 'No virtual environment: on Debian, apt install python3.11-venv'; exit 1; }
 	@echo 'Installing the locked, hashed versions of requirements.lock into $(VENV) (minutes the first time) ...'

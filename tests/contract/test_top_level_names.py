@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,13 @@ ROOT = Path(__file__).parents[2]
 def test_only_one_distribution_owns(name: str) -> None:
     owners = set(importlib.metadata.packages_distributions().get(name, []))
     assert owners <= {OWNER[name]}, f"{name} is also installed by {sorted(owners - {OWNER[name]})}"
+
+
+def test_what_is_installed_for_development_is_this_checkout(tmp_path: Path) -> None:
+    # Elsewhere than in the checkout, whose folder Python would search first: no copy of a package is installed.
+    code = f"from importlib.util import find_spec; print(*(find_spec(name).origin for name in {list(OWNER)}))"
+    found = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == [str(ROOT / name / "__init__.py") for name in OWNER]
 
 
 @pytest.mark.parametrize("name", OWNER)

@@ -22,6 +22,7 @@ def build(project: Path) -> subprocess.CompletedProcess[str]:
 def project(tmp_path: Path) -> Path:
     """The server's distribution, with packages that are empty."""
     made = shutil.copytree(FOLDER / "servotune-server", tmp_path / "distributions" / "servotune-server")
+    shutil.copy(FOLDER / "hatch_build.py", tmp_path / "distributions")
     for package in PACKAGES["servotune-server"]:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()

@@ -21,7 +21,7 @@ _WHEELS = {
     for name in PROJECTS
 }
 #: Name -> its top-level packages.
-PACKAGES: dict[str, list[str]] = {name: list(wheel["force-include"].values()) for name, wheel in _WHEELS.items()}
+PACKAGES: dict[str, list[str]] = {name: wheel["hooks"]["custom"]["packages"] for name, wheel in _WHEELS.items()}
 OWNER = {package: name for name, packages in PACKAGES.items() for package in packages}
 GROUPS: dict[str, list[str]] = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
 
