@@ -1,16 +1,12 @@
 """Bytes and arrays kept once, under the SHA-256 of their content, in the database itself.
 
-Content is cut into chunks of at most 8 MiB, each compressed by zlib where a trial says that it is worth it. The eight bytes of float64 samples are first put
-beside their equals (byte shuffle), because neighbouring samples share signs, exponents and leading digits; each of the
-eight planes is then compressed by itself, and left as it is where a trial says that it is noise.
+Content is cut into chunks of at most 8 MiB, each compressed as `storage.packing` says.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -25,12 +21,10 @@ from storage.errors import ChecksumError, NotFoundError
 from storage.insertion import insert_if_absent
 from storage.models import Blob, BlobChunk
 from storage.models.base import Base, utc_now
+from storage.packing import decode, encode
 
 #: The most bytes of content in one chunk.
 CHUNK_SIZE = 8 * 1024 * 1024
-#: The bytes that are tried at one place, and the ratio above which content is left as it is.
-_TRIAL, _WORTH = 2048, 0.9
-_TRIALS = 16
 
 Array = NDArray[Any]
 
@@ -75,7 +69,7 @@ class Packed:
 def packed(data: bytes, *, itemsize: int = 1, sha256: str | None = None) -> Packed:
     """Compress ``data``, whose SHA-256 may be known."""
     pieces = (data[start : start + CHUNK_SIZE] for start in range(0, len(data), CHUNK_SIZE))
-    chunks = [_encode(piece, itemsize) for piece in pieces]
+    chunks = [encode(piece, itemsize) for piece in pieces]
     return Packed(sha256=sha256 or sha256_of(data), size=len(data), chunks=chunks)
 
 
@@ -199,53 +193,3 @@ def get_array(session: Session, ref: str) -> Array:
     array = cast("Array", np.load(io.BytesIO(get_bytes(session, ref)), allow_pickle=False))
     array.setflags(write=False)
     return array
-
-
-def _encode(data: bytes, itemsize: int) -> tuple[str, bytes]:
-    if itemsize > 1 and len(data) % itemsize == 0:
-        encoded = _planes(_transpose(data, itemsize), itemsize)
-        return (f"planes/{itemsize}", encoded) if len(encoded) < len(data) else ("raw", data)
-    trial = b"".join(data[start : start + _TRIAL] for start in range(0, len(data), max(len(data) // _TRIALS, _TRIAL)))
-    if len(zlib.compress(trial, level=1)) > _WORTH * len(trial):
-        return "raw", data
-    encoded = zlib.compress(data, level=1)
-    return ("zlib/1", encoded) if len(encoded) < len(data) else ("raw", data)
-
-
-def _planes(shuffled: bytes, count: int) -> bytes:
-    """Return the lengths (bytes) of all planes as uint32, then the planes; one as long as its content is not compressed."""
-    size = len(shuffled) // count
-    planes = [_plane(shuffled[start : start + size]) for start in range(0, len(shuffled), size)]
-    return struct.pack(f"<{count}I", *map(len, planes)) + b"".join(planes)
-
-
-def _plane(content: bytes) -> bytes:
-    middle = len(content) // 2
-    trial = content[middle : middle + _TRIAL]
-    if len(content) > 2 * _TRIAL and len(zlib.compress(trial, level=1)) > _WORTH * len(trial):
-        return content
-    encoded = zlib.compress(content, level=1)
-    return encoded if len(encoded) < len(content) else content
-
-
-def decode(encoding: str, data: bytes, size: int) -> bytes:
-    """Return the ``size`` bytes of a chunk; ``zlib/8`` is how samples were written before planes were told apart."""
-    method, _, items = encoding.partition("/")
-    if method == "raw":
-        return data
-    if method == "planes":
-        count = int(items)
-        lengths = struct.unpack_from(f"<{count}I", data)
-        planes, start = [], 4 * count
-        for length in lengths:
-            plane = data[start : start + length]
-            planes.append(plane if length == size // count else zlib.decompress(plane))
-            start += length
-        return _transpose(b"".join(planes), size // count)
-    content = zlib.decompress(data)
-    return content if items == "1" else _transpose(content, len(content) // int(items))
-
-
-def _transpose(data: bytes, columns: int) -> bytes:
-    """Read ``data`` row by row into ``columns`` columns and give it back column by column."""
-    return np.frombuffer(data, dtype=np.uint8).reshape(-1, columns).T.tobytes()

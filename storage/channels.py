@@ -17,13 +17,18 @@ from numpy.typing import NDArray
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from storage.blobs import get_bytes, put_bytes
-from storage.models import ChannelBlock
+from storage.blobs import put_bytes
+from storage.errors import NotFoundError
+from storage.models import Blob, BlobChunk, ChannelBlock
+from storage.packing import decode
+from storage.postgres import in_pieces
 
 #: Cells of one level that are joined to one cell of the next.
 FACTOR = 16
-#: Cells in one block, the unit of reading.
+#: Cells in one block, the unit of reading; as one chunk of its blob.
 BLOCK = 32768
+#: Blocks that are in memory at a time while a channel is read.
+_AHEAD = 8
 
 Float = NDArray[np.float64]
 
@@ -199,20 +204,34 @@ class ChannelReader:
     def _read(self, level: int, first: int, last: int) -> Float:
         """Return the cells first <= c < last of a level, (1, n) samples or (2, n) extremes."""
         rows = 2 if level else 1
+        cells = np.empty((rows, last - first))
         if first == last:
-            return np.empty((rows, 0))
-        wanted = select(ChannelBlock.sha256).where(
-            ChannelBlock.dataset_id == self._dataset_id,
-            ChannelBlock.channel == self._channel,
-            ChannelBlock.level == level,
-            ChannelBlock.number.between(first // BLOCK, (last - 1) // BLOCK),
+            return cells
+        wanted = (
+            select(ChannelBlock.number, Blob.size, BlobChunk.encoding, BlobChunk.data)
+            .join(Blob, Blob.sha256 == ChannelBlock.sha256)
+            .join(BlobChunk, BlobChunk.sha256 == ChannelBlock.sha256)
+            .where(
+                ChannelBlock.dataset_id == self._dataset_id,
+                ChannelBlock.channel == self._channel,
+                ChannelBlock.level == level,
+                ChannelBlock.number.between(first // BLOCK, (last - 1) // BLOCK),
+            )
+            .order_by(ChannelBlock.number)
         )
-        blocks = [
-            np.frombuffer(get_bytes(self._session, sha256), dtype=np.float64).reshape(rows, -1)
-            for sha256 in self._session.scalars(wanted.order_by(ChannelBlock.number)).all()
-        ]
-        offset = first // BLOCK * BLOCK
-        return np.concatenate(blocks, axis=1)[:, first - offset : last - offset]
+        end = first
+        for row in in_pieces(self._session, wanted, size=_AHEAD):
+            offset = row.number * BLOCK
+            block = np.frombuffer(decode(row.encoding, row.data, row.size), dtype=np.float64).reshape(rows, -1)
+            if not offset <= end < offset + block.shape[1]:
+                continue  # one before it is missing, as is told below
+            stop = min(offset + block.shape[1], last)
+            cells[:, end - first : stop - first] = block[:, end - offset : stop - offset]
+            end = stop
+        if end < last:
+            place = f"channel {self._channel}, level {level}, cell {end}"
+            raise NotFoundError("block of", f"{self._dataset_id}, {place}")
+        return cells
 
     def _check(self, start: int, stop: int) -> None:
         if not 0 <= start <= stop <= self._count:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import struct
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, Engine, func, select
 
-from storage.blobs import CHUNK_SIZE, decode
+from storage.blobs import CHUNK_SIZE
 from storage.copying import snapshot
 from storage.models import Blob, BlobChunk
+from storage.packing import DAMAGED, decode
 
 #: Faults that are told one by one; the rest is counted.
 MOST_TOLD = 100
@@ -67,7 +66,7 @@ def _blob(connection: Connection, sha256: str, size: int) -> Iterator[str]:
                 piece = decode(row.encoding, row.data, min(CHUNK_SIZE, size - row.number * CHUNK_SIZE))
                 whole.update(piece)
                 length += len(piece)
-    except (zlib.error, struct.error, ValueError, ArithmeticError) as error:
+    except DAMAGED as error:
         yield f"blob {sha256} cannot be unpacked: {error}"
         return
     if length != size:

@@ -15,13 +15,15 @@ from __future__ import annotations
 import re
 import select
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import psycopg
-from sqlalchemy import Connection, Engine, event
+from sqlalchemy import Connection, Engine, Row, Select, event
 from sqlalchemy.engine import ExecutionContext
 from sqlalchemy.engine.default import DefaultExecutionContext
 from sqlalchemy.exc import InvalidatePoolError
+from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 #: s without use after which a connection is tried out before it is used again.
@@ -47,6 +49,22 @@ def take_time(connection: Connection) -> None:
     """Let the transaction of a connection wait for its next statement as long as that takes: all is copied, or migrated."""
     if connection.dialect.name == "postgresql":
         connection.exec_driver_sql("SET LOCAL idle_in_transaction_session_timeout = 0")
+
+
+def in_pieces(session: Session, rows: Select[*tuple[Any, ...]], *, size: int) -> Iterator[Row[*tuple[Any, ...]]]:
+    """Give the rows of a long selection, ``size`` of them in memory at a time.
+
+    On Postgres that takes a cursor of the server's, and this a transaction, which ends with the last row unless it was begun before:
+    whoever goes on to compute must not keep one.
+    """
+    own = session.connection().connection.dbapi_connection
+    alone = isinstance(own, psycopg.Connection) and own.autocommit
+    with session.execute(rows, execution_options={"yield_per": size}) as found:
+        yield from found
+    if alone:
+        assert isinstance(own, psycopg.Connection)
+        own.commit()
+        own.autocommit = True
 
 
 def _wait_for_a_write(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
