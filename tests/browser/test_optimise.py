@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 
 import pytest
@@ -41,6 +42,8 @@ def body_of(curl: str, url: str) -> dict:
 def test_all_that_a_request_may_hold_is_said_kept_and_copied(page: Page, hydraulic, service, client) -> None:
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=service.url)
     page.goto(f"/systems/{hydraulic}/optimise")
+    # The bound on the effort that is proposed is not wanted here.
+    page.get_by_role("button", name="Remove control effort").click()
     # Design variables: a range on a scale of its own, a list.
     page.get_by_role("button", name="Remove law.kd2").click()
     page.get_by_role("button", name="More about law.kp").click()
@@ -128,6 +131,50 @@ def test_what_is_wrong_stands_at_its_field(page: Page, hydraulic) -> None:
     expect(page.get_by_test_id("experiments")).to_contain_text("kg")
     expect(duration).to_have_attribute("aria-invalid", "true")
     expect(page.get_by_role("alert")).to_have_count(0)
+
+
+def test_a_form_begins_with_the_panels_step_and_the_controllers_gains(page: Page, client) -> None:
+    system = study(client, "servo-hydraulic-position")
+    page.goto(f"/systems/{system}/panel?s=cylinder.mass&in=reference&amp=0.01&loop=controller&g=overshoot<0.2")
+    page.locator("[data-testid=plots][data-frame]").wait_for()
+    page.get_by_role("link", name="Optimise", exact=True).click()
+    expect(page.get_by_role("textbox", name="Amplitude")).to_have_value("0.01")
+    for number, name in enumerate(("controller.kp", "controller.integral_time"), start=1):
+        expect(page.get_by_label(f"Parameter {number}", exact=True)).to_have_value(name)
+    expect(page.get_by_label("Parameter 3", exact=True)).to_have_count(0)
+    expect(page.get_by_label("Goal 2", exact=True)).to_have_value("overshoot")
+    expect(page.get_by_role("textbox", name="At most, goal 2")).to_have_value("0.2")
+    # The effort is bounded by twice what a simulation says that it is now.
+    effort = {"system": system, "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.01}}, "outputs": ["control"], "metrics": ["control_effort"]}  # fmt: skip
+    now = client.post("/v1/simulations", json=effort).json()["variants"][0]["metrics"]["control"]["control_effort"]
+    expect(page.get_by_label("Goal 3", exact=True)).to_have_value("control_effort")
+    expect(page.get_by_role("textbox", name="At most, goal 3")).to_have_value(f"{2 * now['value']:.3g}")
+    # What it begins with is drawn beside it; the edge of a zone is its goal.
+    preview = page.get_by_test_id("preview")
+    preview.locator("[data-testid=plots][data-frame]").wait_for()
+    grip = preview.locator("[data-zone=overshoot]")
+    grip.focus()
+    page.keyboard.press("ArrowUp")
+    expect(page.get_by_role("textbox", name="At most, goal 2")).not_to_have_value("0.2")
+    # A system opens as it was left.
+    page.goto(f"/systems/{system}/panel")
+    expect(page.get_by_role("slider", name="cylinder.mass")).to_be_visible()
+    expect(page).to_have_url(re.compile("amp=0.01"))
+
+
+def test_start_with_a_wrong_beginning_leads_to_its_field(page: Page, hydraulic) -> None:
+    page.goto(f"/systems/{hydraulic}/optimise")
+    page.get_by_role("button", name="More about law.kp").click()
+    beginning = page.get_by_role("textbox", name="Beginning of law.kp")
+    enter(beginning, "5")
+    start = page.get_by_role("button", name="Start")
+    start.scroll_into_view_if_needed()
+    expect(beginning).not_to_be_in_viewport()
+    start.click()
+    expect(beginning).to_be_focused()
+    expect(beginning).to_be_in_viewport()
+    expect(beginning).to_have_attribute("aria-invalid", "true")
+    expect(page.get_by_test_id("variables").get_by_role("alert")).to_contain_text("0.1")
 
 
 def test_a_bar_of_a_tornado_leads_to_its_slider(page: Page, hydraulic, client) -> None:

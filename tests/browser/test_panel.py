@@ -312,7 +312,8 @@ def test_earlier_settings_stay_behind_as_shadows_and_influences_lie_behind_the_l
         page.get_by_role("menuitem", name="Table").click()
     header, *rows = [line.split(",") for line in download.value.path().read_text().splitlines()]
     now, before = (
-        next(i for i, text in enumerate(header) if name in text and "rad/s" in text) for name in ("now", "before 1")
+        next(i for i, text in enumerate(header) if name in text and "rad/s" in text)
+        for name in ("now", "earlier setting 1")
     )
     assert float(rows[-1][now]) == pytest.approx(steady_speed(2.4), rel=1e-2)
     assert float(rows[-1][before]) == pytest.approx(steady_speed(0.5), rel=1e-2)

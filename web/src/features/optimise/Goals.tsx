@@ -5,6 +5,7 @@ import { toldElsewhere } from "@/shared/forms/faults";
 import { NumberEntry } from "@/shared/ui/NumberEntry";
 import { formatMetric, words } from "@/shared/units/format";
 import { goalOf } from "./address";
+import type { Bounded } from "./first";
 import { changed, without, type Part } from "./form";
 import { GoalMore } from "./GoalMore";
 import { goalMetrics } from "./problem";
@@ -17,7 +18,7 @@ const FIELDS = ["metric", "output", "experiment", "from", "loop", "sense", "lowe
 const hasMore = ({ metric, target, tolerance, soft, weight, settled = false }: Goal) => needsOf(metric) !== "" || target !== undefined || tolerance !== undefined || soft || weight !== undefined || settled;
 
 /** Goals: of which curve, and on which side of which bound. */
-export function Goals(part: Part) {
+export function Goals({ effort, ...part }: Part & { effort: Bounded | null }) {
   const { form, opened, loops, metrics, change, faultAt } = part;
   const { t } = useTranslation();
   const put = (i: number, own: Partial<Goal>) => change({ goals: changed(form.goals, i, own) });
@@ -28,11 +29,12 @@ export function Goals(part: Part) {
   const last = form.goals.at(-1);
   const add = () => change({ goals: [...form.goals, { ...goalOf({ metric: "overshoot", output: last?.output ?? outputs[0] ?? "", sense: "", upper: 0.05 }, last?.from ?? opened.inputs[0] ?? "", last?.loop ?? loops[0] ?? "") }] });
   const bound = (row: Goal, i: number, key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { number: i + 1 })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional onCommit={(value) => put(i, { [key]: value })} w={104} {...spoken(row.metric, row[key])} />;
+  const proposed = effort && form.goals.some((row) => row.metric === effort.metric && row.upper === effort.upper) ? ` ${effort.limit ? t("optimise.effortLimited", { output: words(effort.output), by: effort.limit.by }) : t("optimise.effortOpen", { output: words(effort.output) })}` : "";
   return (
     <RowTable
       testId="wanted"
       title={t("optimise.goals")}
-      doc={t("optimise.goalsDoc")}
+      doc={t("optimise.goalsDoc") + proposed}
       field="goals"
       fields={FIELDS}
       faultAt={faultAt}

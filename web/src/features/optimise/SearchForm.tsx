@@ -13,24 +13,29 @@ import { useQueryText } from "@/shared/ui/useQueryText";
 import { addressOf } from "./address";
 import { curlOf, pythonOf } from "./copy";
 import { Experiments } from "./Experiments";
+import type { Bounded } from "./first";
 import type { Part } from "./form";
 import { Goals } from "./Goals";
 import { Method } from "./Method";
+import { Preview } from "./Preview";
 import { bodyOf, rowsOf } from "./problem";
 import { Robustness } from "./Robustness";
 import { Structures } from "./Structures";
 import { fieldOf, search, type Search } from "./schema";
+import classes from "./SearchForm.module.css";
+import { useFirstFault } from "./useFirstFault";
 import { Variables } from "./Variables";
 
-type Props = Omit<Part, "form" | "change" | "faultAt"> & { id: string; given: Search };
+type Props = Omit<Part, "form" | "change" | "faultAt"> & { id: string; revision: number; given: Search; effort: Bounded | null };
 
 /** A search as a form: the address holds it, it checks itself, and what the service finds wrong stands at its field. */
-export function SearchForm({ id, given, ...known }: Props) {
+export function SearchForm({ id, revision, given, effort, ...known }: Props) {
   const { t } = useTranslation();
   const navigate = useNavigate();
   const [, setQuery] = useQueryText();
   const { watch, getValues, setValue, setError, clearErrors, handleSubmit, formState } = useForm<Search>({ resolver: zodResolver(search), defaultValues: given });
   const [placed, setPlaced] = useState<string[]>([]);
+  const first = useFirstFault();
   const form = watch();
   const domains = { get: (name: string) => known.metrics.get(name)?.domain };
   const change = (part: Partial<Search>) => {
@@ -53,6 +58,7 @@ export function SearchForm({ id, given, ...known }: Props) {
       });
       for (const { field, detail } of own) setError(field as FieldPath<Search>, { type: "service", message: detail });
       setPlaced(own.map((fault) => fault.pointer));
+      first.tell();
     },
   });
   const faultAt = (field: string): string | undefined => {
@@ -62,20 +68,21 @@ export function SearchForm({ id, given, ...known }: Props) {
   const body = bodyOf(form, id, domains);
   const part: Part = { ...known, form, change, faultAt };
   return (
-    <div className="page">
+    <div className={`page ${classes.page}`}>
       <form
+        ref={first.form}
         noValidate
         onSubmit={(event) => {
           clearErrors();
           setPlaced([]);
-          void handleSubmit((asked) => submit.mutate(asked))(event);
+          void handleSubmit((asked) => submit.mutate(asked), first.tell)(event);
         }}
       >
         <Stack gap="lg">
           <ProblemAlert error={submit.error} shown={placed} />
           <Variables {...part} />
           <Experiments {...part} />
-          <Goals {...part} />
+          <Goals {...part} effort={effort} />
           <Robustness {...part} system={id} />
           <Structures {...part} system={id} />
           <Method {...part} />
@@ -91,6 +98,7 @@ export function SearchForm({ id, given, ...known }: Props) {
           </Group>
         </Stack>
       </form>
+      <Preview {...part} id={id} revision={revision} />
     </div>
   );
 }

@@ -22,7 +22,7 @@ export function Variables({ form, opened, change, faultAt }: Part) {
   const next = free.find((p) => !form.variables.some((row) => row.parameter === p.path));
   const outOf = (row: Variable, i: number) => {
     const { parameter: name, chosen } = row;
-    const bound = (key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { name })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional placeholder={t("optimise.asDocument")} onCommit={(value) => put(i, { [key]: value })} />;
+    const bound = (key: "lower" | "upper", label: string) => <NumberEntry aria-label={t(label, { name })} value={row[key]} unit={unitOf(row)} {...wrong(i, key)} optional placeholder={t("optimise.asDocument")} onCommit={(value) => put(i, { [key]: value })} w={unitOf(row).length > 4 ? 132 : 108} />;
     if (chosen === "list") return <ListEntry label="" aria-label={t("optimise.choicesOf", { name })} value={row.choices} unit={unitOf(row)} placeholder="10; 12; 15" {...wrong(i, "choices")} onChange={(choices) => put(i, { choices })} />;
     if (chosen === "tied") return <TextInput size="xs" aria-label={t("optimise.expressionOf", { name })} value={row.expression ?? ""} placeholder="=kp/20" spellCheck={false} {...wrong(i, "expression")} onChange={(event) => put(i, { expression: event.currentTarget.value })} />;
     return (
@@ -57,12 +57,12 @@ export function Variables({ form, opened, change, faultAt }: Part) {
       field="variables"
       fields={FIELDS}
       faultAt={faultAt}
-      minWidth={680}
+      minWidth={620}
       maxWidth={980}
       heads={[{ title: t("optimise.parameter") }, { title: t("optimise.now"), numeric: true }, { title: t("optimise.chosen") }, { title: t("optimise.outOf") }]}
       rows={form.variables}
       cells={(row, i) => [
-        <NativeSelect size="xs" aria-label={t("optimise.variable", { number: i + 1 })} value={row.parameter} data={free.map((p) => p.path)} {...wrong(i, "parameter")} onChange={(event) => put(i, { parameter: event.currentTarget.value })} />,
+        <NativeSelect size="xs" aria-label={t("optimise.variable", { number: i + 1 })} title={row.parameter} value={row.parameter} data={free.map((p) => p.path)} {...wrong(i, "parameter")} onChange={(event) => put(i, { parameter: event.currentTarget.value })} />,
         now(row),
         <NativeSelect size="xs" aria-label={t("optimise.chosenOf", { name: row.parameter })} value={row.chosen} data={CHOSEN.map((value) => ({ value, label: t(`optimise.chosenAs.${value}`) }))} onChange={(event) => put(i, { chosen: event.currentTarget.value as Variable["chosen"] })} />,
         outOf(row, i),

@@ -1,5 +1,3 @@
-import type { Opened } from "@/shared/live/protocol";
-import { firstSliders } from "@/shared/systems/movable";
 import type { GoalRow, ProblemForm } from "@/shared/systems/search";
 import { shape, type Goal, type Search, type Variable } from "./schema";
 
@@ -54,28 +52,4 @@ export function wholeOf({ input, amplitude, loop, variables, goals, scenarios, m
     others: [],
     priority: "normal",
   };
-}
-
-/** A first visit is given a form that makes sense for most loops. */
-export function firstOf(opened: Opened, loops: string[]): Search {
-  const output = opened.outputs[0]?.name ?? "";
-  const known = new Map(opened.parameters.map((p) => [p.path, p]));
-  return wholeOf({
-    input: opened.inputs[0] ?? "",
-    amplitude: 1,
-    loop: loops[0] ?? "",
-    variables: firstSliders(opened.parameters, 3).map((parameter) => {
-      const { lower, upper, value } = known.get(parameter)!;
-      const wide = (bound: number | null) => bound === null || bound === 0 || Math.abs(bound) > 100 * Math.abs(value);
-      return { parameter, lower: wide(lower) ? Number((value > 0 ? value / 10 : value * 10).toPrecision(3)) : lower!, upper: wide(upper) ? Number((value > 0 ? value * 10 : value / 10).toPrecision(3)) : upper! };
-    }),
-    goals: [
-      { metric: "response_time", output, sense: "minimize" },
-      { metric: "overshoot", output, sense: "", upper: 0.05 },
-      ...(loops.length > 0 ? [{ metric: "sensitivity_peak", output, sense: "" as const, upper: 2 }] : []),
-    ],
-    scenarios: "",
-    method: "auto",
-    options: {},
-  });
 }

@@ -6,7 +6,7 @@ import type { Metric } from "@/shared/api/types";
 import { formatNumber, words } from "@/shared/units/format";
 import { useDraft } from "@/shared/ui/useDraft";
 import { readEntry } from "@/shared/units/number";
-import { holds, WANTED, type PanelGoal } from "./goals";
+import { holds, WANTED, type PanelGoal } from "@/shared/responses/goals";
 import classes from "./GoalBar.module.css";
 
 interface Props {

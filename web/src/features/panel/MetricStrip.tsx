@@ -4,7 +4,7 @@ import type { Metric } from "@/shared/api/types";
 import { Busy } from "@/shared/ui/Busy";
 import { MetricValue } from "@/shared/ui/MetricValue";
 import { formatNumber } from "@/shared/units/format";
-import { holds, type PanelGoal } from "./goals";
+import { holds, type PanelGoal } from "@/shared/responses/goals";
 import classes from "./MetricStrip.module.css";
 
 interface Props {

@@ -12,20 +12,21 @@ import { CompareBar } from "./CompareBar";
 import { loopsOf } from "@/shared/systems/loops";
 import { MetricStrip } from "./MetricStrip";
 import classes from "./PanelPage.module.css";
-import { PanelPlots, type PlotsHandle } from "./PanelPlots";
+import { ResponsePlots, type PlotsHandle } from "@/shared/responses/ResponsePlots";
 import { PanelSetup } from "./PanelSetup";
 import { ParamSlider } from "./ParamSlider";
 import { GoalBar } from "./GoalBar";
-import type { PanelGoal } from "./goals";
+import type { PanelGoal } from "@/shared/responses/goals";
 import { MeasuredSetup } from "./MeasuredSetup";
 import { travelOf, type Scale } from "./scale";
 import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
+import { keepLast, lastOf, type Last } from "@/shared/systems/last";
 import { firstSliders } from "@/shared/systems/movable";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import { mainOutput, pathsOf, readState, usualMetrics, variantsOf, writeState, type PanelState } from "./state";
-import { useLive } from "./useLive";
+import { useLive } from "@/shared/responses/useLive";
 
 const NONE: Record<string, number | null> = {};
 
@@ -85,11 +86,13 @@ export function PanelPage() {
     if (live.opened) setKnown(live.opened);
   }, [live.opened]);
 
-  // A panel that nobody has arranged begins with the author's parameters and the first loop.
+  // A system opens as it was left in this browser; a panel that nobody has arranged, with the author's parameters and the first loop.
   useEffect(() => {
+    const last = query.size === 0 ? lastOf(id) : null;
+    if (last) return setQuery(() => new URLSearchParams(last.query));
     if (!known || query.has("s")) return;
     change({ sliders: firstSliders(known.parameters), ...(state.loop || state.path || loops.length === 0 ? {} : { loop: loops[0]! }) });
-  }, [known, query, change, loops, state.loop, state.path]);
+  }, [id, known, query, setQuery, change, loops, state.loop, state.path]);
 
   const show = useCallback((path: string, value: number) => `${path} = ${withUnit(value, parameters.get(path)?.unit ?? "")}`, [parameters]);
   const names = { current: t("panel.current"), reference: t("panel.reference") };
@@ -185,6 +188,10 @@ export function PanelPage() {
     method: "auto",
     options: {},
   };
+  const kept = JSON.stringify({ query: query.toString(), search: { input: searched.input, amplitude: searched.amplitude, loop: searched.loop, goals: searched.goals, output: output ?? "", values: state.values } } satisfies Last);
+  useEffect(() => {
+    if (known && query.has("s")) keepLast(id, JSON.parse(kept) as Last);
+  }, [id, known, query, kept]);
 
   return (
     <div className={classes.page}>
@@ -253,7 +260,7 @@ export function PanelPage() {
         )}
         <ProblemAlert error={live.problem} />
         {!known && !live.problem && live.state !== "lost" && <Busy>{t("panel.opening")}</Busy>}
-        {known && <PanelPlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} onGoal={onGoal} />}
+        {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} onGoal={onGoal} />}
       </Stack>
     </div>
   );

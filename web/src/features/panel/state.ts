@@ -1,6 +1,6 @@
 import type { LiveParameter, Opened } from "@/shared/live/protocol";
 import type { Scale } from "./scale";
-import { readGoal, writeGoal, type PanelGoal } from "./goals";
+import { readGoal, writeGoal, type PanelGoal } from "@/shared/responses/goals";
 
 /** Settings that were kept, to come back to or to be seen beside others. */
 export interface Snapshot {

@@ -1,4 +1,4 @@
-import { ActionIcon, Group, Menu, Text } from "@mantine/core";
+import { ActionIcon, CloseButton, Group, Menu, Text } from "@mantine/core";
 import { memo, useEffect, useImperativeHandle, useRef, type Ref } from "react";
 import { useTranslation } from "react-i18next";
 import { csvOf, download, fileName } from "./export";
@@ -17,6 +17,9 @@ interface Props {
   height?: number;
   /** What the picture says, for those who cannot see it. */
   summary: string;
+  /** How many of the faint series are drawn, and what takes them away. */
+  shadows?: number;
+  onDropShadows?(): void;
   /** The edge of a zone was dragged. */
   onZone?: ZoneMoved;
   ref?: Ref<PlotHandle>;
@@ -25,7 +28,7 @@ interface Props {
 }
 
 /** A plot with its legend, the value under the cursor, and its export as picture and table. */
-export const Plot = memo(function Plot({ spec, curves, height = 280, summary, onZone, ref, onZoom }: Props) {
+export const Plot = memo(function Plot({ spec, curves, height = 280, summary, shadows = 0, onDropShadows, onZone, ref, onZoom }: Props) {
   const { t } = useTranslation();
   const holder = useRef<HTMLDivElement>(null);
   const layer = useRef<HTMLDivElement>(null);
@@ -69,6 +72,8 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
     if (curves) update(curves);
   });
 
+  // One curve needs no name beside the title; an earlier setting that is drawn has one.
+  const named = [...spec.series.filter((s) => !s.faint), ...spec.series.filter((s) => s.faint).slice(0, shadows)];
   return (
     <section className={classes.frame} aria-label={spec.title}>
       <Group justify="space-between" wrap="nowrap" gap="xs" className={classes.head}>
@@ -94,16 +99,21 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, on
         <div ref={holder} role="img" aria-label={summary} data-waiting={curves === undefined || undefined} style={{ height }} className={classes.canvas} />
         <div ref={layer} className={classes.grips} />
       </div>
-      <ul className={classes.legend}>
-        {spec.series.filter((s) => !s.faint).map((s) => (
-          <li key={s.label}>
-            <svg width="26" height="8" aria-hidden>
-              {s.marks ? <path d="M9 0l8 8M17 0l-8 8" stroke={s.color} strokeWidth="1.500" /> : <line x1="0" x2="26" y1="4" y2="4" stroke={s.color} strokeWidth={s.width ?? 1.5} strokeDasharray={s.dash.join(" ")} />}
-            </svg>
-            {s.label}
-          </li>
-        ))}
-      </ul>
+      <div className={classes.legend}>
+        {named.length > 1 && (
+          <ul>
+            {named.map((s) => (
+              <li key={s.label}>
+                <svg width="26" height="8" aria-hidden>
+                  {s.marks ? <path d="M9 0l8 8M17 0l-8 8" stroke={s.color} strokeWidth="1.500" /> : <line x1="0" x2="26" y1="4" y2="4" stroke={s.color} strokeWidth={s.width ?? 1.5} strokeDasharray={s.dash.join(" ")} />}
+                </svg>
+                {s.label}
+              </li>
+            ))}
+          </ul>
+        )}
+        {shadows > 0 && <CloseButton size={24} iconSize={12} aria-label={t("plot.dropShadows")} title={t("plot.dropShadows")} onClick={onDropShadows} />}
+      </div>
     </section>
   );
 });

@@ -1,4 +1,9 @@
-import type { Curve, PlotSpec } from "./types";
+import type { Curve, PlotSpec, Series } from "./types";
+
+/** The series of which anything can be seen: an earlier setting that there is none of has no curve. */
+export function drawnSeries(series: readonly Series[], curves: readonly Curve[]): Series[] {
+  return series.filter((_, i) => Array.from(curves[i]?.y ?? []).some(Number.isFinite));
+}
 
 export function download(name: string, content: Blob): void {
   const link = document.createElement("a");
@@ -13,10 +18,12 @@ export function fileName(title: string, ending: string): string {
 }
 
 /** One pair of columns for each curve, units in the header. */
-export function csvOf(spec: Pick<PlotSpec, "x" | "y" | "series">, curves: Curve[]): string {
+export function csvOf(spec: Pick<PlotSpec, "x" | "y" | "series">, all: Curve[]): string {
+  const drawn = drawnSeries(spec.series, all);
+  const curves = all.filter((_, i) => drawn.includes(spec.series[i]!));
   const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
   const unit = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
-  const header = spec.series.flatMap((s) => [quoted(`${s.label}: ${unit(spec.x)}`), quoted(`${s.label}: ${unit(spec.y)}`)]);
+  const header = drawn.flatMap((s) => [quoted(`${s.label}: ${unit(spec.x)}`), quoted(`${s.label}: ${unit(spec.y)}`)]);
   const rows = Math.max(0, ...curves.map((c) => c.x.length));
   const lines = [header.join(",")];
   for (let i = 0; i < rows; i++) lines.push(curves.flatMap((c) => [cell(c.x[i]), cell(c.y[i])]).join(","));

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { csvOf } from "./export";
-import { axisWidth, clamped, decadeText, equalRanges, extent, padded, tickTexts } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, padded, tickTexts, withReturns } from "./ranges";
 
 describe("ranges", () => {
   it("passes over what is no number", () => expect(extent([[1, NaN, 3], [-2]])).toEqual([-2, 3]));
@@ -11,6 +11,13 @@ describe("ranges", () => {
   it("clamps, unless nothing is left", () => {
     expect(clamped([-200, 20], [-60, 100])).toEqual([-60, 20]);
     expect(clamped([-200, -100], [-60, 100])).toEqual([-200, -100]);
+  });
+  it("follows a curve under the limit as far as it comes back, and cuts what goes on falling", () => {
+    expect(withReturns([[0, -90, -70, -85, -300]], [-80, 120])).toEqual([-90, 120]);
+    expect(withReturns([[0, -60, -90, -400]], [-80, 120])).toEqual([-80, 120]);
+    expect(withReturns([[-90, -100], [NaN, NaN], []], [-80, 120])).toEqual([-80, 120]);
+    // A zero on the axis would take the limit to infinity.
+    expect(withReturns([[0, -2000, 0]], [-80, 120])).toEqual([-280, 120]);
   });
   it("draws a circle as one", () => {
     const { x, y } = equalRanges([-1, 1], [-1, 1], 400, 200);
@@ -23,6 +30,10 @@ describe("CSV", () => {
   it("has units in the header and gaps where there is nothing", () => {
     const text = csvOf({ x: { label: "time", unit: "s" }, y: { label: "speed", unit: "rad/s" }, series: [{ label: 'R "a"', color: "", dash: [] }] }, [{ x: [0, 1], y: [2, NaN] }]);
     expect(text).toBe('"R ""a"": time [s]","R ""a"": speed [rad/s]"\n0,2\n1,\n');
+  });
+  it("leaves out what cannot be seen", () => {
+    const spec = { x: { label: "t", unit: "" }, y: { label: "y", unit: "" }, series: [{ label: "now", color: "", dash: [] }, { label: "earlier", color: "", dash: [], faint: true }] };
+    expect(csvOf(spec, [{ x: [0], y: [1] }, { x: [0], y: [NaN] }])).toBe('"now: t","now: y"\n0,1\n');
   });
 });
 

@@ -31,6 +31,21 @@ export function clamped(range: Range, limits?: Range): Range {
   return low < high ? [low, high] : range;
 }
 
+/**
+ * The limits with the lower one taken down, at most `furthest` times as far as they reach, to the lowest place from which a curve comes
+ * back: what is cut off goes on falling, and nothing beyond the cut returns as an island.
+ */
+export function withReturns(curves: readonly Numbers[], [low, high]: Range, furthest = 2): Range {
+  let lowest = low;
+  for (const curve of curves) {
+    let last = curve.length - 1;
+    while (last >= 0 && !(curve[last]! >= low)) last--;
+    // Beneath the lower limit from the first on, or all within: nothing comes back.
+    for (let i = 0; i < last; i++) if (curve[i]! < lowest) lowest = curve[i]!;
+  }
+  return [Math.max(lowest, high - furthest * (high - low)), high];
+}
+
 /** Both ranges for a plane of `width` by `height` pixels in which a circle is a circle. */
 export function equalRanges(x: Range, y: Range, width: number, height: number): { x: Range; y: Range } {
   const unit = Math.max((x[1] - x[0]) / Math.max(width, 1), (y[1] - y[0]) / Math.max(height, 1));

@@ -1,7 +1,8 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { axisWidth, clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, type Range } from "./ranges";
+import { axisWidth, clamped, decadeText, equalRanges, extent, padded, planeOf, tickTexts, withReturns, type Range } from "./ranges";
 import { paintBehind, paintMarks } from "./decor";
+import { drawnSeries } from "./export";
 import { Handles } from "./handles";
 import { drawLine, drawPath } from "./lines";
 import { NOTHING, type Curve, type LivePlot, type PlotSpec, type Series, type ZoneMoved } from "./types";
@@ -105,11 +106,14 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? decadeText(v) : "")) } 
       : { values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => tickTexts(splits, step) }),
   });
+  /** Curves that the axes are made for: an earlier setting, unstable perhaps, does not flatten what is looked at. */
+  const counting = () => current.filter((_, i) => !spec.series[i]?.faint);
   // Edges that can be taken are kept in sight, and the axis keeps still while one is held.
   const yRange = (): Range => {
     if (lastY && handles?.held) return lastY;
     const edges = decor.zones.flatMap((zone) => (zone.handle && zone.handle.axis !== "x" ? [zone.handle.at[1]] : []));
-    const whole = clamped(padded(extent([...current.map((c) => c.y), ...(spec.keep ?? []).map((p) => [p[1]]), edges])), spec.clamp);
+    const looked = counting().map((c) => c.y);
+    const whole = clamped(padded(extent([...looked, ...(spec.keep ?? []).map((p) => [p[1]]), edges])), spec.clamp && withReturns(looked, spec.clamp));
     lastY = spec.span === undefined ? whole : [Math.max(whole[0], whole[1] - spec.span), whole[1]];
     return lastY;
   };
@@ -165,7 +169,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   const findPlane = () => {
     if (plane && handles?.held) return;
     const edges = decor.zones.flatMap((zone) => (zone.handle ? [zone.handle.at] : []));
-    const seen = planeOf(current, [...(spec.keep ?? []), ...edges], spec.clamp);
+    const seen = planeOf(counting(), [...(spec.keep ?? []), ...edges], spec.clamp);
     plane = equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height);
   };
   const draw = () => {
@@ -186,7 +190,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
       decor = behind;
       draw();
     },
-    png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
+    png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec, drawnSeries(spec.series, current)).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
     destroy() {
       observer.disconnect();
       handles?.destroy();
@@ -196,7 +200,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
 }
 
 /** The picture with its title and legend, which on the page are text. */
-function composed(source: HTMLCanvasElement, spec: PlotSpec): HTMLCanvasElement {
+function composed(source: HTMLCanvasElement, spec: PlotSpec, drawn: readonly Series[]): HTMLCanvasElement {
   const unit = devicePixelRatio;
   const canvas = document.createElement("canvas");
   canvas.width = source.width;
@@ -210,7 +214,7 @@ function composed(source: HTMLCanvasElement, spec: PlotSpec): HTMLCanvasElement 
   ctx.fillText(spec.title, 10, 17);
   ctx.font = FONT;
   let x = 10;
-  for (const s of spec.series) {
+  for (const s of drawn) {
     ctx.strokeStyle = s.color;
     ctx.globalAlpha = s.faint ? 0.4 : 1;
     ctx.lineWidth = s.width ?? 1.5;

@@ -7,6 +7,8 @@ export interface PanelGoal {
   metric: string;
   bound: "upper" | "lower";
   value: number;
+  /** Where it is not of the output that is looked at: the controller's, of an effort. */
+  output?: string;
 }
 
 /** What can be wanted on a panel: the side of the bound, where it is drawn, a bound to begin with. */
@@ -17,6 +19,7 @@ export const WANTED: Record<string, { bound: PanelGoal["bound"]; plot: "step" | 
   response_time: { bound: "upper", plot: "step", first: NaN, domain: "time" },
   settling_time: { bound: "upper", plot: "step", first: NaN, domain: "time" },
   peak: { bound: "upper", plot: "step", first: NaN, domain: "time" },
+  control_effort: { bound: "upper", plot: "step", first: NaN, domain: "time" },
   bandwidth: { bound: "lower", plot: "bode", first: NaN, domain: "path" },
   phase_margin: { bound: "lower", plot: "phase", first: Math.PI / 4, domain: "loop" },
   gain_margin: { bound: "lower", plot: "bode", first: 2, domain: "loop" },
@@ -98,6 +101,7 @@ export function zoneOf(goal: PanelGoal, facts: Facts, label: string, text: strin
       return zone(beyond(edge, way < 0), [0.15 * end, edge], "y");
     }
     case "peak":
+    case "control_effort":
       return zone([...beyond(goal.value, true), ...beyond(-goal.value, false)], [0.7 * end, goal.value], "y");
     case "rise_time": {
       if (!Number.isFinite(way) || way === 0) return null;
@@ -154,6 +158,7 @@ export function boundAt(goal: PanelGoal, [x, y]: Point, { start, final, tenth, t
     case "undershoot":
       return Math.max(0, (start - y) / way);
     case "peak":
+    case "control_effort":
       return Math.max(1e-12, y);
     case "rise_time":
       return Math.max(least, x - tenth);

@@ -1,5 +1,5 @@
 import { useComputedColorScheme } from "@mantine/core";
-import { forwardRef, memo, useCallback, useEffect, useImperativeHandle, useMemo, useRef } from "react";
+import { forwardRef, memo, useCallback, useEffect, useImperativeHandle, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { bode, type Frame, type Opened } from "@/shared/live/protocol";
 import { Plot, type PlotHandle } from "@/shared/plots/Plot";
@@ -8,9 +8,9 @@ import { NOTHING, type Band, type Curve, type Decor, type Mark, type PlotSpec, t
 import { formatMetric, formatNumber, prettyUnit, withUnit, words } from "@/shared/units/format";
 import { boundAt, factsOf, WANTED, zoneOf, type Facts, type PanelGoal } from "./goals";
 import { marginsOf, type Margins } from "./margins";
-import classes from "./PanelPlots.module.css";
+import classes from "./ResponsePlots.module.css";
 import { frequenciesOf, spectrumOf } from "./spectrum";
-import type { Variant } from "./state";
+
 
 export interface PlotsHandle {
   draw(frame: Frame): void;
@@ -22,12 +22,14 @@ export interface PlotsHandle {
 interface Props {
   opened: Opened;
   plots: string[];
-  variants: Pick<Variant, "label" | "kind">[];
+  variants: { label: string; kind: "current" | "reference" | "snapshot" | "compare" }[];
   goals: PanelGoal[];
   /** The output whose goals are drawn. */
   output: string;
   /** A loop is opened: it has margins. */
   loop: boolean;
+  /** Of each plot, px. */
+  height?: number;
   onGoal(metric: string, value: number, done: boolean): void;
 }
 
@@ -36,14 +38,15 @@ const EMPTY: Curve = { x: [], y: [] };
 const MEASURED = { light: "#6f42c1", dark: "#c9a7ff" };
 
 /** All plots of a front panel, drawn from frames as they come, without React. */
-export const PanelPlots = memo(
-  forwardRef<PlotsHandle, Props>(function PanelPlots({ opened, plots, variants, goals, output, loop, onGoal }, ref) {
+export const ResponsePlots = memo(
+  forwardRef<PlotsHandle, Props>(function ResponsePlots({ opened, plots, variants, goals, output, loop, height, onGoal }, ref) {
     const { t } = useTranslation();
     const dark = useComputedColorScheme("light") === "dark";
     const handles = useRef(new Map<string, PlotHandle>());
     const frame = useRef<Frame | null>(null);
     const facts = useRef<Facts | null>(null);
     const ghosts = useRef<Frame[]>([]);
+    const [shadows, setShadows] = useState(0);
     const holder = useRef<HTMLDivElement>(null);
     const labels = variants.map((v) => `${v.kind}:${v.label}`).join("|");
 
@@ -123,11 +126,11 @@ export const PanelPlots = memo(
         const overlays = recorded.filter((one) => one.output === name);
         if (what === "step" || what === "spectrum") for (const one of overlays) curves.push({ x, y: what === "step" ? one.values : one.spectrum });
         const bands = what === "step" ? overlays.map(({ low, high, series: { color } }): Band => ({ x, low, high, color })) : [];
-        const decor = decorOf(what ?? "", name === output || name === undefined, bands, seen, margins);
+        const decor = decorOf(what ?? "", name, bands, seen, margins);
         handle.update(curves, decor);
         // In a Nyquist diagram a response of nothing is a point that nobody sees.
         const heights = what === "nyquist" ? next.variants.map((_, k) => bodeOf(k).magnitude) : curves.map(({ y }) => y);
-        describe(kind, decor.marks, heights.some((height) => height.some(Number.isFinite)) ? "" : t(`panel.nothing.${what}`, ""));
+        describe(kind, decor.marks, heights.some((height) => height.some(Number.isFinite)) ? "" : t(`panel.nothing.${what === "poles" && opened.nonlinear ? "nonlinearPoles" : what}`, ""));
       }
       holder.current?.setAttribute("data-frame", String(next.seq));
     };
@@ -142,14 +145,14 @@ export const PanelPlots = memo(
     };
 
     /** What lies behind the curves of one plot: forbidden zones, margins, error bands. */
-    const decorOf = (what: string, own: boolean, bands: Band[], seen: Facts | null, margins: Margins | null): Decor => {
+    const decorOf = (what: string, name: string | undefined, bands: Band[], seen: Facts | null, margins: Margins | null): Decor => {
       const marks = margins ? marksOf(what, margins) : [];
-      const here = own && seen ? goals.filter((goal) => WANTED[goal.metric]?.plot === what) : [];
+      const here = seen ? goals.filter((goal) => WANTED[goal.metric]?.plot === what && (name === undefined || name === (goal.output ?? output))) : [];
       if (here.length === 0 && marks.length === 0 && bands.length === 0) return NOTHING;
       const zones = here.flatMap((goal) => {
         const { text, unit } = formatMetric(goal.metric, goal.value, WANTED_UNITS[goal.metric] ?? "");
-        const name = t(`metrics.${goal.metric}`, words(goal.metric));
-        return zoneOf(goal, seen!, t("panel.zone", { metric: name }), `${name} ${goal.bound === "upper" ? "≤" : "≥"} ${text} ${unit}`) ?? [];
+        const metric = t(`metrics.${goal.metric}`, words(goal.metric));
+        return zoneOf(goal, seen!, t("panel.zone", { metric }), `${metric} ${goal.bound === "upper" ? "≤" : "≥"} ${text} ${unit}`) ?? [];
       });
       return { zones, marks, bands };
     };
@@ -192,17 +195,24 @@ export const PanelPlots = memo(
       leaveGhost() {
         const now = frame.current;
         if (now) ghosts.current = [now, ...ghosts.current].slice(0, GHOSTS);
+        setShadows(ghosts.current.length);
       },
       forget() {
         ghosts.current = [];
+        setShadows(0);
         frame.current = null;
       },
     }), []);
+    const dropShadows = useCallback(() => {
+      ghosts.current = [];
+      setShadows(0);
+      drawAnew();
+    }, [drawAnew]);
 
     return (
       <div ref={holder} className={classes.grid} data-testid="plots">
         {[...specs].map(([kind, spec]) => (
-          <Plot key={kind} spec={spec} height={kind.startsWith("step") ? 250 : 230} summary={t("panel.summary", { title: spec.title, curves: labels.replaceAll(/(^|\|)[a-z]+:/g, "$1").replaceAll("|", ", ") })} onZone={onZone} ref={refOf(kind)} />
+          <Plot key={kind} spec={spec} height={height ?? (kind.startsWith("step") ? 250 : 230)} shadows={shadows} onDropShadows={dropShadows} summary={t("panel.summary", { title: spec.title, curves: labels.replaceAll(/(^|\|)[a-z]+:/g, "$1").replaceAll("|", ", ") })} onZone={onZone} ref={refOf(kind)} />
         ))}
       </div>
     );
