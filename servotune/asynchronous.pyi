@@ -1,6 +1,7 @@
 # What type checkers are told of `AsyncClient`. Written by `make stub`: change the client instead.
 
 from collections.abc import AsyncIterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Literal, Self, type_check_only
@@ -138,7 +139,14 @@ class AsyncJobs:
     async def start(
         self, kind: Literal["optimization", "identification"], request: Mapping[str, Any]
     ) -> AsyncJob[Any]: ...
-    def list(self, *, kind: str | None = ..., status: str | None = ...) -> AsyncIterator[AsyncJob[Any]]: ...
+    def list(
+        self,
+        *,
+        kind: str | None = ...,
+        status: str | None = ...,
+        schedule: str | None = ...,
+        since: datetime | None = ...,
+    ) -> AsyncIterator[AsyncJob[Any]]: ...
 
 @type_check_only
 class AsyncKeys:
@@ -184,6 +192,7 @@ class AsyncSystems:
     async def create(self, document: Document, *, derived_from: str | None = ...) -> Stored: ...
     async def get(self, system: str) -> Stored: ...
     def list(self) -> AsyncIterator[Stored]: ...
+    async def find(self, name: str) -> Stored: ...
     async def revision(self, system: str, number: int) -> Stored: ...
     def revisions(self, system: str) -> AsyncIterator[Stored]: ...
     async def update(

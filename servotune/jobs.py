@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
+from datetime import datetime
 from itertools import takewhile
 from typing import Any, Generic, Literal, TypeVar, cast
 
+from servotune.documents import given
 from servotune.errors import JobCancelledError, JobFailedError, WaitTimeoutError
 from servotune.events import Event, parse
 from servotune.progress import Observer, ProgressBar
@@ -206,8 +208,28 @@ class Jobs:
         path = {"optimization": "/v1/optimizations", "identification": "/v1/identifications"}[kind]
         return Job(self._transport, JobState(self._transport.post(path, request, creates=True)))
 
-    def list(self, *, kind: str | None = None, status: str | None = None) -> Iterator[Job[Any]]:
-        """Yield the jobs, newest first as the service lists them, optionally of one kind or status."""
-        asked = {name: value for name, value in {"kind": kind, "status": status}.items() if value is not None}
-        for state in self._transport.items("/v1/jobs", JobState, params=asked):
+    def list(
+        self,
+        *,
+        kind: str | None = None,
+        status: str | None = None,
+        schedule: str | None = None,
+        since: datetime | None = None,
+    ) -> Iterator[Job[Any]]:
+        """Yield the jobs, newest first.
+
+        Parameters
+        ----------
+        kind, status : str, optional
+            Only these.
+        schedule : str, optional
+            Only those that this schedule has asked for.
+        since : datetime.datetime, optional
+            Only those that were asked for at this instant or later; without a time zone it is local time.
+        """
+        earliest = None if since is None else since.astimezone()
+        params = given(kind=kind, status=status, schedule=schedule)
+        for state in self._transport.items("/v1/jobs", JobState, params=params):
+            if earliest is not None and state.created_at and datetime.fromisoformat(state.created_at) < earliest:
+                return
             yield Job(self._transport, state)

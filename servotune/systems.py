@@ -28,6 +28,19 @@ class Systems:
         """Yield the stored systems."""
         return self._transport.items("/v1/systems", Stored)
 
+    def find(self, name: str) -> Stored:
+        """Return the present revision of the newest system that is called so.
+
+        Raises
+        ------
+        LookupError
+            There is none of that name.
+        """
+        for one in self.list():
+            if one.name == name:
+                return self.get(one.id)
+        raise LookupError(f"name must be that of a stored system, got {name!r}: `servotune systems list` shows them")
+
     def revision(self, system: str, number: int) -> Stored:
         """Return one revision, counted from 1."""
         return Stored(self._transport.get(f"/v1/systems/{system}/revisions/{number}"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import warnings
+from datetime import UTC, datetime
 from importlib.metadata import version
 
 import pytest
@@ -172,3 +173,21 @@ def test_an_update_names_the_version_it_starts_from(service: Service, client: se
     service.on("PUT /v1/systems/sys_1", Answer({"id": "sys_1", "revision": 4}))
     assert client.systems.update("sys_1", {"name": "y"})["revision"] == 4
     assert service.of("PUT")[0].headers["If-Match"] == '"3"'
+
+
+def test_a_system_is_found_by_its_name(service: Service, client: servotune.Client):
+    listed = [{"id": "sys_3", "name": "other"}, {"id": "sys_2", "name": "axis"}, {"id": "sys_1", "name": "axis"}]
+    service.on("GET /v1/systems", Answer({"items": listed, "next_cursor": None}))
+    service.on("GET /v1/systems/sys_2", Answer({"id": "sys_2", "document": {"name": "axis"}}))
+    assert client.systems.find("axis").document == {"name": "axis"}
+    with pytest.raises(LookupError, match="got 'axle'"):
+        client.systems.find("axle")
+
+
+def test_jobs_since_an_instant_end_with_the_first_earlier_one(service: Service, client: servotune.Client):
+    days = ("2026-11-25", "2026-11-20", "2026-11-10")
+    listed = [{"id": f"job_{day}", "created_at": f"{day}T10:00:00Z"} for day in days]
+    service.on("GET /v1/jobs", Answer({"items": listed, "next_cursor": "more"}))
+    since = datetime(2026, 11, 20, 10, tzinfo=UTC)
+    assert [job.id for job in client.jobs.list(schedule="sch_1", since=since)] == ["job_2026-11-25", "job_2026-11-20"]
+    assert len(service.asked) == 1
