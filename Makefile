@@ -67,8 +67,8 @@ wheels: setup  ## build the three distributions into dist/
 demo: setup  ## measurement to proven optimum on a real recording, over HTTP; writes demo-report.html
 	@$(BIN)/python -m examples.demo
 
-demo-lab: setup  ## a day in the lab on a simulated rig: measure, identify, validate, re-optimise, measure again; writes demo-lab.png
-	@$(BIN)/python -m examples.demo_lab
+demo-lab: setup  ## a day in the lab on a simulated rig, NI's or a PLC's (DRIVER=opcua): measure, identify, re-optimise, measure again; writes demo-lab.png
+	@$(BIN)/python -m examples.demo_lab $(if $(DRIVER),--driver $(DRIVER))
 
 serve: setup  ## start the service on http://127.0.0.1:8000 with one worker beside it
 	@$(BIN)/servotune serve

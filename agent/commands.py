@@ -30,7 +30,7 @@ def agent(argv: Sequence[str]) -> int:
     parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
     parser.add_argument("--url", help="address of the service")
     parser.add_argument("--rig", help="name of the rig")
-    parser.add_argument("--daq-server", help="address of an NI gRPC Device Server (default: the driver of this PC)")
+    parser.add_argument("--daq-server", help="address of an NI gRPC Device Server or of a controller")
     parser.add_argument("--spool", help="folder where samples wait for the service")
     parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
     given = parser.parse_args(argv)
@@ -46,7 +46,8 @@ def agent(argv: Sequence[str]) -> int:
     logging.basicConfig(
         level=given.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
-    logging.getLogger("httpx").setLevel(logging.WARNING)
+    for library in ("httpx", "asyncua"):
+        logging.getLogger(library).setLevel(logging.WARNING)
     os.umask(0o077)  # samples and keys are this user's alone
     chosen = {
         "service.url": given.url,

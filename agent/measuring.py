@@ -152,6 +152,7 @@ class Measurement:
         size = int(plan.seconds * plan.sample_rate * 1.1) * len(plan.inputs) * 8
         self._spool.admit(size)
         self._facts["devices"] = self._hardware.check(self._settings.devices)
+        self._hardware.admit(plan.inputs, plan.output)
         self._hardware.clean()
         with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.seconds) as running:
             rate = running.rate

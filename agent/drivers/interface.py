@@ -162,3 +162,29 @@ class Driver(ABC):
                         f"{what} of {device.name} must be {wanted}, got {got[what]}: the calibration is another one's",
                     )
         return found
+
+    def admit(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None) -> None:
+        """Make sure that the hardware has some channels, and that they can be set to their ranges.
+
+        Raises
+        ------
+        AttemptError
+            `unknown_channel`, `unsupported_setting`, with the name, the rule and the value.
+        """
+        found = self.channels()
+        asked = [(entry.name, "input", entry.channel, entry.range, entry.kind) for entry in inputs]
+        if output is not None:
+            asked.append((output.name, "output", output.channel, output.amplitude, "voltage"))
+        for name, direction, channel, limit, kind in asked:
+            there = {entry.name: entry.ranges for entry in found if entry.direction == direction}
+            if channel not in there:
+                known = ", ".join(there) or "none"
+                raise AttemptError(
+                    "unknown_channel", f"{direction} {name}: channel must be one of {known}, got {channel}"
+                )
+            widest = max(there[channel], default=limit)
+            if kind == "voltage" and limit > widest * (1 + 1e-9):
+                what = "range" if direction == "input" else "amplitude"
+                raise AttemptError(
+                    "unsupported_setting", f"{direction} {name}: {what} must be at most {widest:g}, got {limit:g}"
+                )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import servotune
-from examples.demo_lab.axis import CHIRP, HIDDEN, IDENTIFIED, START_GAIN, STEP, TEXTBOOK, TRUTH, axis
+from examples.demo_lab.axis import CHIRP, DRIVERS, HIDDEN, IDENTIFIED, START_GAIN, STEP, TEXTBOOK, TRUTH, axis
 from examples.demo_lab.figure import draw
 from examples.demo_lab.processes import Lab, LabError, lab
 
@@ -94,10 +94,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m examples.demo_lab", description=sys.modules[__name__].__doc__)
     parser.add_argument("--figure", type=Path, default=Path("demo-lab.png"), help="where the figure goes")
     parser.add_argument("--workdir", type=Path, default=Path(".demo-lab"), help="folder of database, samples and logs")
+    parser.add_argument(
+        "--driver",
+        choices=list(DRIVERS),
+        default="nidaqmx",
+        help="how the rig is reached: NI modules, or a PLC (opcua)",
+    )
     given = parser.parse_args(arguments)
     began = time.monotonic()
     try:
-        with lab(given.workdir) as running:
+        with lab(given.workdir, driver=given.driver) as running:
             findings = run(running)
     except (LabError, servotune.ServotuneError) as error:
         sys.stderr.write(f"The demonstration stopped: {error}\n")

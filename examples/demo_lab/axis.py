@@ -118,12 +118,12 @@ AGENT = """\
 [rig]
 name = "bench-1"
 [daq]
+driver = "{driver}"
 chunk = 0.2
 [spool]
 reserve = 0.0
 [[devices]]
-name = "cDAQ1Mod1"
-model = "NI 9234"
+name = "{device}"
 serial = "01A2B3C4"
 [[inputs]]
 name = "reference"
@@ -152,6 +152,9 @@ amplitude = 4.0
 duration = 60.0
 soft_stop = 0.5
 """
+
+DRIVERS = {"nidaqmx": ("cDAQ1Mod1", "127.0.0.1:{port}"), "opcua": ("PLC", "opc.tcp://127.0.0.1:{port}")}
+"""Driver -> what the rig calls itself behind it, and where it is."""
 
 CHIRP: dict[str, Any] = {
     "name": "chirp of the reference",

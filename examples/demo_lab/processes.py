@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import servotune
-from examples.demo_lab.axis import AGENT, RIG
+from examples.demo_lab.axis import AGENT, DRIVERS, RIG
 
 _READY_WITHIN = 180.0
 _STOPS_WITHIN = 15.0
@@ -32,10 +32,12 @@ class Lab:
     ----------
     folder : Path
         Databases, samples and logs.
+    driver : str
+        By which the agent reaches the rig.
     """
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder, self._stack = folder, stack
+    def __init__(self, folder: Path, stack: ExitStack, *, driver: str) -> None:
+        self._folder, self._stack, self._driver = folder, stack, driver
         self._rig: subprocess.Popen[bytes] | None = None
         self._port = _free_port()
         key, port = secrets.token_urlsafe(24), _free_port()
@@ -53,7 +55,9 @@ class Lab:
             _stop(self._rig)
         (self._folder / "axis.json").write_text(json.dumps(document))
         (self._folder / "rig.toml").write_text(RIG)
-        self._rig = self._start("rig", "rig-simulator", str(self._folder / "rig.toml"), "--port", str(self._port))
+        self._rig = self._start(
+            "rig", "rig-simulator", str(self._folder / "rig.toml"), "--port", str(self._port), "--as", self._driver
+        )
         give_up_at = time.monotonic() + _READY_WITHIN
         while not _answers(self._port):
             if self._rig.poll() is not None or time.monotonic() > give_up_at:
@@ -63,10 +67,11 @@ class Lab:
     def start_agent(self) -> None:
         """Start the agent with a key of its own, and wait until it has its rig."""
         key = self.client.keys.create("lab PC", scopes=["acquire"])["key"]
-        (self._folder / "agent.toml").write_text(AGENT)
+        device, server = DRIVERS[self._driver]
+        (self._folder / "agent.toml").write_text(AGENT.format(driver=self._driver, device=device))
         self._start(
             "agent", "agent", "--settings", str(self._folder / "agent.toml"), "--url", self._url,
-            "--daq-server", f"127.0.0.1:{self._port}", "--spool", str(self._folder / "spool"),
+            "--daq-server", server.format(port=self._port), "--spool", str(self._folder / "spool"),
             environment={"SERVOTUNE_AGENT_KEY": str(key)},
         )  # fmt: skip
         give_up_at = time.monotonic() + _READY_WITHIN
@@ -89,7 +94,7 @@ class Lab:
 
 
 @contextmanager
-def lab(folder: Path) -> Iterator[Lab]:
+def lab(folder: Path, *, driver: str = "nidaqmx") -> Iterator[Lab]:
     """Start a lab in a folder, and end it.
 
     Raises
@@ -101,7 +106,7 @@ def lab(folder: Path) -> Iterator[Lab]:
     for old in (*folder.glob("lab.db*"), *folder.glob("*.log")):
         old.unlink()
     with ExitStack() as stack:
-        yield Lab(folder, stack)
+        yield Lab(folder, stack, driver=driver)
 
 
 def _client(url: str, key: str) -> servotune.Client:
