@@ -168,7 +168,7 @@ def test_an_object_that_is_none_of_ours_is_refused() -> None:
     with controller() as server:
         for node, says in (
             ("ns=0;i=2253", "must have the variables of docs/agent.md, it lacks Request"),
-            ("ns=2;s=Acquisitoin", "no such node"),
+            ("ns=2;s=Acquisitoin", "Acquisitoin must have the variables of docs/agent.md"),
             ("Acquisition", "daq.object must be a node such as ns=2;s=Acquisition, got 'Acquisition'"),
         ):
             with connected(server.port, object=node, deadline=5.0) as driver, pytest.raises(AttemptError, match=says):
