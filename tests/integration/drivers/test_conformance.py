@@ -316,11 +316,3 @@ def test_the_next_agent_brings_to_rest_what_a_killed_one_has_left(rig) -> None:
         running.start()
         assert np.abs(all_of(running)[0] - drive.block(0, 1000)).max() < STEP_OF_CONVERTER
     driver.close()
-
-
-@pytest.mark.parametrize("variant", ["opcua-arrays", "file-npy"])
-def test_a_controller_that_hears_nothing_comes_to_rest_by_itself(tmp_path, variant) -> None:
-    rig = Rig(tmp_path / "rig", variant, speed=1.0, watchdog=2.0)
-    driven_and_killed(rig)
-    until(lambda: rig.level() == 0.0)
-    rig.end()
