@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WARM := $(VENV)/.warm
 PAGES := api/static/index.html
+SITE := api/site/index.html
 DISTRIBUTIONS := $(patsubst %/pyproject.toml,%,$(sort $(wildcard distributions/*/pyproject.toml)))
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some hundred processes: what they load is compiled once, also where the environment says that nothing compiled is kept.
@@ -17,7 +18,7 @@ MAKEFLAGS += --jobs=2
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue figures lock clean
+.PHONY: help setup wheels demo demo-lab serve test check quick web web-dev web-test screenshots format proof faults fuzz bench bench-coverage bench-client bench-service bench-web bench-optimizers openapi stub catalogue docs tutorials figures lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | while IFS="$$(printf '\t')" read -r name what; do printf '  make %-16s %s\n' "$$name" "$$what"; done
@@ -46,7 +47,15 @@ $(PAGES): web/node_modules/.package-lock.json openapi/openapi.json $(shell find 
 	@echo 'Building the browser client into api/static ...'
 	@web/npm run build --silent -- --logLevel warn
 
-setup: $(INSTALLED) $(WARM) $(PAGES)  ## install everything into .venv, from locked versions, and build the browser client
+# Links, anchors and references that lead nowhere end it. The old site goes first: pages that are no more would stay in it.
+$(SITE): $(INSTALLED) zensical.toml $(shell find docs servotune -type f -not -name '*.pyc')
+	@echo 'Building the documentation into api/site ...'
+	@rm -rf api/site && NO_COLOR=1 $(BIN)/python -m zensical build --clean --strict > .site.log 2>&1 || { cat .site.log; rm -rf api/site; exit 1; }
+	@rm -f .site.log
+
+setup: $(INSTALLED) $(WARM) $(PAGES) $(SITE)  ## install everything into .venv, from locked versions, and build the browser client and the documentation
+
+docs: $(SITE)  ## build the documentation into api/site, which the service serves at /docs
 
 web: $(PAGES)  ## build the browser client into api/static
 
@@ -135,17 +144,21 @@ openapi: setup  ## write openapi/openapi.json from the code
 stub: setup  ## write servotune/asynchronous.pyi from the client
 	@$(BIN)/python -m tests.support.stub
 
-catalogue: setup  ## write docs/catalogue/ from the code
+catalogue: setup  ## write docs/catalogue/ from the code, and docs/reference/cli.md from the commands' help
 	@$(BIN)/python docs/catalogue/generate.py
+	@$(BIN)/python docs/reference/generate.py
+
+tutorials: setup  ## write docs/tutorials/ from the notebooks of the examples, with what they print and draw (minutes)
+	@$(BIN)/python docs/tutorials/generate.py
 
 figures: setup  ## write docs/figures/ from the examples, with a service of their own (a minute or two)
 	@$(BIN)/python -m examples.figures
 
 # Our own distributions need one another: they are told where they are, and left out of the lock.
 lock: setup  ## resolve the newest versions that our declarations allow into requirements.lock
-	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group dev \
+	@$(BIN)/uv pip compile $(addsuffix /pyproject.toml,$(DISTRIBUTIONS)) --all-extras --group demo --group bench --group docs --group dev \
 		--python-version 3.11 --generate-hashes --upgrade --quiet --no-emit-package servotune --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
 
 clean:  ## remove the environment, caches and what the demo wrote
-	@rm -rf $(VENV) dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) api/site .cache dist .demo .demo-lab demo-report.html demo-lab.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -44,7 +44,7 @@ function firstLoad(): Plugin {
   };
 }
 
-/** The reference of the interface at /docs: a finished viewer, copied as it is under names that tell its content. */
+/** The reference of the interface at /docs/api: a finished viewer, copied as it is under names that tell its content. */
 function reference(): Plugin {
   return {
     name: "reference",
@@ -67,7 +67,7 @@ function reference(): Plugin {
   };
 }
 
-/** What the page at /docs asks for; in development it is the running service's. */
+/** What the page at /docs/api asks for; in development it is the running service's. */
 const REFERENCE = ["/assets/swagger-ui-", "/assets/reference-"];
 
 const service = process.env.SERVOTUNE_URL ?? "http://127.0.0.1:8000";

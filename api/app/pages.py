@@ -16,6 +16,8 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Match, Route
 from starlette.types import Scope
 
+from api.app import documentation
+
 STATIC = Path(__file__).parent.parent / "static"
 #: What the page may do: its own scripts and styles, its own service, pictures it draws itself. No other host anywhere.
 POLICY = (
@@ -79,4 +81,10 @@ def _reference(_request: Request) -> Response:
     return Response(page.read_text(encoding="utf-8"), media_type="text/html", headers=headers)
 
 
-ROUTES = (_Page("/docs", _reference), _Page("/assets/{name}", _asset), _Page("/{path:path}", _page))
+ROUTES = (
+    _Page("/docs/api", _reference),
+    _Page("/docs", documentation.page),
+    _Page("/docs/{path:path}", documentation.page),
+    _Page("/assets/{name}", _asset),
+    _Page("/{path:path}", _page),
+)

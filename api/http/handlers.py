@@ -183,7 +183,8 @@ def _on_http(request: Request, error: Exception) -> Response:
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(sorted({*headers.get("Allow", "").split(", "), *_allowed(request)} - {""}))
     known = {404: "no such path", 405: f"the method must be one of {headers.get('Allow')} here, got {request.method}"}
-    detail = known.get(error.status_code, error.detail)
+    own = error.detail != HTTPStatus(error.status_code).phrase
+    detail = error.detail if own else known.get(error.status_code, error.detail)
     _let_go(error)
     return problem_response(Problem(error.status_code, kind, detail, headers=headers))
 

@@ -150,7 +150,7 @@ def of_models(client: httpx.Client) -> Places:
     endless = Mistake(fill={"New workspace": "x" * 300}, press=("Make a workspace",), at="New workspace", said="200")
     of.add("access", "/access", "[data-testid=quotas]", past, less, endless)
     of.add("about", "/about", "[data-testid=checks]")
-    of.add("reference", "/docs", ".opblock-tag-section")
+    of.add("reference", "/docs/api", ".opblock-tag-section")
     of.add("nowhere", "/nothing-here", "h1, h2")
     of.add("map", f"/jobs/{grid}", "[data-testid=optimum]", job=grid)
     of.add("front", f"/jobs/{front}", "[data-testid=front]", job=front)

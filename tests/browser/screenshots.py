@@ -138,7 +138,7 @@ def prepared(client: httpx.Client, context: BrowserContext, folder: Path, rig: s
         "measurement": (f"/acquisitions/{acquisition}", "h1"),
         "access": ("/access", "[data-testid=keys]"),
         "about": ("/about", "[data-testid=checks]"),
-        "reference": ("/docs", ".info"),
+        "reference": ("/docs/api", ".info"),
     }
 
 

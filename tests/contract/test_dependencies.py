@@ -22,6 +22,7 @@ ROOMS = {
     "optimizers": ["servotune-server", "servotune-server[convex]", "servotune-server[pareto]"],
     "storage": ["servotune-server"],
     "api": ["servotune-server", "servotune-server[formats]", "servotune-server[telemetry]"],
+    "docs": ["servotune", "docs", "demo"],
     "examples": ["servotune", "demo"],
     "bench": ["servotune", "servotune-server", "servotune-server[formats]", "servotune-server[interop]", "bench"],
     "tests": parts(),
@@ -38,6 +39,8 @@ UNSEEN = {
     "import-linter",
     "scipy-stubs",
     "hatchling",
+    "zensical",
+    "mkdocstrings-python",
     "openapi-python-client",
     "tzdata",
 }

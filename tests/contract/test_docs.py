@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import json
 import re
 import runpy
+import subprocess
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -114,3 +118,48 @@ def test_decisions_are_numbered_without_gaps_and_listed() -> None:
         assert f"({name})" in index, name
         for heading in ("**Context.**", "**Decision.**", "**Consequences.**"):
             assert heading in (folder / name).read_text(), (name, heading)
+
+
+def blocks(page: Path, *languages: str) -> list[str]:
+    """Return the fenced blocks of a page in one of the languages."""
+    words = "|".join(languages)
+    found = re.findall(rf"^( *)```(?:{words})\n(.*?)^ *```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return [textwrap.dedent(text) for _, text in found]
+
+
+def test_every_block_of_code_is_well_formed() -> None:
+    counted = 0
+    for page in PAGES:
+        for text in blocks(page, "python"):
+            ast.parse(text, filename=str(page))
+        for text in blocks(page, "json"):
+            json.loads(text)
+        for text in blocks(page, "sh"):
+            done = subprocess.run(["bash", "-n"], input=text, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, (page, done.stderr)
+        counted += len(blocks(page, "python", "json", "sh"))
+    assert counted >= 40
+
+
+def test_the_page_of_the_command_line_is_what_the_commands_say() -> None:
+    written = (ROOT / "docs" / "reference" / "cli.md").read_text()
+    assert written == runpy.run_path(str(ROOT / "docs" / "reference" / "generate.py"))["page"](), "run `make catalogue`"
+
+
+@pytest.mark.parametrize(
+    "notebook", sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem
+)
+def test_a_tutorial_says_what_its_notebook_says(notebook: Path) -> None:
+    page = ROOT / "docs" / "tutorials" / f"{notebook.stem}.md"
+    cells = [(cell["cell_type"], "".join(cell["source"])) for cell in json.loads(notebook.read_text())["cells"]]
+    assert blocks(page, "python") == [f"{text.removesuffix(';')}\n" for kind, text in cells if kind == "code"], (
+        "run `make tutorials`"
+    )
+    for kind, text in cells:
+        assert kind == "code" or text in page.read_text(), "run `make tutorials`"
+
+
+def test_the_readme_is_one_screen() -> None:
+    assert len(README.splitlines()) <= 60
+    assert len(re.findall(r"!\[", README)) == 1
+    assert len(blocks(ROOT / "README.md", "python")) == 1

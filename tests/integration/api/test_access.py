@@ -403,7 +403,7 @@ def test_a_request_id_of_a_client_is_used_only_when_it_is_a_word(client) -> None
 
 
 def test_the_reference_page_asks_no_other_host(client) -> None:
-    reply = client.get("/docs", headers={"Accept": "text/html"})
+    reply = client.get("/docs/api", headers={"Accept": "text/html"})
     policy = reply.headers["Content-Security-Policy"]
     # 404 where the pages have not been built: a service without them still has its contract.
     assert (reply.status_code == 200 and "script-src 'self';" in policy) or "/openapi.json" in reply.json()["detail"]

@@ -49,7 +49,10 @@ export function AboutPage() {
             {t("about.interface")}
           </Title>
           <Group gap="md">
-            <Anchor href="/docs" fz="sm">
+            <Anchor href="/docs/" fz="sm">
+              {t("about.documentation")}
+            </Anchor>
+            <Anchor href="/docs/api" fz="sm">
               {t("about.reference")}
             </Anchor>
             <Anchor href="/openapi.json" fz="sm">
