@@ -57,7 +57,9 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--small", action="store_true", help="the same jobs in seconds; the times say nothing")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown, as in docs/benchmarks/peers.md")
+    parser.add_argument(
+        "--markdown", action="store_true", help="print the table as Markdown, as in docs/benchmarks/peers.md"
+    )
     options = parser.parse_args()
     sizes = SMALL if options.small else SIZES
     warnings.simplefilter("ignore")  # the peers' own
