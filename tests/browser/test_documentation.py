@@ -18,7 +18,7 @@ def test_the_search_finds_a_page(page: Page) -> None:
     expect(page.get_by_role("heading", name="Servotune", level=1)).to_be_visible()
     page.keyboard.press("/")
     page.keyboard.type("neutral")
-    page.get_by_role("link", name="Poles and stability").click()
+    page.get_by_role("option", name="Poles and stability").click()
     page.wait_for_url("**/docs/theory/delays.html**")
     assert page.locator("math").count() >= 5
 

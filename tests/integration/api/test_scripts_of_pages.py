@@ -1,12 +1,13 @@
-"""Pages whose blocks of Python are one script: it runs, with an engine of its own."""
+"""Pages whose blocks of Python are one script: it runs, in a process and with an engine of its own, as its reader runs it."""
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import pytest
 
 ROOT = Path(__file__).parents[3]
@@ -19,14 +20,20 @@ SCRIPTS: dict[str, tuple[int, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("page", SCRIPTS)
-def test_a_page_is_a_script_that_runs(page: str, capsys) -> None:
-    mpl.use("agg")
+def test_a_page_is_a_script_that_runs(page: str, tmp_path: Path) -> None:
     least, said = SCRIPTS[page]
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(), flags=re.MULTILINE | re.DOTALL)
     assert len(blocks) >= least
-    names: dict[str, object] = {"__name__": "page"}
-    exec(compile("\n".join(blocks), page, "exec"), names)
-    plt.close("all")
-    printed = capsys.readouterr().out
+    script = tmp_path / "page.py"
+    script.write_text("\n".join(blocks))
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
     for words in said:
-        assert words in printed
+        assert words in done.stdout
