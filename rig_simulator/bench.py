@@ -22,7 +22,7 @@ from rig_simulator.flow import INPUTS, Flow, Samples
 from rig_simulator.plant import Plant
 from rig_simulator.sensors import Sensor
 
-_VERIFY, _COMMIT, RESERVE, _UNRESERVE, _ABORT = 2, 3, 4, 5, 6
+_VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = 2, 3, 4, 5, 6
 """nidaqmx.constants.TaskMode."""
 
 
@@ -210,9 +210,9 @@ class Bench(Flow):
     def control(self, task: Task, action: int) -> None:
         """Verify, reserve or commit a task, or let go of what it has reserved."""
         with self.lock:
-            if action in {_VERIFY, _COMMIT, RESERVE}:
+            if action in {_VERIFY, _COMMIT, _RESERVE}:
                 self._check(task)
-            if action in {_COMMIT, RESERVE}:
+            if action in {_COMMIT, _RESERVE}:
                 routing.reserve(self.devices, self.tasks, task)
                 task.reserved = True
             elif action in {_UNRESERVE, _ABORT}:

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from rig_simulator.bench import RESERVE, Bench
-from rig_simulator.channels import CALLS
+from rig_simulator.bench import Bench
+from rig_simulator.channels import USAGES
 from rig_simulator.devices import FINITE, Task
 from rig_simulator.faults import DriverError
 
@@ -58,7 +58,7 @@ class Controller:
     def ranges(self, direction: str) -> Mapping[str, float]:
         """Return channel -> largest magnitude; ``direction`` is "ai" or "ao"."""
         return {
-            f"{device.name}/{direction}{i}": (device.converter.range if device.converter else 10.0)
+            f"{device.name}/{direction}{i}": device.converter.range
             for device in self.bench.devices.values()
             for i in range(device.inputs if direction == "ai" else device.outputs)
         }
@@ -72,7 +72,7 @@ class Controller:
         """Time some inputs, and return the rate that they really have."""
         self.clear()
         self._task = task = self.bench.create("controller-in")
-        usage = CALLS["CreateAIVoltageChan"].usage
+        usage = USAGES["CreateAIVoltageChan"][1]
         ranges = self.ranges("ai")
         for name in inputs:
             limit = ranges.get(name, 10.0)
@@ -89,7 +89,6 @@ class Controller:
         try:
             self.bench.set_clock(task, rate=task.rate, source="", mode=FINITE, samples=samples)
             if output is not None:
-                self.bench.control(task, RESERVE)  # a chassis names its terminals then
                 self._drive(output, values, rate=task.rate, source=self.bench.terminal(task, "SampleClock"))
                 assert self._output is not None
                 self._output.trigger = self.bench.terminal(task, "StartTrigger")
@@ -160,7 +159,7 @@ class Controller:
     def _drive(self, output: str, values: Samples, *, rate: float, source: str) -> None:
         self._output = task = self.bench.create("controller-out")
         self._call(
-            task, "AO", output, usage=CALLS["CreateAOVoltageChan"].usage, limit=self.ranges("ao").get(output, 10.0)
+            task, "AO", output, usage=USAGES["CreateAOVoltageChan"][1], limit=self.ranges("ao").get(output, 10.0)
         )
         self.bench.set_clock(task, rate=rate, source=source, mode=FINITE, samples=values.size)
         self.bench.write(task, values[None, :], auto_start=False)

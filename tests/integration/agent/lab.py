@@ -6,7 +6,7 @@ import hashlib
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,17 +79,16 @@ MEASUREMENT = {
 }
 
 
-def make_bench(*, speed: float = 0.0, devices: Sequence[Device] | None = None, **sensor: Any) -> Bench:
+def make_bench(*, speed: float = 0.0, **sensor: Any) -> Bench:
     """Return a rig with the lag between its output and its second input; the first one hears the output."""
     plant = Plant(diagram=diagram_from_wire(SystemDocument.model_validate(LAG)))
-    usual = [
-        Device(name="cDAQ1Mod1", model="NI 9234", serial=0x01A2B3C4),
-        Device(name="cDAQ1Mod2", model="NI 9260", serial=2),
-        Device(name="cDAQ1Mod3", model="NI 9234", serial=3),
-        Device(name="cDAQ1Mod4", model="NI 9237", serial=4),
-    ]
     return Bench(
-        devices or usual,
+        [
+            Device(name="cDAQ1Mod1", model="NI 9234", serial=0x01A2B3C4),
+            Device(name="cDAQ1Mod2", model="NI 9260", serial=2),
+            Device(name="cDAQ1Mod3", model="NI 9234", serial=3),
+            Device(name="cDAQ1Mod4", model="NI 9237", serial=4),
+        ],
         plant=plant,
         drives={"cDAQ1Mod2/ao0": ("u", 1.0)},
         sensors={

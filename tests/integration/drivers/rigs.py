@@ -30,12 +30,11 @@ speed = {speed}
 system = "lag.json"
 [[devices]]
 name = "cDAQ1Mod1"
-model = "of no known family"
 inputs = 8
 range = 10.0
 [[devices]]
 name = "cDAQ1Mod2"
-model = "of no known family"
+model = "NI 9260"
 outputs = 2
 range = 10.0
 divider = 0
