@@ -52,7 +52,7 @@ def _check(request: AgentRequest) -> None:
         unit = "A" if output.kind == "current" else "V"
         if abs(output.safe) > output.amplitude:
             raise invalid(
-                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} {unit}, got {output.safe:g}",
+                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} {'A' if output.kind == 'current' else 'V'}, got {output.safe:g}",
                 *("document", "outputs", i, "safe"),
             )
 
