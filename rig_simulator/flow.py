@@ -183,9 +183,8 @@ class Flow:
             for t in self.tasks.values()
             if t.kind in {"CI", "DI"} and t.state == "running" and self._leader(t) is clock
         ]
-        first = clock.made
         for task in (clock, *followers):
-            task.queue.append(self._compute(task, moved, first, count))
+            task.queue.append(self._compute(task, moved, clock.made, count))
             if task.made - task.read + count > max(self.buffer_of(task), 2 * _LONGEST_STEP) and task is not clock:
                 task.fault, task.queue = -200279, []
             task.made += count
