@@ -1,7 +1,4 @@
-"""What is done for all workers: whatever should be in the queue and is not comes back there.
-
-Every one looks after the dead and after its own claims; the rest is done by the one that is elected.
-"""
+"""What every worker does for all of them, now and then: whatever should be in the queue and is not comes back there."""
 
 from __future__ import annotations
 
@@ -13,10 +10,8 @@ from collections.abc import Callable, Sequence
 from sqlalchemy.orm import Session
 
 from storage import models
-from storage.election import Election
 from storage.errors import UNAVAILABLE
 from storage.jobs import requeue
-from storage.jobs.bell import ring
 from storage.jobs.claims import Claims
 from storage.jobs.liveness import Pulse
 from storage.jobs.private_calls import recover
@@ -68,7 +63,6 @@ class Keeper:
         self._pulse = Pulse(PATIENCE * interval)
         self._claims = Claims(PATIENCE * interval)
         self._reconcile_at = 0.0
-        self._election = Election(database, "queue", patience=PATIENCE * interval)
 
     def watch(self) -> None:
         """Take over the jobs of dead workers, again and again: nothing else that has to be done delays that."""
@@ -77,13 +71,6 @@ class Keeper:
     def run(self) -> None:
         """Look after the queue again and again, first for those that wait for a worker."""
         self._again_and_again(self._look_after, "look after the queue")
-
-    def resign(self) -> None:
-        """Leave what is done for all to another worker, at once; nobody works for this one any more."""
-        try:
-            self._election.resign()
-        except UNAVAILABLE as error:
-            _log.warning("worker %s could not resign: %s", self._worker, error)
 
     def _again_and_again(self, work: Callable[[], None], what: str) -> None:
         try:
@@ -97,8 +84,6 @@ class Keeper:
 
     def _look_after(self) -> None:
         self._begin_again()
-        if not self._election.elected():
-            return
         with self._database.session() as session:
             _end_overdue(session)
             self._queue.release(session)
@@ -116,7 +101,6 @@ class Keeper:
         recover([worker.id for worker in dead])
         with self._database.session() as session:
             self._bury(session, dead)
-            ring(session)
 
     def _bury(self, session: Session, dead: Sequence[models.Worker]) -> None:
         for worker in dead:
@@ -142,8 +126,6 @@ class Keeper:
         with self._database.session() as session:
             lost = requeue.uncarried(session)
             self._queue.carry(session, lost)
-            if strangers:
-                ring(session)
         for job in lost:
             _log.warning("job %s was carried by nobody and is in the queue again", job.id)
 

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import pytest
-from sqlalchemy import false, select, text, update
+from sqlalchemy import false, text, update
 
 from storage.errors import StateError
 from storage.jobs.worker import Worker
-from storage.models import DEFAULT_WORKSPACE, Elected, Job
-from storage.repositories import JobRepository, WorkerRepository
+from storage.models import DEFAULT_WORKSPACE, Job
+from storage.repositories import WorkerRepository
 from storage.repositories import jobs as changes
 from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
 
@@ -193,31 +193,3 @@ def _forgotten(desk: Desk, name: str) -> bool:
 def _seen(desk: Desk, name: str) -> datetime:
     with desk.database.session() as session:
         return WorkerRepository(session).get(name).seen_at
-
-
-def test_when_the_keeper_dies_another_one_hands_out_what_was_put_aside(desk, database_url):
-    workers = [start_worker(database_url) for _ in range(2)]
-    try:
-        keeper = elected(desk)
-        assert keeper in {worker.pid for worker in workers}
-        (other,) = {worker.pid for worker in workers} - {keeper}
-        next(worker for worker in workers if worker.pid == keeper).kill()
-        with desk.database.session() as session:  # put aside: in nobody's queue, until a keeper finds it
-            job_id = JobRepository(session, DEFAULT_WORKSPACE).create(kind="square", body={"values": [1, 2]}).id
-        assert desk.wait(job_id, timeout=90).status == "succeeded"
-        assert elected(desk) == other
-    finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait()
-
-
-def elected(desk: Desk) -> int:
-    """Return the process of the worker that does what is done for all, as soon as there is one."""
-
-    def process() -> str | None:
-        with desk.database.session() as session:
-            return session.scalar(select(Elected.process).where(Elected.role == "queue"))
-
-    wait_for(lambda: process() is not None, "an elected worker")
-    return int(str(process()).split("/")[-2])
