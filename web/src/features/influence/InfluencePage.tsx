@@ -14,8 +14,10 @@ import { MetricValue } from "@/shared/ui/MetricValue";
 import { formatNumber, words } from "@/shared/units/format";
 import { useQueryText } from "@/shared/ui/useQueryText";
 import classes from "./InfluencePage.module.css";
-import { barsOf, changeIn, columnIn, sizeOf } from "./table";
+import { barsOf, beyondRounding, changeIn, columnIn, sizeOf } from "./table";
 
+/** Many pills scroll within two lines: the table is what the page is for. */
+const COMPACT = { classNames: { input: classes.many! } };
 const FIRST = ["rise_time", "response_time", "overshoot", "bandwidth", "phase_margin", "sensitivity_peak", "damping_ratio"];
 
 /** Which parameter moves which property, and how much: a table to be read by rows and by columns, and a tornado of each row and each column. */
@@ -49,7 +51,8 @@ export function InfluencePage() {
   const chosen = metrics.find((metric) => metric === query.get("row")) ?? metrics[0] ?? "";
   const value = (metric: string, parameter: string): number | null => {
     const cell = kind === "elasticity" ? study.data?.elasticities[metric]?.[parameter] : study.data?.coefficients[metric]?.[parameter];
-    return (cell?.value as number | null | undefined) ?? null;
+    const found = (cell?.value as number | null | undefined) ?? null;
+    return found === null ? null : beyondRounding(found);
   };
   const largest = Math.max(1e-12, ...metrics.flatMap((m) => parameters.map((p) => Math.abs(value(m, p) ?? 0))).filter(Number.isFinite));
   const column = columnIn(query.get("col"), parameters);
@@ -68,8 +71,8 @@ export function InfluencePage() {
             <NativeSelect size="xs" label={t("panel.input")} data={opened.inputs} value={input} onChange={(event) => put({ in: event.currentTarget.value })} />
             <NativeSelect size="xs" label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(event) => put({ out: event.currentTarget.value })} />
             <NativeSelect size="xs" label={t("influence.loop")} data={[{ value: "", label: t("influence.noLoop") }, ...loops]} value={loop} onChange={(event) => put({ loop: event.currentTarget.value })} />
-            <MultiSelect label={t("panel.parameters")} data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)} value={parameters} onChange={(next) => put({ p: next.join(",") })} searchable maxValues={30} w={360} />
-            <MultiSelect label={t("panel.metrics")} data={[...(catalogue?.values() ?? [])].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} value={metrics} onChange={(next) => put({ m: next.join(",") })} searchable maxValues={20} w={360} />
+            <MultiSelect label={t("panel.parameters")} data={opened.parameters.filter((p) => !p.bound).map((p) => p.path)} value={parameters} onChange={(next) => put({ p: next.join(",") })} searchable maxValues={30} w={330} {...COMPACT} />
+            <MultiSelect label={t("panel.metrics")} data={[...(catalogue?.values() ?? [])].map((m) => ({ value: m.kind, label: t(`metrics.${m.kind}`, words(m.kind)) }))} value={metrics} onChange={(next) => put({ m: next.join(",") })} searchable maxValues={20} w={330} {...COMPACT} />
           </Group>
         )}
         <Group gap="xl" align="center">
@@ -154,10 +157,11 @@ export function InfluencePage() {
               <Title order={2} mb="xs">
                 {heading}
               </Title>
+              <div className={classes.lines}>
               {bars.map((bar) => (
                 <div key={bar.name} className={classes.line}>
                   {column === null ? (
-                    <Text component={Link} to={panelOf(bar.name)} fz="xs" c="var(--mantine-color-anchor)" truncate ta="right">
+                    <Text component={Link} to={panelOf(bar.name)} fz="xs" c="var(--mantine-color-anchor)" ta="right" className={classes.named}>
                       {bar.name}
                     </Text>
                   ) : (
@@ -173,6 +177,7 @@ export function InfluencePage() {
                   </Text>
                 </div>
               ))}
+              </div>
             </section>
           </Group>
         )}

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { barsOf, changeIn, columnIn, sizeOf, tornado } from "./table";
+import { barsOf, beyondRounding, changeIn, columnIn, sizeOf, tornado } from "./table";
 
 it("a tornado begins with the longest bar", () => expect(tornado([{ name: "a", value: 1 }, { name: "b", value: null }, { name: "c", value: -3 }])).toEqual([{ name: "c", value: -3 }, { name: "a", value: 1 }]));
 
@@ -19,3 +19,5 @@ it("the table is read by rows and by columns", () => {
 it("an address reads a column that the table has", () => expect(["kp", "gone", "", null].map((text) => columnIn(text, ["kp", "mass"]))).toEqual(["kp", null, null, null]));
 
 it("an address holds a change that the slider has", () => expect(["25", "-50", "0", "51", "much", null].map(changeIn)).toEqual([25, -50, 10, 10, 10, 10]));
+
+it("what is below rounding is nothing", () => expect([1.56e-24, -3e-10, 2e-4, -0.5, Infinity].map(beyondRounding)).toEqual([0, 0, 2e-4, -0.5, Infinity]));

@@ -23,3 +23,11 @@ export function changeIn(text: string | null): number {
   const change = Math.round(Number(text ?? NaN));
   return Number.isFinite(change) && change !== 0 && Math.abs(change) <= 50 ? change : 10;
 }
+
+/** Elasticities and coefficients of this size are rounding, not influence: sizes of 1 are what the table is about. */
+const ROUNDING = 1e-9;
+
+/** A number of the table: what lies below rounding is 0. */
+export function beyondRounding(value: number): number {
+  return Math.abs(value) < ROUNDING ? 0 : value;
+}
