@@ -14,6 +14,7 @@ from tests.browser.test_panel import study
 
 _STEP = {"name": "step", "input": {"port": "reference", "signal": {"kind": "step", "amplitude": 0.1}}}
 _QUICK = {"metric": "response_time", "experiment": "step", "output": "velocity", "sense": "minimize"}
+_SWIFT = {**_QUICK, "metric": "rise_time"}
 _CALM = {"metric": "overshoot", "experiment": "step", "output": "velocity"}
 _GAIN = {"parameter": "law.kp", "lower": 0.001, "upper": 0.1}
 _LEAKAGE = {"parameter": "motor.leakage", "lower": 1e-11, "upper": 1e-9}
@@ -54,12 +55,30 @@ def test_a_search_is_watched_while_it_runs_and_cancelled_in_the_list(page: Page,
     expect(convergence).to_have_attribute("data-points", re.compile(r"^([3-9]|\d\d+)$"), timeout=120_000)
     assert client.get(f"/v1/jobs/{job}").json()["status"] == "running"
     expect(page.get_by_text(re.compile(r"best after \d+ evaluations")).first).to_be_visible()
+    # Whose it is, how long it has been at it, and what it has found until now, with its curves.
+    expect(page.get_by_test_id("of-system")).to_have_attribute("href", f"/systems/{hydraulic}/panel")
+    expect(page.get_by_test_id("clock")).to_contain_text(re.compile(r"running for \d+:\d\d"))
+    expect(page.get_by_test_id("best-so-far").get_by_test_id("values")).to_contain_text("law.kp = ")
+    expect(page.get_by_test_id("best-so-far").locator("[data-testid=plots][data-frame]")).to_be_visible()
     page.goto("/jobs?status=running")
     page.get_by_role("button", name=f"Cancel {job}").click()
     expect(page.get_by_role("button", name=f"Cancel {job}")).to_have_count(0, timeout=120_000)
     page.get_by_label("Status").select_option("cancelled")
     expect(page).to_have_url(re.compile(r"status=cancelled"))
     expect(page.locator(f"a[href='/jobs/{job}']")).to_be_visible(timeout=120_000)
+    # What had been found is kept.
+    page.goto(f"/jobs/{job}")
+    expect(page.get_by_test_id("optimum").get_by_test_id("values")).to_contain_text("law.kp = ", timeout=120_000)
+
+
+def test_a_value_at_an_end_of_its_range_is_marked(page: Page, client, hydraulic) -> None:
+    # What is quickest lies at the largest gain: the range decides.
+    narrow = {"parameter": "law.kp", "lower": 0.001, "upper": 0.002}
+    job = asked(client, hydraulic, variables=[narrow], goals=[_SWIFT], method={"kind": "grid", "points": 3})
+    page.goto(f"/jobs/{job}")
+    expect(page.get_by_test_id("values").locator("[data-end=upper]")).to_have_text(
+        re.compile("law.kp = 0.002 · at the upper end of its range"), timeout=120_000
+    )
 
 
 def test_a_cell_of_a_map_is_hovered_clicked_and_moved(page: Page, client, mapped) -> None:

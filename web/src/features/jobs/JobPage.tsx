@@ -1,10 +1,11 @@
-import { Alert, Button, Code, Group, List, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
+import { Alert, Anchor, Button, Code, Group, List, Progress, ScrollArea, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobQuery, resultQuery } from "@/shared/api/jobs";
 import { Problem } from "@/shared/api/problem";
+import { systemQuery } from "@/shared/api/systems";
 import { download } from "@/shared/plots/export";
 import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -12,6 +13,8 @@ import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { words } from "@/shared/units/format";
 import { useEvents } from "./events";
 import { IdentificationView } from "./IdentificationView";
+import { JobClock } from "./JobClock";
+import { BestSoFar } from "./optimization/BestSoFar";
 import { Convergence } from "./optimization/Convergence";
 import { OptimizationView } from "./optimization/OptimizationView";
 import { isIdentification, isOptimization, isValidation } from "./results";
@@ -24,17 +27,32 @@ export function JobPage() {
   const job = useQuery(jobQuery(id));
   const running = job.data !== undefined && !ENDED.has(job.data.status);
   const followed = useEvents(id, running);
-  const result = useQuery({ ...resultQuery(id), enabled: job.data?.status === "succeeded" });
+  const result = useQuery({ ...resultQuery(id), enabled: job.data?.status === "succeeded" || (job.data?.status === "cancelled" && job.data.result !== null) });
+  const of = useQuery({ ...systemQuery(job.data?.system?.id ?? ""), enabled: job.data?.system != null, retry: false });
   const cancel = useMutation({
     mutationFn: () => must(api.POST("/v1/jobs/{identifier}/cancel", { params: { path: { identifier: id } } })),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["job", id] }),
   });
   if (job.isError) return <ProblemAlert error={job.error} m="md" onRetry={() => void job.refetch()} />;
   if (!job.data) return null;
-  const { kind, status } = job.data;
+  const { kind, status, system } = job.data;
+  const best = followed.best.at(-1);
   return (
     <div className="page">
-      <PageHead title={t(`jobs.kinds.${kind}`, words(kind))} doc={<span className="numbers">{id}</span>}>
+      <PageHead title={t(`jobs.kinds.${kind}`, words(kind))} doc={
+          <>
+            {system && (
+              <>
+                <Anchor component={Link} to={`/systems/${system.id}/panel`} data-testid="of-system">
+                  {of.data?.document.name || system.id}
+                </Anchor>{" "}
+                · {t("system.revision", { number: system.revision })} ·{" "}
+              </>
+            )}
+            <span className="numbers">{id}</span>
+          </>
+        }
+      >
         <StatusBadge status={status} />
         {running && (
           <Button variant="default" color="red" onClick={() => cancel.mutate()} loading={cancel.isPending}>
@@ -69,12 +87,14 @@ export function JobPage() {
         )}
         {running && (
           <section aria-live="polite">
+            {job.data.started_at && <JobClock since={job.data.started_at} share={followed.progress ?? job.data.progress} />}
             <Progress value={100 * (followed.progress ?? job.data.progress)} size="lg" aria-label={t("jobs.progress")} animated />
             <Text fz="sm" mt={4} className="numbers">
               {followed.messages.at(-1) ?? job.data.message}
             </Text>
           </section>
         )}
+        {running && kind === "optimization" && system && best?.values && <BestSoFar job={id} system={system} values={best.values} />}
         {running && followed.best.length > 1 && <Convergence points={followed.best} />}
         {result.data !== undefined &&
           (isOptimization(kind, result.data) ? (

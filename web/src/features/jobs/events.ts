@@ -5,16 +5,22 @@ export interface Best {
   evaluation: number;
   objective: number;
   violation: number;
+  /** Of the design variables, SI. */
+  values?: Record<string, number>;
 }
 
-const BEST = /best after (\d+) evaluations: objective (\S+), violation (\S+) at/;
+const BEST = /best after (\d+) evaluations: objective (\S+), violation (\S+) at(.*)/;
 
 /** What a message tells of the search, if it does. */
 export function bestOf(message: string): Best | null {
   const found = BEST.exec(message);
   if (!found) return null;
   const objective = Number(found[2]!.replace(/,$/, ""));
-  return Number.isFinite(objective) ? { evaluation: Number(found[1]), objective, violation: Number(found[3]) } : null;
+  const values = Object.fromEntries(found[4]!.split(",").flatMap((part) => {
+    const [name = "", value] = part.split(" = ");
+    return value !== undefined && Number.isFinite(Number(value)) ? [[name.trim(), Number(value)]] : [];
+  }));
+  return Number.isFinite(objective) ? { evaluation: Number(found[1]), objective, violation: Number(found[3]), values } : null;
 }
 
 export interface Followed {

@@ -4,9 +4,12 @@ import { fitRows, responseRows, panelAt } from "./results";
 import { cellIn, placeIn, placesIn } from "./optimization/look";
 import { flatOf, nearest, sliceOf, valuesAt } from "./optimization/map";
 import { bestOf } from "./events";
+import { endOf } from "./optimization/ends";
+import { remaining } from "./JobClock";
 
 it("the best so far is read from what a job says", () => {
-  expect(bestOf("best after 12 evaluations: objective 0.628735, violation 1e-3 at kp = 4")).toEqual({ evaluation: 12, objective: 0.628735, violation: 0.001 });
+  expect(bestOf("best after 12 evaluations: objective 0.628735, violation 1e-3 at kp = 4")).toEqual({ evaluation: 12, objective: 0.628735, violation: 0.001, values: { kp: 4 } });
+  expect(bestOf("best after 2 evaluations: objective 1, violation 0 at law.kp = -4e-05, gain = 3")?.values).toEqual({ "law.kp": -4e-5, gain: 3 });
   expect(bestOf("best after 1 evaluations: objective nan, violation 0 at kp = 4")).toBeNull();
   expect(bestOf("sampling")).toBeNull();
 });
@@ -41,4 +44,15 @@ it("shows measured frequency responses beside recordings", () => {
   const rows = responseRows([{ name: "sweep", outputs: { y: { fit_percent: 98, relative_error_percent: 2 } } }]);
   expect(rows.map((row) => [row.part, row.output, row.numbers.fit_percent])).toEqual([["frequency", "y · sweep", 98]]);
   expect(responseRows(undefined)).toEqual([]);
+});
+
+it("a value at an end of its range is told, on a range of any size", () => {
+  const range = { lower: 1e-6, upper: 1e-4 };
+  expect([1e-6, 1.0001e-6, 5e-5, 9.9999e-5, 1e-4].map((value) => endOf(value, range))).toEqual(["lower", "lower", null, "upper", "upper"]);
+  expect([endOf(5, {}), endOf(5, { upper: 5 }), endOf(0, { lower: 0, upper: 10 })]).toEqual([null, "upper", "lower"]);
+});
+
+it("the time that is left goes by the share that is done, and is not guessed from nothing", () => {
+  expect(remaining(30, 0.25)).toBe(90);
+  expect([remaining(30, 0.01), remaining(1, 0.5), remaining(30, 1)]).toEqual([null, null, null]);
 });

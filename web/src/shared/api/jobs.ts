@@ -13,11 +13,18 @@ export const jobsQuery = (filter: { kind?: string; status?: string; schedule?: s
     getNextPageParam: (page) => page.next_cursor ?? undefined,
   });
 
+/** Milliseconds after its end in which a cancelled search may still give what it has found. */
+const GRACE = 60_000;
+
+function mayHandOver({ status, kind, result, finished_at }: JobReply): boolean {
+  return status === "cancelled" && result === null && (kind === "optimization" || kind === "identification") && finished_at !== null && Date.now() - Date.parse(finished_at) < GRACE;
+}
+
 export const jobQuery = (id: string) =>
   queryOptions<JobReply>({
     queryKey: ["job", id],
-    // Events tell at once; this is for the case that none come.
-    refetchInterval: (query) => (query.state.data && !ENDED.has(query.state.data.status) ? 3000 : false),
+    // Events tell at once; this is for the case that none come, and for the best point that a cancelled search hands over after its end.
+    refetchInterval: (query) => (query.state.data && (!ENDED.has(query.state.data.status) || mayHandOver(query.state.data)) ? 3000 : false),
     queryFn: (): Promise<JobReply> => must(api.GET("/v1/jobs/{identifier}", { params: { path: { identifier: id } } })),
   });
 

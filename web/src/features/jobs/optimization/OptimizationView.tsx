@@ -1,4 +1,4 @@
-import { Alert, Badge, Button, Group, Slider, Stack, Text, Title } from "@mantine/core";
+import { Alert, Button, Group, Slider, Stack, Text, Title } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
@@ -7,7 +7,7 @@ import { saveSystem, systemQuery } from "@/shared/api/systems";
 import { withValues } from "@/shared/systems/apply";
 import { describedQuery } from "@/shared/systems/described";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
-import { formatNumber, withUnit } from "@/shared/units/format";
+import { formatNumber } from "@/shared/units/format";
 import { panelAt, type OptimizationResult } from "../results";
 import { BeforeAfter } from "./BeforeAfter";
 import { Certificate } from "./Certificate";
@@ -19,6 +19,7 @@ import { cellIn, placeIn, useLook } from "./look";
 import { valuesAt } from "./map";
 import { MapView } from "./MapView";
 import { useAsked, useCandidate } from "./useCandidate";
+import { Values } from "./Values";
 
 /** What came out: the values, every goal before and after, the curves, the certificate; and what to do with it. */
 export function OptimizationView({ id, result }: { id: string; result: OptimizationResult }) {
@@ -26,7 +27,7 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
   const navigate = useNavigate();
   const queries = useQueryClient();
   // Of several structures the best one may be another system than the one that was asked about.
-  const asked = useAsked(id, result.chosen !== undefined);
+  const asked = useAsked(id, true);
   const other = asked.data?.alternatives?.find(({ name }) => name === result.chosen)?.system;
   const found = result.chosen !== undefined && !asked.data ? null : typeof other === "string" ? { id: other } : result.system;
   const system = useQuery({ ...systemQuery(found?.id ?? ""), enabled: found !== null });
@@ -73,13 +74,7 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
         <Title order={2} mb="xs">
           {between?.title ?? t("jobs.values")}
         </Title>
-        <Group gap="xs" mb="sm">
-          {Object.entries(values).map(([path, value]) => (
-            <Badge key={path} variant="outline" color="gray" size="lg" tt="none" fw={500} c="var(--ink)">
-              {path} = {withUnit(value, infos.get(path)?.unit ?? "", 5)}
-            </Badge>
-          ))}
-        </Group>
+        <Values values={values} parameters={infos} variables={asked.data?.variables} />
         {found && (
           <Group gap="xs">
             <Button component={Link} to={panelAt(found.id, values)}>

@@ -7,6 +7,7 @@ type Values = Record<string, Scalar>;
 export interface Asked {
   system: unknown;
   experiments?: { name: string; input: unknown; duration?: unknown }[];
+  variables?: { parameter: string; lower?: Scalar | null; upper?: Scalar | null }[];
   goals: AskedGoal[];
   scenarios?: (Values | { name: string; parameters: Values })[];
   alternatives?: { name: string; system?: unknown }[] | null;
