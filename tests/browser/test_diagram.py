@@ -117,6 +117,52 @@ def test_what_is_wrong_stands_on_its_block_and_at_its_field(page: Page, system) 
     expect(page.get_by_test_id("check")).to_have_text("something is wrong")
 
 
+def test_a_block_stays_where_it_is_dropped_and_an_output_takes_another_name(page: Page, system) -> None:
+    opened(page, system)
+    pane = page.locator(".react-flow__pane")
+    box = pane.bounding_box()
+    assert box is not None
+    x, y = box["width"] - 90, box["height"] - 60
+    page.locator('[data-kind="gain"]').drag_to(pane, target_position={"x": x, "y": y})
+    dropped = node(page, "gain").bounding_box()
+    assert dropped is not None
+    assert dropped["x"] < box["x"] + x < dropped["x"] + dropped["width"]
+    assert dropped["y"] < box["y"] + y < dropped["y"] + dropped["height"]
+    # What is told about it lies over the canvas: nothing moves.
+    expect(page.get_by_test_id("check")).to_have_attribute("data-pending", "false")
+    assert pane.bounding_box() == box
+    expect(page.locator("[data-recent=gain]")).to_be_visible()
+    pane.click(position={"x": 5, "y": 5})
+    page.get_by_role("textbox", name="Output y").fill("angle")
+    page.keyboard.press("Enter")
+    expect(node(page, "out:angle")).to_be_visible()
+    expect(node(page, "out:y")).to_have_count(0)
+
+
+#: Pixels from the end of the wire to the middle of the port that it leads to.
+_APART = """() => {
+  const path = document.querySelector(".react-flow__edge[data-id='error.in2'] path.react-flow__edge-path");
+  const port = document.querySelector(".react-flow__node[data-id=error] [data-handleid=in2]");
+  if (!path || !port) return Infinity;
+  const end = path.getPointAtLength(path.getTotalLength()).matrixTransform(path.getScreenCTM());
+  const { x, y, width, height } = port.getBoundingClientRect();
+  return Math.hypot(end.x - x - width / 2, end.y - y - height / 2);
+}"""
+
+
+def test_a_wire_follows_the_port_of_a_sum_at_once(page: Page, system) -> None:
+    opened(page, system)
+    node(page, "error").click()
+    port = node(page, "error").locator("[data-handleid=in2]")
+    expect(port).to_have_class(re.compile("react-flow__handle-bottom"))
+    # What a loop brings back comes from below; without it the port is on the left, and with it below again.
+    page.get_by_label("in2 gets").select_option("")
+    expect(port).to_have_class(re.compile("react-flow__handle-left"))
+    page.get_by_label("in2 gets").select_option("plant")
+    expect(port).to_have_class(re.compile("react-flow__handle-bottom"))
+    page.wait_for_function(f"({_APART})() < 12")
+
+
 def test_copies_renames_and_signals(page: Page, system) -> None:
     opened(page, system)
     node(page, "gain").click()

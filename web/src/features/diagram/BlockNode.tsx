@@ -1,7 +1,6 @@
-import { Handle, Position, type Node, type NodeProps } from "@xyflow/react";
-import { memo } from "react";
-import { shownScalar } from "@/shared/ui/NumberEntry";
-import { prettyUnit, words } from "@/shared/units/format";
+import { Handle, Position, useUpdateNodeInternals, type Node, type NodeProps } from "@xyflow/react";
+import { memo, useEffect, useRef } from "react";
+import { words } from "@/shared/units/format";
 import type { Block } from "@/shared/api/types";
 import classes from "./BlockNode.module.css";
 import { portPlaces, sizeOf } from "./layout";
@@ -9,6 +8,8 @@ import { portPlaces, sizeOf } from "./layout";
 export type BlockData = {
   name: string;
   title: string;
+  /** What is told of its values. */
+  told?: string | undefined;
   block: Block;
   inputs: string[];
   outputs: string[];
@@ -22,10 +23,18 @@ export type OutputNodeType = Node<{ name: string }, "sink">;
 export type FrameNodeType = Node<{ name: string; title: string; width: number; height: number }, "frame">;
 
 /** A block: its name, its kind, a telling value; its ports where they are connected. */
-export const BlockNode = memo(function BlockNode({ data, selected }: NodeProps<BlockNodeType>) {
+export const BlockNode = memo(function BlockNode({ id, data, selected }: NodeProps<BlockNodeType>) {
   const { block, inputs, outputs, back } = data;
   const size = sizeOf(data, block.kind);
   const at = portPlaces(data, block.kind, back);
+  // Ports that come, go or move take their wires along: React Flow measures them once, unless it is told.
+  const measured = useUpdateNodeInternals();
+  const ports = JSON.stringify(at);
+  const known = useRef(ports);
+  useEffect(() => {
+    if (known.current !== ports) measured(id);
+    known.current = ports;
+  }, [id, ports, measured]);
   if (block.kind === "sum") {
     const signs = String(block.signs ?? "++");
     return (
@@ -44,11 +53,10 @@ export const BlockNode = memo(function BlockNode({ data, selected }: NodeProps<B
       </div>
     );
   }
-  const told = telling(block);
   return (
     <div className={classes.block} style={size} data-selected={selected} data-kind={block.kind === "input" ? "input" : block.system ? "subsystem" : "block"} data-problem={!!data.problem} data-warning={!!data.warning} title={data.problem ?? data.warning ?? `${data.name}: ${data.title}`}>
       <div className={classes.name}>{data.name}</div>
-      <div className={classes.kind}>{told ?? data.title}</div>
+      <div className={classes.kind}>{data.told ?? data.title}</div>
       {inputs.map((port, i) => (
         <Handle key={port} id={port} type="target" position={Position.Left} style={{ top: at.inputs[i]!.y }} title={port}>
           {inputs.length > 1 && <span className={classes.input}>{words(port)}</span>}
@@ -80,24 +88,3 @@ export const FrameNode = memo(function FrameNode({ data, selected }: NodeProps<F
     </div>
   );
 });
-
-/** What a reader wants to see of a block without opening it: its first value; a fraction's polynomials. */
-function telling(block: Block): string | undefined {
-  if (Array.isArray(block.numerator) && Array.isArray(block.denominator)) return `${polynomial(block.numerator)} / ${polynomial(block.denominator)}`;
-  const first = Object.entries(block).find(([key, value]) => key !== "kind" && key !== "role" && (typeof value === "number" || typeof value === "string" || (typeof value === "object" && value !== null && "unit" in value)));
-  if (!first) return undefined;
-  const [key, value] = first;
-  const quantity = typeof value === "object" ? (value as { value: unknown; unit: string }) : undefined;
-  return `${words(key)} ${quantity ? `${String(quantity.value)} ${prettyUnit(quantity.unit)}` : shownScalar(value)}`;
-}
-
-function polynomial(coefficients: unknown[]): string {
-  const terms = coefficients.flatMap((coefficient, i) => {
-    const power = coefficients.length - 1 - i;
-    if (coefficient === 0) return [];
-    const symbol = power === 0 ? "" : power === 1 ? "s" : `s${[...String(power)].map((digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(digit)]).join("")}`;
-    const value = typeof coefficient === "number" ? String(coefficient) : `(${shownScalar(coefficient).replace(/^=/, "")})`;
-    return [symbol && value === "1" ? symbol : value + symbol];
-  });
-  return terms.length === 0 ? "0" : terms.join(" + ");
-}

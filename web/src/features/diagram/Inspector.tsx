@@ -20,6 +20,7 @@ interface Props {
   onEdit(document: SystemDocument): void;
   onSelect(name: string | null): void;
   onRename(before: string, after: string): void;
+  onRenameOutput(before: string, after: string): void;
   onEnter(name: string): void;
 }
 
@@ -125,7 +126,7 @@ function BlockPart({ document, catalogue, name, block, problem, pointer, onEdit,
   );
 }
 
-function SystemPart({ document, catalogue, problem, pointer, onEdit }: Props) {
+function SystemPart({ document, catalogue, problem, pointer, onEdit, onRenameOutput }: Props) {
   const { t } = useTranslation();
   const parameters = document.parameters ?? {};
   const setParameter = (name: string, parameter: ParameterDocument | undefined) => {
@@ -163,7 +164,8 @@ function SystemPart({ document, catalogue, problem, pointer, onEdit }: Props) {
       </Title>
       {Object.entries(document.outputs).map(([name, end]) => (
         <Group key={name} gap={4} align="flex-end" wrap="nowrap">
-          <Select label={name} value={textOf(endOf(end, document, catalogue, "outputs"), document, catalogue, "outputs")} data={[...new Set(sources)]} onChange={(value) => value && onEdit({ ...document, outputs: { ...document.outputs, [name]: value } })} error={problem?.at(`${pointer}/outputs/${name}`)} />
+          <NameEntry label={t("diagram.outputName", { name })} value={name} taken={Object.keys(document.outputs)} onCommit={(next) => onRenameOutput(name, next)} />
+          <Select label={t("diagram.outputSignal")} aria-label={name} value={textOf(endOf(end, document, catalogue, "outputs"), document, catalogue, "outputs")} data={[...new Set(sources)]} onChange={(value) => value && onEdit({ ...document, outputs: { ...document.outputs, [name]: value } })} error={problem?.at(`${pointer}/outputs/${name}`)} />
           <ActionIcon
             variant="subtle"
             color="gray"

@@ -113,8 +113,10 @@ export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: C
           onGroup={gestures.group}
           onAdd={() => setQuick({ mode: "add", from: behind() })}
         />
-        <Notices draftOf={draftOf} check={check} saving={saving} notice={gestures.notice} onRead={gestures.read} onGo={go} />
         <div className={classes.holder} data-laid={frames || laid}>
+          <div className={classes.notices}>
+            <Notices draftOf={draftOf} check={check} saving={saving} notice={gestures.notice} onRead={gestures.read} onGo={go} />
+          </div>
           <Canvas
             nodes={frames ? opened.nodes : nodes}
             edges={frames ? opened.edges : edges}
@@ -167,6 +169,7 @@ export function Workbench({ id, catalogue, draftOf }: { id: string; catalogue: C
           onEdit={(next) => change(withScoped(document, deep, () => next))}
           onSelect={(name) => (name ? pick([...deep, name].join(".")) : pick())}
           onRename={gestures.rename}
+          onRenameOutput={gestures.renameOutput}
           onEnter={(name) => go([...scope, ...deep, name])}
         />
       </aside>

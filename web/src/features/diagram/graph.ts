@@ -7,6 +7,7 @@ import { SINK, sizeOf } from "./layout";
 import { backOf, connectionsOf, endOf, feedbackOf, portsOf, type Catalogue } from "./model";
 import type { SignalEdgeType } from "./SignalEdge";
 import type { Point, Route } from "./store";
+import { telling } from "./telling";
 
 /** Nodes of outputs are called so that no block can be. */
 export const OUT = "out:";
@@ -40,7 +41,8 @@ export function useNodes({ document, catalogue, places, problems, warnings, sele
     };
     const blocks = Object.entries(document.blocks).map(([name, block], i) => {
       const ports = portsOf(block, catalogue);
-      const data: BlockData = { name, title: catalogue.get(block.kind)?.title ?? block.kind, block, ...ports, back: backOf(name, wires), problem: problems.get(name), warning: warnings.get(name) };
+      const entry = catalogue.get(block.kind);
+      const data: BlockData = { name, title: entry?.title ?? block.kind, told: telling(block, (entry?.parameters ?? []).map((parameter) => parameter.name)), block, ...ports, back: backOf(name, wires), problem: problems.get(name), warning: warnings.get(name) };
       return kept({ id: name, type: "block", position: places?.[name] ?? { x: 60 + 40 * (i % 8), y: 60 + 40 * i }, data, selected: chosen.has(name), ariaLabel: `${name}, ${data.title}`, ...sized(sizeOf(ports, block.kind)) });
     });
     const outputs = Object.keys(document.outputs).map((name, i) =>

@@ -40,11 +40,13 @@ export function useGestures(view: ReturnType<typeof useView>, catalogue: Catalog
         const canvas = window.document.querySelector(".react-flow")!.getBoundingClientRect();
         return flow.screenToFlowPosition({ x: canvas.x + canvas.width / 2, y: canvas.y + canvas.height / 2 });
       };
-      const point = freePlace(at ?? (from ? beside(from, now, there, catalogue, block) : centre()), now, there, catalogue, block);
+      // Where it was dropped it stays, and so does the view.
+      const point = at && !from ? at : freePlace(at ?? (from ? beside(from, now, there, catalogue, block) : centre()), now, there, catalogue, block);
       const next = { ...now, blocks: { ...now.blocks, [name]: block } };
       const to = ports.inputs[0];
       change(from && to ? connect(next, catalogue, from, { block: name, port: to }) : next, { [name]: point });
       pick(name);
+      if (at) return;
       requestAnimationFrame(() => {
         const { x: left, y: top, zoom } = flow.getViewport();
         const canvas = window.document.querySelector(".react-flow")!.getBoundingClientRect();
@@ -61,6 +63,12 @@ export function useGestures(view: ReturnType<typeof useView>, catalogue: Catalog
   const output = (name: string, from: End) => {
     const there = own?.[from.block];
     change(withOutput(document, catalogue, name, from), there && { [OUT + name]: { x: there.x + 200, y: there.y - 50 + 40 * Object.keys(document.outputs).length } });
+  };
+  /** An output keeps its place under its new name. */
+  const renameOutput = (before: string, after: string) => {
+    const spot = own?.[OUT + before];
+    change({ ...document, outputs: Object.fromEntries(Object.entries(document.outputs).map(([name, end]) => [name === before ? after : name, end])) }, spot && { [OUT + after]: spot });
+    if (selected.includes(OUT + before)) pick(OUT + after);
   };
   const remove = () => {
     if (frames) return;
@@ -122,7 +130,7 @@ export function useGestures(view: ReturnType<typeof useView>, catalogue: Catalog
     edit({ document: withScoped(root, holder, (inner) => renameBlock(inner, before, after)), places: renamed });
     pick([...deep, after].join("."));
   };
-  return { change, add, wired, moved, output, remove, paste, group, ungroup, rename, notice, read: () => setNotice(null), one, deep, shown: scoped(document, deep) ?? document };
+  return { change, add, wired, moved, output, remove, paste, group, ungroup, rename, renameOutput, notice, read: () => setNotice(null), one, deep, shown: scoped(document, deep) ?? document };
 }
 
 /** Blocks and outputs of a selection apart. */
