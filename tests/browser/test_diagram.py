@@ -124,7 +124,7 @@ def test_a_block_stays_where_it_is_dropped_and_an_output_takes_another_name(page
     assert box is not None
     x, y = box["width"] - 90, box["height"] - 60
     page.locator('[data-kind="gain"]').drag_to(pane, target_position={"x": x, "y": y})
-    dropped = node(page, "gain").bounding_box()
+    dropped = node(page, "gain_2").bounding_box()
     assert dropped is not None
     assert dropped["x"] < box["x"] + x < dropped["x"] + dropped["width"]
     assert dropped["y"] < box["y"] + y < dropped["y"] + dropped["height"]

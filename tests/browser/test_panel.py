@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -189,8 +190,19 @@ def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:
     opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed")
     page.get_by_role("button", name="Export speed").click()
     with page.expect_download() as picture:
-        page.get_by_role("menuitem", name="Picture").click()
+        page.get_by_role("menuitem", name="Picture (PNG)").click()
     assert picture.value.path().read_bytes().startswith(b"\x89PNG")
+    # As lines, with what stands at the axes; poles are marks in a plane.
+    for title, axis in (("speed", "time [s]"), ("Poles", "Re [1/s]")):
+        page.get_by_role("button", name=f"Export {title}").click()
+        with page.expect_download() as drawing:
+            page.get_by_role("menuitem", name="Picture (SVG)").click()
+        svg = ET.fromstring(drawing.value.path().read_bytes())
+        texts = {element.text for element in svg.iter("{http://www.w3.org/2000/svg}text")}
+        assert {title, axis, "0"} <= texts
+        ways = [element.get("d", "") for element in svg.iter("{http://www.w3.org/2000/svg}path")]
+        assert max(way.count("L") for way in ways) > (20 if title == "speed" else 0)
+        assert not any("NaN" in way for way in ways)
     page.get_by_role("button", name="Export speed").click()
     with page.expect_download() as table:
         page.get_by_role("menuitem", name="Table").click()

@@ -3,6 +3,7 @@ import { useDisclosure } from "@mantine/hooks";
 import { Suspense } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, Outlet, ScrollRestoration, useLocation } from "react-router";
+import { FinderButton } from "./finder/FinderButton";
 import { Preferences } from "./Preferences";
 import { useSigning, useVisitor } from "./session";
 import { TourCard } from "./TourCard";
@@ -43,6 +44,7 @@ export function Shell() {
             </Group>
           </Group>
           <Group gap="xs" wrap="nowrap">
+            <FinderButton />
             <Group visibleFrom="lg">
               <Preferences />
             </Group>

@@ -2,10 +2,11 @@ import { ActionIcon, Group, Menu, Text, useComputedColorScheme } from "@mantine/
 import { useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import { optionOf, type AnalysisSpec } from "./analysis";
-import { csvOf, download, fileName } from "@/shared/plots/export";
+import { csvOf, download, fileName, rasterised } from "@/shared/plots/export";
 import { stroke } from "@/shared/plots/palette";
 import classes from "@/shared/plots/Plot.module.css";
 import { Chart } from "./Chart";
+import { inks } from "./inks";
 
 /** A chart of a result that stands still, with bands, bounds and marks, and its export as picture and table. */
 export function AnalysisChart({ spec, height = 260, summary }: { spec: AnalysisSpec; height?: number; summary: string }) {
@@ -13,8 +14,13 @@ export function AnalysisChart({ spec, height = 260, summary }: { spec: AnalysisS
   const dark = useComputedColorScheme("light") === "dark";
   const holder = useRef<HTMLElement>(null);
   const option = useMemo(() => optionOf(spec, dark), [spec, dark]);
+  const drawn = () => holder.current?.querySelector<SVGElement>("[role=img] svg");
+  const pixels = async () => {
+    const svg = drawn();
+    if (svg) download(fileName(spec.title, "png"), await rasterised(svg, inks(dark).paper));
+  };
   const picture = () => {
-    const svg = holder.current?.querySelector("[role=img] svg");
+    const svg = drawn();
     if (svg) download(fileName(spec.title, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
   };
   const table = () => csvOf({ x: spec.x, y: spec.y, series: spec.lines.map((line) => ({ label: line.label, color: "", dash: [] })) }, spec.lines);
@@ -31,6 +37,7 @@ export function AnalysisChart({ spec, height = 260, summary }: { spec: AnalysisS
             </ActionIcon>
           </Menu.Target>
           <Menu.Dropdown>
+            <Menu.Item onClick={() => void pixels()}>{t("plot.png")}</Menu.Item>
             <Menu.Item onClick={picture}>{t("plot.svg")}</Menu.Item>
             <Menu.Item onClick={() => download(fileName(spec.title, "csv"), new Blob([table()], { type: "text/csv" }))}>{t("plot.csv")}</Menu.Item>
           </Menu.Dropdown>

@@ -90,6 +90,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, sh
             </Menu.Target>
             <Menu.Dropdown>
               <Menu.Item onClick={async () => plot.current && download(fileName(spec.title, "png"), await plot.current.png())}>{t("plot.png")}</Menu.Item>
+              <Menu.Item onClick={async () => plot.current && download(fileName(spec.title, "svg"), await plot.current.svg())}>{t("plot.svg")}</Menu.Item>
               <Menu.Item onClick={() => download(fileName(spec.title, "csv"), new Blob([csvOf(spec, shown.current)], { type: "text/csv" }))}>{t("plot.csv")}</Menu.Item>
             </Menu.Dropdown>
           </Menu>

@@ -13,6 +13,27 @@ export function download(name: string, content: Blob): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
+/** A drawn SVG as a picture of pixels, twice as many as are on the page. */
+export async function rasterised(svg: SVGElement, paper: string): Promise<Blob> {
+  const { width, height } = svg.getBoundingClientRect();
+  const address = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
+  try {
+    const image = new Image();
+    image.src = address;
+    await image.decode();
+    const canvas = document.createElement("canvas");
+    canvas.width = 2 * Math.round(width);
+    canvas.height = 2 * Math.round(height);
+    const ctx = canvas.getContext("2d")!;
+    ctx.fillStyle = paper;
+    ctx.fillRect(0, 0, canvas.width, canvas.height);
+    ctx.drawImage(image, 0, 0, canvas.width, canvas.height);
+    return await new Promise((resolve, reject) => canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture")))));
+  } finally {
+    URL.revokeObjectURL(address);
+  }
+}
+
 export function fileName(title: string, ending: string): string {
   return `${title.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "plot"}.${ending}`;
 }

@@ -89,5 +89,6 @@ export interface Curve {
 export interface LivePlot {
   update(curves: Curve[], decor?: Decor): void;
   png(): Promise<Blob>;
+  svg(): Promise<Blob>;
   destroy(): void;
 }

@@ -4,84 +4,11 @@ import { axisWidth, clamped, decadeText, equalRanges, extent, padded, planeOf, t
 import { paintBehind, paintMarks } from "./decor";
 import { drawnSeries } from "./export";
 import { Handles } from "./handles";
-import { drawLine, drawPath } from "./lines";
-import { NOTHING, type Curve, type LivePlot, type PlotSpec, type Series, type ZoneMoved } from "./types";
+import { drawAligned, drawFree } from "./paths";
+import { pngOf, svgOf, type Ticks } from "./picture";
+import { NOTHING, type Curve, type LivePlot, type PlotSpec, type ZoneMoved } from "./types";
 
 const FONT = "11px system-ui, sans-serif";
-
-/** Pixels that nobody sees: by so much a drawn line may pass its points, and points of one spot lie apart. */
-const UNSEEN = 0.15;
-const SPOT = 0.5;
-/** Points of a pixel's width. */
-const MOST = 4;
-
-/** Where values lie on the canvas. */
-function positions(u: uPlot, key: "x" | "y", values: ArrayLike<number | null>): Float64Array<ArrayBuffer> {
-  const { min, max, distr } = u.scales[key]!;
-  const { left, top, width, height } = u.bbox;
-  const found = new Float64Array(values.length);
-  const of = distr === 3 ? Math.log10 : (value: number) => value;
-  const first = of(min!);
-  const part = 1 / (of(max!) - first);
-  const [from, size] = key === "x" ? [left, width * part] : [top + height, -height * part];
-  for (let i = 0; i < found.length; i++) found[i] = from + (of(values[i] ?? NaN) - first) * size;
-  return found;
-}
-
-/** Lines over one x, with as few corners as can be seen; where many points share a pixel uPlot draws how far they reach. */
-function drawAligned(): uPlot.Series.PathBuilder {
-  const dense = uPlot.paths.linear!();
-  // All series of a plot have one x: it is brought onto the canvas once for each picture.
-  let along = { x: null as unknown, key: "", at: new Float64Array() };
-  return (u, index, from, to) => {
-    const x = u.data[0] as ArrayLike<number>;
-    if (to - from > MOST * u.bbox.width) return dense(u, index, from, to);
-    const key = [u.scales.x!.min, u.scales.x!.max, u.bbox.left, u.bbox.width].join();
-    if (along.x !== x || along.key !== key) along = { x, key, at: positions(u, "x", x) };
-    const stroke = new Path2D();
-    drawLine(stroke, along.at, positions(u, "y", u.data[index] as ArrayLike<number>), UNSEEN * devicePixelRatio);
-    return { stroke, fill: null, clip: null, flags: 1 };
-  };
-}
-
-/** Lines and marks of series that have their own x each, which uPlot (mode 2) leaves to its user. */
-function drawFree(series: Series): uPlot.Series.PathBuilder {
-  return (u, index) => {
-    const [xs, ys] = u.data[index] as unknown as [ArrayLike<number>, ArrayLike<number>];
-    const ctx = u.ctx;
-    const { left, top, width, height } = u.bbox;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(left, top, width, height);
-    ctx.clip();
-    ctx.strokeStyle = series.color;
-    ctx.globalAlpha = series.faint ? 0.4 : 1;
-    ctx.lineWidth = (series.width ?? 1.5) * devicePixelRatio;
-    ctx.setLineDash(series.dash.map((d) => d * devicePixelRatio));
-    ctx.beginPath();
-    if (series.marks) {
-      ctx.setLineDash([]);
-      const r = 4.5 * devicePixelRatio;
-      for (let i = 0; i < xs.length; i++) {
-        if (!Number.isFinite(xs[i]!)) continue;
-        const x = u.valToPos(xs[i]!, "x", true);
-        const y = u.valToPos(ys[i]!, "y", true);
-        if (series.marks === "cross") {
-          ctx.moveTo(x - r, y - r);
-          ctx.lineTo(x + r, y + r);
-          ctx.moveTo(x + r, y - r);
-          ctx.lineTo(x - r, y + r);
-        } else {
-          ctx.moveTo(x + r, y);
-          ctx.arc(x, y, r, 0, 2 * Math.PI);
-        }
-      }
-    } else drawPath(ctx, positions(u, "x", xs), positions(u, "y", ys), SPOT * devicePixelRatio);
-    ctx.stroke();
-    ctx.restore();
-    return null;
-  };
-}
 
 /** Draws curves on a canvas: aligned ones (all of one x) with uPlot's own paths, others in a plane. */
 export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (text: string) => void, grips?: { layer: HTMLElement; moved: ZoneMoved }, onZoom?: (from: number, to: number) => void): LivePlot {
@@ -93,7 +20,13 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   let lastY: Range | null = null;
   let plane: { x: Range; y: Range } | null = null;
   const label = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
-  const axis = (own: { label: string; unit: string; log?: boolean }, size: uPlot.Axis.Size): uPlot.Axis => ({
+  // What stands at the axes, for the picture that is taken away.
+  const ticks: Ticks = { x: [], y: [] };
+  const told = (key: "x" | "y", splits: number[], texts: string[]): string[] => {
+    ticks[key] = splits.map((at, i) => ({ at, text: texts[i]! }));
+    return texts;
+  };
+  const axis = (key: "x" | "y", own: { label: string; unit: string; log?: boolean }, size: uPlot.Axis.Size): uPlot.Axis => ({
     stroke: ink,
     grid,
     ticks: grid,
@@ -103,8 +36,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     labelGap: 0,
     size,
     label: label(own),
-    ...(own.log ? { values: (_u: uPlot, splits: number[]) => splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? decadeText(v) : "")) } 
-      : { values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => tickTexts(splits, step) }),
+    values: (_u: uPlot, splits: number[], _axis: number, _space: number, step: number) => told(key, splits, own.log ? splits.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? decadeText(v) : "")) : tickTexts(splits, step)),
   });
   /** Curves that the axes are made for: an earlier setting, unstable perhaps, does not flatten what is looked at. */
   const counting = () => current.filter((_, i) => !spec.series[i]?.faint);
@@ -137,7 +69,7 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
       : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
     // Both axes of a plane are alike by their sizes, which therefore stay.
-    axes: [axis(spec.x, 34), axis(spec.y, spec.equal ? 58 : (_u, texts) => axisWidth(texts, 58))],
+    axes: [axis("x", spec.x, 34), axis("y", spec.y, spec.equal ? 58 : (_u, texts) => axisWidth(texts, 58))],
     series: series as uPlot.Series[],
     hooks: {
       drawAxes: [(u) => paintBehind(u, spec, decor)],
@@ -190,44 +122,12 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
       decor = behind;
       draw();
     },
-    png: () => new Promise((resolve, reject) => composed(plot.ctx.canvas, spec, drawnSeries(spec.series, current)).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))))),
+    png: () => pngOf(plot.ctx.canvas, spec, drawnSeries(spec.series, current)),
+    svg: () => svgOf(plot, spec, current, decor, ticks),
     destroy() {
       observer.disconnect();
       handles?.destroy();
       plot.destroy();
     },
   };
-}
-
-/** The picture with its title and legend, which on the page are text. */
-function composed(source: HTMLCanvasElement, spec: PlotSpec, drawn: readonly Series[]): HTMLCanvasElement {
-  const unit = devicePixelRatio;
-  const canvas = document.createElement("canvas");
-  canvas.width = source.width;
-  canvas.height = source.height + 44 * unit;
-  const ctx = canvas.getContext("2d")!;
-  ctx.fillStyle = spec.dark ? "#1a1b1e" : "#ffffff";
-  ctx.fillRect(0, 0, canvas.width, canvas.height);
-  ctx.scale(unit, unit);
-  ctx.fillStyle = spec.dark ? "#d6dade" : "#24292e";
-  ctx.font = "600 13px system-ui, sans-serif";
-  ctx.fillText(spec.title, 10, 17);
-  ctx.font = FONT;
-  let x = 10;
-  for (const s of drawn) {
-    ctx.strokeStyle = s.color;
-    ctx.globalAlpha = s.faint ? 0.4 : 1;
-    ctx.lineWidth = s.width ?? 1.5;
-    ctx.setLineDash(s.dash);
-    ctx.beginPath();
-    ctx.moveTo(x, 34);
-    ctx.lineTo(x + 26, 34);
-    ctx.stroke();
-    ctx.globalAlpha = 1;
-    ctx.fillText(s.label, x + 31, 38);
-    x += 45 + ctx.measureText(s.label).width;
-  }
-  ctx.setTransform(1, 0, 0, 1, 0, 0);
-  ctx.drawImage(source, 0, 44 * unit);
-  return canvas;
 }

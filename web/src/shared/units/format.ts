@@ -45,12 +45,15 @@ export function withUnit(value: number, unit: string, digits = 4): string {
 }
 
 const PERCENT = new Set(["overshoot", "undershoot"]);
+/** Per cent, degrees and decibel are numbers of sizes about 1: what lies below this is rounding. */
+const ROUNDING = 1e-9;
+const rounded = (value: number, unit: string): Shown => ({ text: formatNumber(Math.abs(value) < ROUNDING ? 0 : value), unit });
 
 /** A metric in the unit in which its field speaks of it: per cent, degrees, decibel. */
 export function formatMetric(kind: string, value: number, unit: string): Shown {
-  if (PERCENT.has(kind)) return { text: formatNumber(value * 100), unit: "%" };
-  if (kind === "phase_margin") return { text: formatNumber((value * 180) / Math.PI), unit: "°" };
-  if (kind.startsWith("gain_margin") && unit === "1" && value > 0) return { text: formatNumber(20 * Math.log10(value)), unit: "dB" };
+  if (PERCENT.has(kind)) return rounded(value * 100, "%");
+  if (kind === "phase_margin") return rounded((value * 180) / Math.PI, "°");
+  if (kind.startsWith("gain_margin") && unit === "1" && value > 0) return rounded(20 * Math.log10(value), "dB");
   return formatQuantity(value, unit);
 }
 

@@ -61,6 +61,13 @@ describe("shown values", () => {
     expect(formatMetric("gain_margin", 10, "1")).toEqual({ text: "20", unit: "dB" });
     expect(formatMetric("overshoot", 0.0873, "1")).toEqual({ text: "8.73", unit: "%" });
   });
+  it("prints what is below rounding as 0, where sizes are about 1", () => {
+    expect(formatMetric("overshoot", 1.56e-24, "1")).toEqual({ text: "0", unit: "%" });
+    expect(formatMetric("phase_margin", -4e-17, "rad")).toEqual({ text: "0", unit: "°" });
+    expect(formatMetric("gain_margin", 1 + 2 ** -52, "1")).toEqual({ text: "0", unit: "dB" });
+    // A leakage of this size is none.
+    expect(formatQuantity(1.2e-13, "m**5/(N*s)").text).toBe("1.2e−13");
+  });
   it("prints units", () => expect(prettyUnit("m**3/(s*Pa)")).toBe("m³/(s·Pa)"));
 });
 
