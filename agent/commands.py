@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import _thread
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agent.settings import Settings
 
 
 def agent(argv: Sequence[str]) -> int:
@@ -21,17 +27,28 @@ def agent(argv: Sequence[str]) -> int:
     Returns
     -------
     int
-        Exit code: 2 for settings that make no sense.
+        Exit code: 2 for settings that make no sense; of a check 1 when something does not fit.
     """
     parser = argparse.ArgumentParser(
         prog="servotune agent",
         description="Measure on the rig of this PC for the service. The key comes from SERVOTUNE_AGENT_KEY or a file.",
+    )
+    parser.add_argument(
+        "what",
+        nargs="?",
+        choices=["run", "check"],
+        default="run",
+        help="run: measure until it is stopped (default). check: list devices, try every configured channel without an output, "
+        "name what does not fit and the remedy; exit code 1 when something does not",
     )
     parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
     parser.add_argument("--url", help="address of the service")
     parser.add_argument("--rig", help="name of the rig")
     parser.add_argument("--daq-server", help="address of an NI gRPC Device Server or of a controller")
     parser.add_argument("--spool", help="folder where samples wait for the service")
+    parser.add_argument(
+        "--rate", type=float, help="samples/s at which check tries channels (default: 1000, or 10 for slow ones)"
+    )
     parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
     given = parser.parse_args(argv)
 
@@ -42,6 +59,7 @@ def agent(argv: Sequence[str]) -> int:
     from agent.errors import SettingsError
     from agent.process import Agent, Terminal
     from agent.settings import read
+    from agent.spool import held
 
     logging.basicConfig(
         level=given.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr
@@ -55,19 +73,34 @@ def agent(argv: Sequence[str]) -> int:
         "daq.server": given.daq_server,
         "spool.folder": given.spool,
     }
-    try:
-        settings = read(given.settings, os.environ, chosen)
-        settings.key()
-        process = Agent(settings, name=socket.gethostname(), confirm=Terminal(settings.rig.confirm_seconds))
-    except (SettingsError, OSError) as error:
-        sys.stderr.write(f"servotune agent: {error}\n")
-        return 2
-    for number in (signal.SIGTERM, signal.SIGINT):
-        # From a thread: a handler runs within whatever this one does, and waits for ever for a lock that this one holds.
-        signal.signal(number, lambda *_: _thread.start_new_thread(process.stop, ()))
-    _let_memory_go()
-    process.run()
+    with ExitStack() as stack:
+        try:
+            settings = read(given.settings, os.environ, chosen)
+            settings.key()
+            if given.what == "check":
+                return _check(settings, given.rate)
+            stack.enter_context(held(Path(settings.spool.folder)))
+            process = Agent(settings, name=socket.gethostname(), confirm=Terminal(settings.rig.confirm_seconds))
+        except (SettingsError, OSError) as error:
+            sys.stderr.write(f"servotune agent: {error}\n")
+            return 2
+        for number in (signal.SIGTERM, signal.SIGINT):
+            # From a thread: a handler runs within whatever this one does, and waits for ever for a lock that this one holds.
+            signal.signal(number, lambda *_: _thread.start_new_thread(process.stop, ()))
+        _let_memory_go()
+        process.run()
     return 0
+
+
+def _check(settings: Settings, rate: float | None) -> int:
+    from agent.checking import check, table
+    from agent.errors import SettingsError
+
+    if rate is not None and not 0.0 < rate < math.inf:
+        raise SettingsError(f"--rate must be finite and > 0 samples/s, got {rate:g}")
+    findings = check(settings, rate=rate)
+    sys.stdout.write(f"{table(findings)}\n")
+    return int(any(entry.result == "FAILS" for entry in findings))
 
 
 def _let_memory_go() -> None:

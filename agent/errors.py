@@ -16,9 +16,11 @@ class AttemptError(Exception):
         A word: `overrun`, `device_gone`, `server_unreachable`, `drive_limit`, `disk_full`, `lease_lost` ...
     detail : str
         What happened, and what to do.
+    what, remedy : str
+        The two parts of it, where they are known apart; else ``remedy`` is empty.
     """
 
-    def __init__(self, code: str, detail: str) -> None:
-        super().__init__(detail)
-        self.code = code
-        self.detail = detail
+    def __init__(self, code: str, what: str, *, remedy: str = "") -> None:
+        self.code, self.what, self.remedy = code, what, remedy
+        self.detail = f"{what} - {remedy}" if remedy else what
+        super().__init__(self.detail)

@@ -41,7 +41,7 @@ class Drive:
         return self.wait + self.length * self.repeats
 
     def block(self, first: int, count: int) -> Samples:
-        """Return the samples from ``first`` on, V."""
+        """Return the samples from ``first`` on, V or A."""
         k = np.arange(first, min(first + count, self.samples)) - self.wait
         driven = self.length * self.repeats
         plain = self.signal(np.where(k >= 0, k % self.length, 0) / self.rate)
@@ -79,9 +79,9 @@ class Drive:
             steepest = max(steepest, float(np.abs(np.diff(block, prepend=before)).max()))
             before = float(block[-1])
         if peak > output.amplitude * (1 + _ROUNDING):
-            raise _limit(output, "stay within", output.amplitude, "V", peak)
+            raise _limit(output, "stay within", output.amplitude, output.unit, peak)
         if steepest * self.rate > output.slew * (1 + _ROUNDING):
-            raise _limit(output, "change by at most", output.slew, "V/s", steepest * self.rate)
+            raise _limit(output, "change by at most", output.slew, f"{output.unit}/s", steepest * self.rate)
 
 
 def _half_cosine(x: Samples) -> Samples:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -55,6 +56,17 @@ class Service:
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
+
+    def admits(self) -> None:
+        """Make sure that the service answers and the key may acquire: work is asked for of an agent that there is not.
+
+        Raises
+        ------
+        ServiceError
+            No answer, or a key that may not.
+        """
+        with contextlib.suppress(RefusedError):
+            self.claim("nobody", wait=0.0)
 
     def register(self, document: Mapping[str, Any], *, timeout: float | None = None) -> dict[str, Any]:
         """Take the rig."""

@@ -117,7 +117,12 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputSettings:
-    """An input with its sensor: physical value = V / sensitivity + offset, in ``unit``."""
+    """An input with its sensor: physical value = (what is measured) / sensitivity + offset, in ``unit``.
+
+    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with ``distance``, m.
+    ``wiring`` is rse, nrse, diff or pseudo (empty: what the module has); ``bridge`` full, half or quarter, its ``resistance``
+    Ohm; ``pulses`` those of an encoder in a turn, ``distance`` m of one pulse; ``excitation`` V, of IEPE sensors A.
+    """
 
     name: str
     channel: str
@@ -128,6 +133,12 @@ class InputSettings:
     offset: float = 0.0
     range: float = 10.0
     excitation: float = 0.0
+    wiring: str = ""
+    bridge: str = "full"
+    resistance: float = 350.0
+    thermocouple: str = "K"
+    pulses: float = 0.0
+    distance: float = 0.0
     model: str = ""
     serial: str = ""
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
@@ -135,16 +146,22 @@ class InputSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputSettings:
-    """An output and the limits that no job can exceed: V, V/s, s."""
+    """An output and the limits that no job can exceed: V, V/s, s; of ``kind`` current A and A/s."""
 
     name: str
     channel: str
+    kind: str = "voltage"
     amplitude: float
     slew: float = math.inf
     duration: float = math.inf
     soft_start: float = 0.0
     soft_stop: float = 0.0
     safe: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """What it gives is told in."""
+        return "A" if self.kind == "current" else "V"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,11 +189,20 @@ class Settings:
         if not self.service.key_file:
             raise SettingsError("a key must be given: SERVOTUNE_AGENT_KEY, or key_file in [service]")
         try:
-            return Path(self.service.key_file).read_text(encoding="utf-8").strip()
+            return (
+                Path(self.service.key_file).read_text(encoding="utf-8-sig").strip()
+            )  # Notepad writes a mark before it
         except OSError as error:
             raise SettingsError(f"key_file must be readable, got {self.service.key_file}: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise SettingsError(f"key_file must be UTF-8, got {self.service.key_file}: {error}") from error
 
 
+_WORDS = {
+    "wiring": ("", "rse", "nrse", "diff", "pseudo"),
+    "bridge": ("full", "half", "quarter"),
+    "thermocouple": ("B", "E", "J", "K", "N", "R", "S", "T"),
+}
 _VARIABLES = {
     "SERVOTUNE_AGENT_URL": ("service", "url"),
     "SERVOTUNE_AGENT_KEY": ("service", "key"),
@@ -232,11 +258,14 @@ def _tables(path: Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SettingsError(f"{path} must be readable: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path} must be TOML: {error}") from error
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path} must be UTF-8: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        told = "; a path of Windows stands in single quotes" if "\\" in str(error) else ""
+        raise SettingsError(f"{path} must be TOML: {error}{told}") from error
 
 
 def _daq(table: Any) -> DaqSettings:
@@ -305,7 +334,7 @@ def _check_input(entry: InputSettings, kinds: tuple[str, ...]) -> None:
         raise SettingsError(f"{place}: sensitivity must be finite and not 0, got {entry.sensitivity:g}")
     if not 0.0 < entry.range < math.inf:
         raise SettingsError(f"{place}: range must be > 0 V, got {entry.range:g}")
-
+    _check_kind(entry, place)
     for name in ("calibrated_on", "due"):
         day = getattr(entry.calibration, name)
         try:
@@ -314,8 +343,28 @@ def _check_input(entry: InputSettings, kinds: tuple[str, ...]) -> None:
             raise SettingsError(f"{place}: calibration.{name} must be a day such as 2027-03-02, got {day!r}") from error
 
 
+def _check_kind(entry: InputSettings, place: str) -> None:
+    """Judge what only some kinds of inputs have."""
+    for name, words in _WORDS.items():
+        if getattr(entry, name) not in words:
+            known = ", ".join(word for word in words if word)
+            raise SettingsError(f"{place}: {name} must be one of {known}, got {getattr(entry, name)!r}")
+    for name in ("excitation", "resistance", "pulses", "distance"):
+        if not 0.0 <= getattr(entry, name) < math.inf:
+            raise SettingsError(f"{place}: {name} must be finite and >= 0, got {getattr(entry, name):g}")
+    if entry.kind == "encoder" and (entry.pulses >= 1.0) == (entry.distance > 0.0):
+        raise SettingsError(
+            f"{place}: pulses (of a turn, at least 1) or distance (m of one pulse) must be given, one of them, got "
+            f"pulses {entry.pulses:g} and distance {entry.distance:g}"
+        )
+    if entry.pulses != round(entry.pulses):
+        raise SettingsError(f"{place}: pulses must be a whole number, got {entry.pulses:g}")
+
+
 def _check_output(output: OutputSettings) -> None:
     place = f"output {output.name}"
+    if output.kind not in {"voltage", "current"}:
+        raise SettingsError(f"{place}: kind must be one of voltage, current, got {output.kind!r}")
     for name in ("amplitude", "slew", "duration"):
         if not getattr(output, name) > 0.0:
             raise SettingsError(f"{place}: {name} must be > 0, got {getattr(output, name):g}")
@@ -323,4 +372,4 @@ def _check_output(output: OutputSettings) -> None:
         if not 0.0 <= getattr(output, name) < math.inf:
             raise SettingsError(f"{place}: {name} must be >= 0 s, got {getattr(output, name):g}")
     if not abs(output.safe) <= output.amplitude:
-        raise SettingsError(f"{place}: safe must be within {output.amplitude:g} V, got {output.safe:g}")
+        raise SettingsError(f"{place}: safe must be within {output.amplitude:g} {output.unit}, got {output.safe:g}")

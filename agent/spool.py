@@ -3,6 +3,7 @@
 ::
 
     <folder>/instance                what this agent calls itself for ever
+    <folder>/lock                    held by the process whose folder it is
     <folder>/runs/<acq>-<n>/
         run.json                     the claim
         begin.json                   what the recording is: rate, start, channels
@@ -12,27 +13,60 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 import shutil
+import time
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from filelock import FileLock, Timeout
 
-from agent.errors import AttemptError
+from agent.errors import AttemptError, SettingsError
 
 Samples = npt.NDArray[np.float64]
 
 MOST_BYTES = 8 * 1024 * 1024
 """In one segment; the service takes no more."""
 USUAL_BYTES = 2 * 1024 * 1024
+WINDOWS = os.name == "nt"
 _SUFFIX = ".part"
+_HELD = frozenset({5, 32, 33})
+"""What Windows answers while another program (a virus scanner, an indexer, a backup) has a file open: ACCESS_DENIED,
+SHARING_VIOLATION, LOCK_VIOLATION."""
+_TRIES, _BETWEEN = 40, 0.05
+"""How often something is tried that another program prevents, and the s between."""
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep a folder for this process: two agents with one spool would be the same agent to the service, on one rig.
+
+    Raises
+    ------
+    SettingsError
+        While another process has it, and for a folder that cannot be made or written.
+    """
+    lock = FileLock(folder / "lock", timeout=0, thread_local=False)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise SettingsError(f"spool.folder must be one agent's alone, another process has {folder}") from None
+    except OSError as error:
+        raise SettingsError(f"spool.folder must be a writable folder, got {folder}: {error.strerror}") from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -49,16 +83,40 @@ def write_whole(path: Path, data: bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        part.replace(path)
+        patiently(lambda: part.replace(path))
         _flush_folder(path.parent)
     except OSError as error:
+        if getattr(error, "winerror", None) in _HELD:
+            detail = (
+                f"{path} is held by another program ({error.strerror}): leave the spool out of virus scans and backups"
+            )
+            raise AttemptError("file_held", detail) from error
         detail = f"{path.parent} must take the samples: {error.strerror}. Make room, or see to the disk"
         raise AttemptError("disk_full", detail) from error
 
 
+def patiently(work: Callable[[], object]) -> None:
+    """Do something to a file, again while another program has it open, as only Windows minds.
+
+    Raises
+    ------
+    OSError
+        That of the last try.
+    """
+    for number in range(_TRIES):
+        try:
+            work()
+        except PermissionError as error:
+            if getattr(error, "winerror", None) not in _HELD or number == _TRIES - 1:
+                raise
+            time.sleep(_BETWEEN)
+        else:
+            return
+
+
 def _flush_folder(folder: Path) -> None:
     """Let the new name of a file reach the disk, too; Windows opens no folder, and NTFS keeps names in its journal."""
-    if os.name == "nt":
+    if WINDOWS:
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -150,13 +208,24 @@ class Run:
 
     def replace_spoilt(self, segment: Segment, *, channels: int) -> Segment:
         """Put missing values in the place of a piece that the disk has spoilt, and keep the spoilt one beside it."""
-        segment.path.replace(segment.path.with_suffix(".spoilt"))
+        patiently(lambda: segment.path.replace(segment.path.with_suffix(".spoilt")))
         data = np.full(segment.samples * channels, np.nan, dtype="<f8").tobytes()
         return self.append(int(segment.path.stem), data, samples=segment.samples)
 
     def remove(self) -> None:
-        """Forget it, because the service has confirmed every byte."""
-        shutil.rmtree(self.folder)
+        """Forget it, because the service has confirmed every byte; what another program holds open goes at the next start.
+
+        Raises
+        ------
+        AttemptError
+            `file_held`, where it cannot even be forgotten yet.
+        """
+        try:
+            patiently(lambda: (self.folder / "run.json").unlink(missing_ok=True))
+        except OSError as error:
+            detail = f"{self.folder} has arrived and must be removable: {error.strerror}"
+            raise AttemptError("file_held", detail) from error
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 class Spool:
@@ -173,8 +242,12 @@ class Spool:
         self._folder = folder
         self._limit, self._reserve = limit, reserve
         (folder / "runs").mkdir(parents=True, exist_ok=True)
+        for left in (folder / "runs").iterdir():
+            if left.is_dir() and not (left / "run.json").exists():  # forgotten, or never begun
+                shutil.rmtree(left, ignore_errors=True)
         for part in folder.rglob(f"*{_SUFFIX}"):
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # still in another program's hands: the next start sees to it
+                part.unlink(missing_ok=True)
 
     def instance(self) -> str:
         """Return what this agent calls itself for ever."""

@@ -37,6 +37,8 @@ class Uploader:
         """The id under which this agent is registered; nothing is sent before."""
         self._there: dict[str, set[str]] = {}
         self._aside: set[str] = set()
+        self._arrived: set[str] = set()
+        """Of those the service has everything, and this disk could not let go of them yet."""
         self._told: set[str] = set()
         self._being_read: dict[str, tuple[dict[str, Any], float]] = {}
         """Manifests of recordings that the service is reading, which are not hashed twice, and when to ask again."""
@@ -69,7 +71,7 @@ class Uploader:
             try:
                 worked = self._round()
                 pause = _PAUSE
-            except (UnreachableError, KeyRefusedError, AttemptError) as error:
+            except (UnreachableError, KeyRefusedError, AttemptError, OSError) as error:
                 _log.warning("the upload has to wait %g s: %s", pause, error)
                 self._stop.wait(pause)
                 pause = min(2 * pause, _LONGEST_PAUSE)
@@ -94,6 +96,8 @@ class Uploader:
         return worked
 
     def _forward(self, run: Run, agent: str) -> bool:
+        if run.name in self._arrived:
+            return self._forget(run)
         begin, ended = run.read("begin"), run.ended
         self._tell_once(run, agent)
         if begin is None:
@@ -186,9 +190,14 @@ class Uploader:
         except ServiceError:
             self._there.pop(run.name, None)  # begin with what is there, the next time
             raise
-        run.remove()
         self._there.pop(run.name, None)
+        self._arrived.add(run.name)
         _log.info("%s has arrived", run.name)
+        return self._forget(run)
+
+    def _forget(self, run: Run) -> bool:
+        run.remove()
+        self._arrived.discard(run.name)
         return True
 
 

@@ -7,28 +7,26 @@ calls into these methods, and :class:`DriverError` into what each of them calls 
 from __future__ import annotations
 
 import math
-import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from rig_simulator.devices import CONTINUOUS, FINITE, Channel, Device, Task, expand
+from rig_simulator import checks, routing
+from rig_simulator.channels import Call, gain, steps
+from rig_simulator.devices import FINITE, Channel, Device, Task, expand
 from rig_simulator.faults import DriverError
-from rig_simulator.plant import Plant, PlantError
-from rig_simulator.sensors import Sensor, SensorRun
+from rig_simulator.flow import INPUTS, Flow, Samples
+from rig_simulator.plant import Plant
+from rig_simulator.sensors import Sensor
 
-Samples = npt.NDArray[np.float64]
-
-_TERMINAL = re.compile(r"a[io]/(sampleclock|starttrigger)|pfi\d+")
-
-_LONGEST_STEP = 20_000
-"""Samples that are computed in one go, so that a fault on command is seen soon."""
+_VERIFY, _COMMIT, RESERVE, _UNRESERVE, _ABORT = 2, 3, 4, 5, 6
+"""nidaqmx.constants.TaskMode."""
 
 
-class Bench:
+class Bench(Flow):
     """A rig: devices, what is connected to them, and the tasks of whoever uses it.
 
     Parameters
@@ -117,152 +115,142 @@ class Bench:
             raise DriverError(-201003, f"Device: {name}")
         return found
 
+    def create_channels(self, task: Task, call: Call, given: Mapping[str, Any]) -> None:
+        """Add the channels that a call of the driver asks for; ``given`` are its arguments by name."""
+        sensitivity = given.get("sensitivity")
+        low, high = given.get("min_val", 0.0), given.get("max_val", 0.0)
+        step, per_unit = steps(given) if call.what == "encoder" else (0.0, 1.0)
+        factor = gain(
+            units=given.get("units", 0), sensitivity=sensitivity, sensitivity_units=given.get("sensitivity_units", 0)
+        )
+        self.add_channels(
+            task,
+            call.subsystem,
+            given[call.names[0]],
+            given[call.names[1]],
+            usage=call.usage,
+            lower=low,
+            upper=high,
+            gain=per_unit if step else factor,
+            what=call.what,
+            given=given,
+            step=step,
+        )
+
     def add_channels(
-        self, task: Task, kind: str, physical: str, label: str, *, usage: int, lower: float, upper: float, gain: float
+        self,
+        task: Task,
+        kind: str,
+        physical: str,
+        label: str,
+        *,
+        usage: int,
+        lower: float,
+        upper: float,
+        gain: float,
+        what: str = "",
+        given: Mapping[str, Any] | None = None,
+        step: float = 0.0,
     ) -> None:
         """Add channels to a task; ``physical`` may be a list or a range."""
+        what = what or ("output voltage" if kind == "AO" else "voltage")
         names = expand(physical)
         for i, name in enumerate(names):
             device, _, number = name.partition("/")
             found = self.device(device)
-            count = found.inputs if kind == "AI" else found.outputs
-            if not (number[:2] == kind.lower() and number[2:].isdigit() and int(number[2:]) < count):
-                raise DriverError(-200170, f"Physical Channel Name: {number}\nDevice: {device}")
+            checks.exists(found, kind, number)
+            limits = (lower / gain, upper / gain)
+            checks.channel(found, number, subsystem=kind, what=what, given=given or {}, limits=limits)
             shown = name if not label else label if len(names) == 1 else f"{label}{i}"
             task.channels.append(
-                Channel(name=shown, physical=name, kind=kind, usage=usage, lower=lower, upper=upper, gain=gain)
+                Channel(
+                    name=shown,
+                    physical=name,
+                    kind=kind,
+                    usage=usage,
+                    lower=lower,
+                    upper=upper,
+                    gain=gain,
+                    what=what,
+                    step=step,
+                )
             )
 
     def set_clock(self, task: Task, *, rate: float, source: str, mode: int, samples: int) -> None:
         """Time a task; the rate becomes one that the device has."""
         if not task.channels:
             raise DriverError(-200428, f"Task Name: {task.name}")
-        external = self._clock_of(source)
-        task.rate = external.rate if external else self.device(task.device).coerce(rate)
-        task.mode, task.samples, task.clock = mode, samples, source
+        devices = [self.device(name) for name in dict.fromkeys(entry.device for entry in task.channels)]
+        for device in devices:
+            checks.clock(device, task, source)
+        task.asked, task.mode, task.samples, task.clock = rate, mode, samples, source
+        external = self._leader(task)
+        task.rate = external.rate if external else self.rate_of(task)
+
+    def rate_of(self, task: Task) -> float:
+        """Return the rate that a task has for the one that it was asked for: delta-sigma modules divide the fastest timebase."""
+        if task.kind not in {"AI", "AO"}:
+            return task.asked
+        devices = [self.device(name) for name in dict.fromkeys(entry.device for entry in task.channels)]
+        timebase = max((d.family.timebase for d in devices if d.family is not None), default=0.0)
+        leading = self._leader(task)
+        if leading is not None and task.timebase:
+            timebase = self._timebase(leading)
+        rates = [device.coerce(task.asked, most=checks.rate(device, task), timebase=timebase) for device in devices]
+        return max(rates)
+
+    def _timebase(self, task: Task) -> float:
+        rows = [self.devices[entry.device].family for entry in task.channels]
+        return max((row.timebase for row in rows if row is not None), default=0.0)
 
     def terminal(self, task: Task, what: str) -> str:
-        """Return the name of a task's internal terminal, SampleClock or StartTrigger."""
-        return f"/{self.devices[task.device].timed_by}/{task.kind.lower()}/{what}"
+        """Return the name of a task's internal terminal."""
+        return routing.terminal(self.devices, task, what)
 
-    def _is(self, terminal: str, task: Task, what: str) -> bool:
-        """Say whether a terminal is that of a task, however it is written."""
-        return terminal.strip("/").lower() == self.terminal(task, what).strip("/").lower()
+    def control(self, task: Task, action: int) -> None:
+        """Verify, reserve or commit a task, or let go of what it has reserved."""
+        with self.lock:
+            if action in {_VERIFY, _COMMIT, RESERVE}:
+                self._check(task)
+            if action in {_COMMIT, RESERVE}:
+                routing.reserve(self.devices, self.tasks, task)
+                task.reserved = True
+            elif action in {_UNRESERVE, _ABORT}:
+                task.reserved = False
+                self.stop(task)
 
-    def _clock_of(self, source: str) -> Task | None:
-        """Return the input task whose sample clock a terminal is."""
-        return next((t for t in self.tasks.values() if t.kind == "AI" and self._is(source, t, "SampleClock")), None)
-
-    def _check_terminals(self, task: Task) -> None:
-        """Refuse a clock or a trigger from a terminal that no device has, as a driver does when a task is started."""
-        devices = {device.timed_by.lower() for device in self.devices.values()}
-        for terminal in filter(None, (task.clock, task.trigger)):
-            device, _, rest = terminal.strip("/").lower().partition("/")
-            if terminal.lower() != "onboardclock" and not (device in devices and _TERMINAL.fullmatch(rest)):
-                raise DriverError(-89120, f"Source Terminal: {terminal}\nTask Name: {task.name}")
+    def _check(self, task: Task) -> None:
+        """Refuse what no device of the task has, as a driver does when a task is verified."""
+        if not task.channels:
+            raise DriverError(-200428, f"Task Name: {task.name}")
+        if task.trigger and task.mode is None:
+            raise DriverError(-200262, f"Task Name: {task.name}")
+        for name in dict.fromkeys(entry.device for entry in task.channels):
+            checks.timebase(self.device(name), task)
+        routing.check(self.devices, task)
+        if task.timebase:
+            task.rate = self.rate_of(task)
 
     def start(self, task: Task) -> None:
         """Start a task, or arm it where it waits for another's start."""
         with self.lock:
-            if not task.channels:
-                raise DriverError(-200428, f"Task Name: {task.name}")
-            self.device(task.device)
-            self._check_terminals(task)
+            self._check(task)
             for other in self.tasks.values():
                 busy = other.state in {"armed", "running"} and not self.done(other)
-                if other is not task and other.kind == task.kind and busy and other.device == task.device:
+                if other is not task and busy and other.uses & task.uses:
                     raise DriverError(-50103, f"Task Name: {task.name}")
+            routing.reserve(self.devices, self.tasks, task)
             if task.kind == "AO" and not task.written.size:
                 raise DriverError(-200462, f"Task Name: {task.name}")
-            task.read, task.fault = 0, None
-            if task.trigger:
+            task.read, task.made, task.queue, task.fault = 0, 0, [], None
+            if task.kind in INPUTS:
+                task.sensors = self._sensors(task)
+            if task.trigger or (task.kind in {"CI", "DI"} and task.mode is not None):
                 task.state = "armed"
                 return
             task.state, task.started = "running", self._now()
             if task.kind == "AI":
                 self._start_input(task)
-
-    def _start_input(self, task: Task) -> None:
-        for other in self.tasks.values():
-            if other.state == "armed" and self._is(other.trigger, task, "StartTrigger"):
-                other.state, other.started = "running", task.started
-        rng = np.random.default_rng(self._seed)
-        plain = Sensor(noise=20e-6)
-        task.sensors = [
-            SensorRun(
-                self.sensors.get(channel.physical, plain),
-                self.devices[channel.device].converter,
-                rate=task.rate,
-                rng=rng,
-            )
-            for channel in task.channels
-        ]
-        task.run = None
-        if self.plant is not None:
-            finite = task.samples if task.mode == FINITE else None
-            try:
-                task.run = self.plant.start(task.rate, self._plant_drive(), samples=finite)
-            except PlantError as error:
-                raise DriverError(-200077, f"Simulated plant: {error}") from error
-
-    def _plant_drive(self) -> Callable[[int, int], Samples]:
-        assert self.plant is not None
-        inputs = self.plant.inputs
-
-        def drive(first: int, count: int) -> Samples:
-            u = np.zeros((len(inputs), count))
-            for physical, (name, gain) in self.drives.items():
-                u[inputs.index(name)] += gain * self._played(physical, first, count)
-            return u
-
-        return drive
-
-    def _played(self, physical: str, first: int, count: int) -> Samples:
-        """Return what an output plays at samples of the common clock; it holds its last value before and after."""
-        for task in self.tasks.values():
-            if task.kind != "AO" or task.state != "running" or not self._clock_of(task.clock):
-                continue
-            for row, channel in enumerate(task.channels):
-                if channel.physical == physical:
-                    return self._of_buffer(task, row, first, count)
-        return np.full(count, self.levels.get(physical, 0.0))
-
-    def _of_buffer(self, task: Task, row: int, first: int, count: int) -> Samples:
-        number = np.arange(first, first + count)
-        if task.mode == CONTINUOUS and task.regenerates:
-            return np.asarray(task.written[row, number % task.written.shape[1]])
-        last = task.total - 1
-        if task.mode == FINITE:
-            last = min(last, task.samples - 1)
-        if number.size and number[-1] > last and (task.mode == CONTINUOUS or task.total < task.samples):
-            task.fault = -200290
-        values: Samples = task.written[row, np.clip(number, task.first, last) - task.first]
-        if values.size:
-            self.levels[task.channels[row].physical] = float(values[-1])
-        return values
-
-    def acquired(self, task: Task) -> int:
-        """Return how many samples a task has taken or played."""
-        if task.state != "running":
-            return 0
-        if self.speed > 0.0:
-            count = int((self._now() - task.started) * task.rate)
-        else:
-            clock = task if task.kind == "AI" else self._clock_of(task.clock)
-            count = clock.read if clock else task.samples
-        return min(count, task.samples) if task.mode == FINITE else count
-
-    def done(self, task: Task) -> bool:
-        """Say whether a task has nothing more to do."""
-        if task.state != "running":
-            return task.state == "idle"
-        if self.speed == 0.0 and task.kind == "AI":
-            return task.mode == FINITE and task.read >= task.samples
-        return task.mode == FINITE and self.acquired(task) >= task.samples
-
-    def available(self, task: Task) -> int:
-        """Return how many samples wait to be read."""
-        return max(self.acquired(task) - task.read, 0)
 
     def read(
         self, task: Task, count: int, timeout: float, *, cancelled: Callable[[], bool] = lambda: False
@@ -288,6 +276,8 @@ class Bench:
             left = task.samples - task.read if task.mode == FINITE else max(count, 0)
             have = left if count < 0 else min(count, left)
         wanted = count if count >= 0 else (task.samples - task.read if task.mode == FINITE else have)
+        if task.fault is not None:
+            raise DriverError(task.fault, f"Task Name: {task.name}", read=0)
         after = self._unplug_after.get(task.device)
         if after is not None and task.read + have >= after:
             self.devices[task.device].present = False
@@ -300,46 +290,6 @@ class Bench:
         if task.mode == FINITE and task.read + wanted > task.samples and task.read + have >= task.samples:
             raise DriverError(-200278, f"Task Name: {task.name}", read=0)
         return have, wanted
-
-    def buffer_of(self, task: Task) -> int:
-        """Return the size of a task's buffer as DAQmx chooses it: by the rate, or as it was asked for."""
-        if task.buffer is not None:
-            return task.buffer
-        if task.mode == FINITE:
-            return task.samples
-        usual = 1_000 if task.rate <= 100 else 10_000 if task.rate <= 10_000 else 100_000
-        return max(usual, task.samples)
-
-    def _take(self, task: Task, count: int) -> Samples:
-        steps = [min(_LONGEST_STEP, count - first) for first in range(0, count, _LONGEST_STEP)]
-        return np.concatenate([self._compute(task, step) for step in steps or [0]], axis=1)
-
-    def _compute(self, task: Task, count: int) -> Samples:
-        outputs = self.plant.outputs if self.plant is not None else ()
-        moved = task.run.advance(count) if task.run is not None else np.zeros((0, count))
-        rows = []
-        for channel, run in zip(task.channels, task.sensors, strict=True):
-            sensor = self.sensors.get(channel.physical)
-            if sensor is not None and sensor.loopback:
-                quantity = self._played(sensor.loopback, task.read, count)
-            elif sensor is not None and sensor.output:
-                quantity = moved[outputs.index(sensor.output)]
-            else:
-                quantity = np.zeros(count)
-            rows.append(run.volts(quantity) * channel.gain)
-        task.read += count
-        self._forget_played(task)
-        return np.array(rows)
-
-    def _forget_played(self, clock: Task) -> None:
-        """Let go of output samples that have been played, but for the last one."""
-        for task in self.tasks.values():
-            streaming = task.kind == "AO" and (task.mode == FINITE or not task.regenerates)
-            if streaming and task.state == "running" and self._clock_of(task.clock) is clock:
-                over = min(clock.read, task.total) - 1 - task.first
-                if over > 200_000:
-                    task.written = task.written[:, over:].copy()
-                    task.first += over
 
     def write(self, task: Task, data: Samples, *, auto_start: bool) -> int:
         """Put samples of shape (channels, n) into the buffer of an output task; without a clock, on the output."""
@@ -382,12 +332,11 @@ class Bench:
                         number = min(max(played - 1 - task.first, 0), task.written.shape[1] - 1)
                         self.levels[channel.physical] = float(task.written[row, number])
             task.state = "idle"
+            if not task.reserved:
+                task.engine = ""
 
     def clear(self, name: str) -> None:
         """Forget a task."""
         with self.lock:
             self.stop(self.task(name))
             del self.tasks[name]
-
-    def _now(self) -> float:
-        return time.monotonic() * self.speed if self.speed > 0.0 else 0.0

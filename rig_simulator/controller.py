@@ -10,13 +10,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from rig_simulator.bench import Bench
-from rig_simulator.channels import USAGES
+from rig_simulator.bench import RESERVE, Bench
+from rig_simulator.channels import CALLS
 from rig_simulator.devices import FINITE, Task
 from rig_simulator.faults import DriverError
 
 Samples = npt.NDArray[np.float64]
 
+_RANGE = 10.0
+"""V of a channel of no known family."""
 _WORDS = {
     -50103: "device_busy",
     -200077: "unsupported_setting",
@@ -56,12 +58,19 @@ class Controller:
         self._played = 0
 
     def ranges(self, direction: str) -> Mapping[str, float]:
-        """Return channel -> largest magnitude; ``direction`` is "ai" or "ao"."""
-        return {
-            f"{device.name}/{direction}{i}": device.converter.range
-            for device in self.bench.devices.values()
-            for i in range(device.inputs if direction == "ai" else device.outputs)
-        }
+        """Return channel -> largest magnitude, of those that measure or give volts; ``direction`` is "ai" or "ao"."""
+        found: dict[str, float] = {}
+        for device in self.bench.devices.values():
+            row = device.family
+            count, kind = (device.inputs, "voltage") if direction == "ai" else (device.outputs, "output voltage")
+            if row is not None and kind not in row.kinds:
+                continue
+            if direction == "ai":
+                limit = device.converter.range if device.converter else _RANGE
+            else:
+                limit = row.output_range[1] if row is not None else _RANGE
+            found |= {f"{device.name}/{direction}{i}": limit for i in range(count)}
+        return found
 
     @property
     def serial(self) -> str:
@@ -72,11 +81,11 @@ class Controller:
         """Time some inputs, and return the rate that they really have."""
         self.clear()
         self._task = task = self.bench.create("controller-in")
-        usage = USAGES["CreateAIVoltageChan"][1]
+        usage = CALLS["CreateAIVoltageChan"].usage
         ranges = self.ranges("ai")
         for name in inputs:
-            limit = ranges.get(name, 10.0)
-            self._call(task, "AI", name, usage=usage, limit=limit)
+            limit = ranges.get(name, _RANGE)
+            self._call(task, "AI", name, usage=usage, lower=-limit, upper=limit)
         try:
             self.bench.set_clock(task, rate=rate, source="", mode=FINITE, samples=1000)
         except DriverError as error:
@@ -89,9 +98,9 @@ class Controller:
         try:
             self.bench.set_clock(task, rate=task.rate, source="", mode=FINITE, samples=samples)
             if output is not None:
-                self._drive(output, values, rate=task.rate, source=self.bench.terminal(task, "SampleClock"))
+                self.bench.control(task, RESERVE)  # a chassis names its terminals then
+                self._drive(output, values, rate=task.rate, inputs=task)
                 assert self._output is not None
-                self._output.trigger = self.bench.terminal(task, "StartTrigger")
                 self.bench.start(self._output)
         except DriverError as error:
             raise ControllerError.of(error) from error
@@ -132,7 +141,7 @@ class Controller:
         """Play the way to the safe value, to its end."""
         self.clear()
         try:
-            self._drive(output, way, rate=rate, source="")
+            self._drive(output, way, rate=rate)
             assert self._output is not None
             self.bench.start(self._output)
             self.bench.wait(self._output, way.size / rate + 60.0)
@@ -156,17 +165,26 @@ class Controller:
         self._task = self._output = None
         self._played = 0
 
-    def _drive(self, output: str, values: Samples, *, rate: float, source: str) -> None:
+    def _drive(self, output: str, values: Samples, *, rate: float, inputs: Task | None = None) -> None:
+        """Write what an output plays, by itself or sample for sample with the inputs."""
         self._output = task = self.bench.create("controller-out")
-        self._call(
-            task, "AO", output, usage=USAGES["CreateAOVoltageChan"][1], limit=self.ranges("ao").get(output, 10.0)
-        )
+        device = self.bench.devices.get(output.partition("/")[0])
+        row = device.family if device is not None else None
+        lower, upper = row.output_range if row is not None else (-_RANGE, _RANGE)
+        self._call(task, "AO", output, usage=CALLS["CreateAOVoltageChan"].usage, lower=lower, upper=upper)
+        by_timebase = row is not None and row.output_clock == "timebase"
+        source = "" if inputs is None or by_timebase else self.bench.terminal(inputs, "SampleClock")
         self.bench.set_clock(task, rate=rate, source=source, mode=FINITE, samples=values.size)
+        if inputs is not None:
+            task.trigger = self.bench.terminal(inputs, "StartTrigger")
+            if by_timebase:
+                task.timebase = self.bench.terminal(inputs, "SampleClockTimebase")
+                task.sync_pulse = self.bench.terminal(inputs, "SyncPulse")
         self.bench.write(task, values[None, :], auto_start=False)
 
-    def _call(self, task: Task, kind: str, name: str, *, usage: int, limit: float) -> None:
+    def _call(self, task: Task, kind: str, name: str, *, usage: int, lower: float, upper: float) -> None:
         try:
-            self.bench.add_channels(task, kind, name, "", usage=usage, lower=-limit, upper=limit, gain=1.0)
+            self.bench.add_channels(task, kind, name, "", usage=usage, lower=lower, upper=upper, gain=1.0)
         except DriverError as error:
             raise ControllerError.of(error) from error
 

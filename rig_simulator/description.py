@@ -31,6 +31,7 @@ from api.problems.documents import Problem
 from api.schemas.systems import SystemDocument
 from rig_simulator.bench import Bench
 from rig_simulator.devices import Device
+from rig_simulator.families import FAMILIES
 from rig_simulator.plant import Plant
 from rig_simulator.sensors import Converter, HiddenMode, Sensor
 
@@ -50,17 +51,17 @@ class PlantTable(_Table):
 
 
 class DeviceTable(_Table):
-    """A module."""
+    """A module; what is left out is what its family has."""
 
     name: str = Field(min_length=1)
     model: str = "NI 9234"
     serial: Annotated[str, Field(pattern="^[0-9A-Fa-f]{1,8}$")] = "01A2B3C4"
     inputs: int = Field(default=0, ge=0, le=128)
     outputs: int = Field(default=0, ge=0, le=128)
-    max_rate: float = Field(default=51200.0, gt=0)
-    divider: int = Field(default=31, ge=0)
-    range: float = Field(default=5.0, gt=0)
-    bits: int = Field(default=24, ge=2, le=32)
+    max_rate: float = Field(default=0.0, ge=0)
+    divider: int | None = Field(default=None, ge=0)
+    range: float | None = Field(default=None, gt=0)
+    bits: int | None = Field(default=None, ge=2, le=32)
     delay: float = Field(default=0.0, ge=0, le=1000, description="samples")
 
 
@@ -126,8 +127,12 @@ def read(path: Path) -> Bench:
         place = ".".join(str(part) for part in first["loc"])
         raise DescriptionError(f"{path}: {place}: {first['msg']}") from error
     _check(path, given, plant)
+    try:
+        devices = [_device(table) for table in given.devices]
+    except ValueError as error:
+        raise DescriptionError(f"{path}: {error}") from error
     return Bench(
-        [_device(table) for table in given.devices],
+        devices,
         plant=plant,
         drives={table.channel: (table.input, table.gain) for table in given.drives},
         sensors={table.channel: _sensor(table) for table in given.sensors},
@@ -163,6 +168,8 @@ def _check(path: Path, given: Description, plant: Plant | None) -> None:
 
 
 def _device(table: DeviceTable) -> Device:
+    row = FAMILIES.get(table.model)
+    most = max(row.ranges, default=10.0) if row is not None else 5.0
     return Device(
         name=table.name,
         model=table.model,
@@ -170,8 +177,10 @@ def _device(table: DeviceTable) -> Device:
         inputs=table.inputs,
         outputs=table.outputs,
         max_rate=table.max_rate,
-        divider=table.divider,
-        converter=Converter(range=table.range, bits=table.bits, delay=table.delay),
+        divider=-1 if table.divider is None else table.divider,
+        converter=Converter(
+            range=table.range or most, bits=table.bits or (row.bits if row is not None else 24), delay=table.delay
+        ),
     )
 
 

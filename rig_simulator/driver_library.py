@@ -16,7 +16,7 @@ import numpy as np
 
 from rig_simulator import attributes
 from rig_simulator.bench import Bench
-from rig_simulator.channels import USAGES, gain
+from rig_simulator.channels import CALLS
 from rig_simulator.devices import Task
 from rig_simulator.faults import MESSAGES, DriverError
 
@@ -28,20 +28,19 @@ FUNCTIONS = {
     "ClearTask": "t",
     "IsTaskDone": "tp",
     "WaitUntilTaskDone": "td",
-    "CreateAIVoltageChan": "tssiddis",
-    "CreateAIAccelChan": "tssiddidiids",
-    "CreateAIForceIEPEChan": "tssiddidiids",
-    "CreateAIVelocityIEPEChan": "tssiddidiids",
-    "CreateAIBridgeChan": "tssddiiidds",
-    "CreateAOVoltageChan": "tssddis",
+    "TaskControl": "ti",
+    **{name: call.signature for name, call in CALLS.items()},
     "CfgSampClkTiming": "tsdiiq",
     "CfgDigEdgeStartTrig": "tsi",
     "ReadAnalogF64": "tidipupp",
+    "ReadCounterF64Ex": "tidipupp",
+    "ReadDigitalU32": "tidipupp",
     "WriteAnalogF64": "tiudippp",
     "GetErrorString": "ipu",
     "GetExtendedErrorInfo": "pu",
     "GetSystemInfoAttribute": "ipu",
     "GetDeviceAttribute": "sipu",
+    "GetPhysicalChanAttribute": "sipu",
     "GetTaskAttribute": "tipu",
     "GetReadAttribute": "tipu",
     "GetWriteAttribute": "tipu",
@@ -67,7 +66,7 @@ _C = {
 }
 _WIDE = frozenset({0x1310, 0x193A, 0x1221, 0x192B})
 """Properties of 64 bits."""
-_RATE = 0x1344
+_RATE, _TEXTS = 0x1344, frozenset({0x1308, 0x223D})
 _TOO_SMALL = -200228
 _CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_int, ctypes.POINTER(ctypes.c_longlong), ctypes.POINTER(ctypes.c_double)
@@ -171,18 +170,19 @@ class Library:
     def _dispatch(self, name: str, a: Sequence[Any]) -> int:
         if name.endswith("Attribute"):
             return self._attribute(name, a)
-        if name in USAGES:
+        if name in CALLS:
             self._create(name, a)
             return 0
         return self._run(name, a)
 
     def _run(self, name: str, a: Sequence[Any]) -> int:
         bench = self._bench
+        if name.startswith("Read"):
+            kind = ctypes.c_uint32 if name == "ReadDigitalU32" else ctypes.c_double
+            return self._read(a, kind)
         match name:
             case "CreateTask":
                 return self._create_task(a)
-            case "ReadAnalogF64":
-                return self._read(a)
             case "WriteAnalogF64":
                 return self._write(a)
             case "GetErrorString" | "GetExtendedErrorInfo":
@@ -202,6 +202,8 @@ class Library:
                 bench.start(task)
             case "StopTask":
                 bench.stop(task)
+            case "TaskControl":
+                bench.control(task, a[1])
             case "IsTaskDone":
                 _put(ctypes.c_uint32, a[1], bench.done(task))
             case "WaitUntilTaskDone":
@@ -219,31 +221,18 @@ class Library:
         return 0
 
     def _create(self, name: str, a: Sequence[Any]) -> None:
-        kind, usage = USAGES[name]
-        first = 3 if name in {"CreateAOVoltageChan", "CreateAIBridgeChan"} else 4  # behind the terminal configuration
-        sensor = len(FUNCTIONS[name]) == len(FUNCTIONS["CreateAIAccelChan"])
-        self._bench.add_channels(
-            self._bench.task(a[0]),
-            kind,
-            a[1],
-            a[2],
-            usage=usage,
-            lower=a[first],
-            upper=a[first + 1],
-            gain=gain(
-                units=a[first + 2],
-                sensitivity=a[first + 3] if sensor else None,
-                sensitivity_units=a[first + 4] if sensor else 0,
-            ),
-        )
+        call = CALLS[name]
+        self._bench.create_channels(self._bench.task(a[0]), call, dict(zip(call.names, a[1:], strict=True)))
 
-    def _read(self, a: Sequence[Any]) -> int:
+    def _read(self, a: Sequence[Any], kind: Any) -> int:
         task = self._bench.task(a[0])
         status, values = self._bench.read(task, a[1], a[2])
         count = values.shape[1]
         whole = np.zeros((values.shape[0], max(a[1], count)))
         whole[:, :count] = values
-        target = np.ctypeslib.as_array((ctypes.c_double * a[5]).from_address(a[4]))
+        if kind is ctypes.c_uint32:  # the value of a line is in the bit of its number
+            whole *= np.array([[2.0**channel.line] for channel in task.channels])
+        target = np.ctypeslib.as_array((kind * a[5]).from_address(a[4]))
         target[: whole.size] = (whole if a[3] == 0 else whole.T).ravel()
         _put(ctypes.c_int32, a[6], count)
         return status
@@ -263,11 +252,14 @@ class Library:
         number, rest = a[lead], a[lead + 1 :]
         if name.startswith("Set"):
             whole, real = rest[0]
-            attributes.put(self._bench, family, owner, number, real if number == _RATE else whole, channel=channel)
+            value = ctypes.string_at(whole).decode() if number in _TEXTS else real if number == _RATE else whole
+            attributes.put(self._bench, family, owner, number, value, channel=channel)
             return 0
         value = attributes.get(self._bench, family, owner, number, channel=channel)
         if isinstance(value, str):
             return _text(value, rest[0], rest[1])
+        if isinstance(value, list | bytes):
+            return _array(value, rest[0], rest[1])
         kind = ctypes.c_double if isinstance(value, float) else ctypes.c_uint64 if number in _WIDE else ctypes.c_uint32
         return _put(kind, rest[0], value)
 
@@ -275,6 +267,21 @@ class Library:
 def _put(kind: Any, address: int, value: Any) -> int:
     if address:
         kind.from_address(address).value = value
+    return 0
+
+
+def _array(values: list[float] | list[int] | bytes, address: int, size: int) -> int:
+    """Put numbers where they are asked for; asked for with no room, tell how many there are."""
+    if not ctypes.c_uint32(size).value:
+        return len(values)
+    kind = (
+        ctypes.c_uint8
+        if isinstance(values, bytes)
+        else ctypes.c_double
+        if isinstance(values[0], float)
+        else ctypes.c_int32
+    )
+    (kind * len(values)).from_address(address)[:] = list(values)
     return 0
 
 

@@ -19,12 +19,14 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc as service
 
 from rig_simulator import attributes
 from rig_simulator.bench import Bench
-from rig_simulator.channels import USAGES, gain
+from rig_simulator.channels import CALLS, asked
 from rig_simulator.faults import MESSAGES, DriverError
 
 Context: TypeAlias = Any  # grpc has no types
 
-_ATTRIBUTE = re.compile(r"(Get|Set)(SystemInfo|Device|Task|Chan|Read|Write|Timing|Buffer|Trig)Attribute\w*")
+_ATTRIBUTE = re.compile(
+    r"(Get|Set)(SystemInfo|Device|Task|PhysicalChan|Chan|Read|Write|Timing|Buffer|Trig)Attribute\w*"
+)
 _INITIALIZE, _ATTACH = 1, 2
 _CALLS_AT_ONCE = 16
 _UNLIMITED = [("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1)]
@@ -70,6 +72,11 @@ class Driver(service.NiDAQmxServicer):
         self._bench.start(self._bench.task(request.task.name))
         return messages.StartTaskResponse()
 
+    def TaskControl(self, request: Any, _: Context) -> Any:  # noqa: N802
+        """Verify, reserve or commit a task."""
+        self._bench.control(self._bench.task(request.task.name), request.action_raw or request.action)
+        return messages.TaskControlResponse()
+
     def StopTask(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Stop a task."""
         self._bench.stop(self._bench.task(request.task.name))
@@ -93,15 +100,37 @@ class Driver(service.NiDAQmxServicer):
 
     def ReadAnalogF64(self, request: Any, context: Context) -> Any:  # noqa: N802
         """Read samples; fewer than were asked for come with a status."""
-        task = self._bench.task(request.task.name)
-        status, values = self._bench.read(
-            task, request.num_samps_per_chan, request.timeout, cancelled=lambda: not context.is_active()
-        )
+        status, values = self._read(request, context)
         count = values.shape[1]
         whole = np.zeros((values.shape[0], max(request.num_samps_per_chan, count)))
         whole[:, :count] = values
         flat = (whole if request.fill_mode_raw == 0 else whole.T).ravel()
         return messages.ReadAnalogF64Response(status=status, read_array=flat, samps_per_chan_read=count)
+
+    def ReadCounterF64Ex(self, request: Any, context: Context) -> Any:  # noqa: N802
+        """Read positions."""
+        status, values = self._read(request, context)
+        padded = np.zeros(max(request.num_samps_per_chan, values.shape[1]))
+        padded[: values.shape[1]] = values[0]
+        return messages.ReadCounterF64ExResponse(status=status, read_array=padded, samps_per_chan_read=values.shape[1])
+
+    def ReadDigitalU32(self, request: Any, context: Context) -> Any:  # noqa: N802
+        """Read lines; the value of a line is in the bit of its number."""
+        task = self._bench.task(request.task.name)
+        status, values = self._read(request, context)
+        count = values.shape[1]
+        whole = np.zeros((values.shape[0], max(request.num_samps_per_chan, count)), dtype=np.uint32)
+        whole[:, :count] = values.astype(np.uint32) << np.array(
+            [[channel.line] for channel in task.channels], dtype=np.uint32
+        )
+        flat = (whole if request.fill_mode_raw == 0 else whole.T).ravel()
+        return messages.ReadDigitalU32Response(status=status, read_array=flat, samps_per_chan_read=count)
+
+    def _read(self, request: Any, context: Context) -> tuple[int, Any]:
+        task = self._bench.task(request.task.name)
+        return self._bench.read(
+            task, request.num_samps_per_chan, request.timeout, cancelled=lambda: not context.is_active()
+        )
 
     def WriteAnalogF64(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Write samples."""
@@ -118,26 +147,13 @@ class Driver(service.NiDAQmxServicer):
 
     def create_channels(self, call: str, request: Any) -> None:
         """Add channels of some kind to a task."""
-        kind, usage = USAGES[call]
-        self._bench.add_channels(
-            self._bench.task(request.task.name),
-            kind,
-            request.physical_channel,
-            request.name_to_assign_to_channel,
-            usage=usage,
-            lower=request.min_val,
-            upper=request.max_val,
-            gain=gain(
-                units=request.units_raw,
-                sensitivity=getattr(request, "sensitivity", None),
-                sensitivity_units=getattr(request, "sensitivity_units_raw", 0),
-            ),
-        )
+        made = CALLS[call]
+        self._bench.create_channels(self._bench.task(request.task.name), made, asked(made, request))
 
     def attribute(self, verb: str, family: str, request: Any, response: Any) -> Any:
         """Read or set a property."""
         number = request.attribute_raw or request.attribute
-        owner = request.device_name if family == "Device" else "" if family == "SystemInfo" else request.task.name
+        owner = _owner(family, request)
         channel = getattr(request, "channel", "")
         if verb == "Set":
             value = getattr(request, "value_raw", 0) or request.value
@@ -147,9 +163,22 @@ class Driver(service.NiDAQmxServicer):
         name = "value_raw" if "value_raw" in response.DESCRIPTOR.fields_by_name else "value"
         if isinstance(value, list):
             getattr(response, name).extend(value)
+        elif isinstance(value, bytes):
+            response.value = value
         else:
             setattr(response, name, value)
         return response
+
+
+def _owner(family: str, request: Any) -> str:
+    match family:
+        case "SystemInfo":
+            return ""
+        case "Device":
+            return str(request.device_name)
+        case "PhysicalChan":
+            return str(request.physical_channel)
+    return str(request.task.name)
 
 
 class _Door(grpc.ServerInterceptor):
@@ -172,7 +201,7 @@ class _Door(grpc.ServerInterceptor):
             try:
                 if attribute is not None and reply is not None:
                     return self._driver.attribute(attribute[1], attribute[2], request, reply())
-                if name in USAGES and reply is not None:
+                if name in CALLS and reply is not None:
                     self._driver.create_channels(name, request)
                     return reply()
                 return handler.unary_unary(request, context)
@@ -199,15 +228,21 @@ class Server:
     bench : Bench
     port : int
         0 takes a free one.
+    credentials : optional
+        `grpc.ssl_server_credentials(...)`, as a device server with `security` in its configuration has them.
     """
 
-    def __init__(self, bench: Bench, *, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, bench: Bench, *, host: str = "127.0.0.1", port: int = 0, credentials: Any = None) -> None:
         self.bench = bench
         self._pool = ThreadPoolExecutor(_CALLS_AT_ONCE)
         driver = Driver(bench)
         self._server = grpc.server(self._pool, interceptors=[_Door(driver, bench)], options=_UNLIMITED)
         service.add_NiDAQmxServicer_to_server(driver, self._server)
-        self.port = int(self._server.add_insecure_port(f"{host}:{port}"))
+        place = f"{host}:{port}"
+        secure = credentials is not None
+        self.port = int(
+            self._server.add_secure_port(place, credentials) if secure else self._server.add_insecure_port(place)
+        )
         if not self.port:
             raise OSError(f"the port {port} of {host} must be free, it is not")
         self._server.start()

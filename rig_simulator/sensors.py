@@ -9,6 +9,7 @@ converter:  late by some samples (delta-sigma), clipped to its range, rounded to
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +37,24 @@ class Converter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Teds:
+    """The data sheet in a sensor: who it is (IEEE 1451.4, basic TEDS), and the number of the template that follows."""
+
+    manufacturer: int
+    model: int
+    serial: int
+    version: int = 1
+    letter: str = "A"
+    template: int = 25
+
+    def bits(self) -> bytes:
+        """Return the basic TEDS: 14, 15, 5, 6 and 24 bits, the least significant first."""
+        letter = ord(self.letter) - ord("A") + 1
+        value = self.manufacturer | self.model << 14 | letter << 29 | self.version << 34 | self.serial << 40
+        return value.to_bytes(8, "little")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
     """What is connected to one input: an output of the plant, or an output of the rig itself.
 
@@ -51,6 +70,37 @@ class Sensor:
     mains: float = 50.0
     highpass: float = 0.0
     hidden_mode: HiddenMode | None = None
+    teds: Teds | None = None
+
+
+class InputRun(Protocol):
+    """One input while samples are taken."""
+
+    def deliver(self, values: Samples) -> Samples:
+        """Return what the module delivers for the next samples of the quantity."""
+
+
+class EncoderRun:
+    """An encoder and the counter behind it: an angle or a way in whole steps, without noise."""
+
+    def __init__(self, sensor: Sensor, step: float) -> None:
+        self._sensor, self._step = sensor, step
+
+    def deliver(self, values: Samples) -> Samples:
+        """Return the position, in the unit of the step."""
+        moved = self._sensor.sensitivity * values + self._sensor.offset
+        return np.asarray(np.floor(moved / self._step + 1e-9) * self._step)
+
+
+class LineRun:
+    """A digital line: 1 above half a unit."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+
+    def deliver(self, values: Samples) -> Samples:
+        """Return 0 or 1."""
+        return np.asarray(self._sensor.sensitivity * values + self._sensor.offset > 0.5, dtype=np.float64)
 
 
 class SensorRun:
@@ -73,7 +123,7 @@ class SensorRun:
         b, a = bilinear(numerator, denominator, fs=self._rate)
         self._filters.append((b, a, np.zeros(max(len(a), len(b)) - 1)))
 
-    def volts(self, values: Samples) -> Samples:
+    def deliver(self, values: Samples) -> Samples:
         """Return what the module delivers for the next samples of the quantity."""
         sensor, count = self._sensor, values.size
         z: Samples = values

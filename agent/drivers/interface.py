@@ -75,6 +75,8 @@ class Driver(ABC):
     """The table ``[daq]`` of this driver."""
     kinds: ClassVar[tuple[str, ...]] = ("voltage",)
     """What an input's ``kind`` may be."""
+    following: ClassVar[tuple[str, ...]] = ()
+    """Kinds that have no clock of their own: they are measured beside another input only."""
 
     @abstractmethod
     def __init__(self, settings: Any, *, rig: str) -> None: ...
@@ -130,6 +132,30 @@ class Driver(ABC):
         AttemptError
             `unknown_channel`, `unsupported_setting`, with the name, the rule and the value.
         """
+
+    def trial(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None, *, rate: float) -> float:
+        """Set some channels up as a run would and take them down again: nothing is started, and no output changes.
+
+        Parameters
+        ----------
+        inputs : sequence of InputSettings
+            At least one.
+        rate : float
+            samples/s that are asked for.
+
+        Returns
+        -------
+        float
+            samples/s that there would be.
+
+        Raises
+        ------
+        AttemptError
+            What a run would be refused with.
+        """
+        self.admit(inputs, output)
+        with self.run(inputs, rate, seconds=1.0) as running:
+            return running.rate
 
     def clean(self) -> None:  # noqa: B027 - most have nothing to clear
         """Clear what an earlier agent of this rig has left on the hardware."""

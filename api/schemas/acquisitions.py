@@ -32,16 +32,30 @@ class CalibrationDocument(Document):
 
 
 class RigInputDocument(Document):
-    """An input channel with its sensor: physical value = V / sensitivity + offset, in `unit`."""
+    """An input channel with its sensor: physical value = measured / sensitivity + offset, in `unit`.
+
+    Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with `distance`, m; of a digital
+    line 0 or 1.
+    """
 
     name: Name
     channel: Label = Field(description="name of the channel in the hardware", examples=["cDAQ1Mod1/ai0"])
-    kind: Literal["voltage", "acceleration", "force", "velocity", "bridge"] = "voltage"
+    kind: Literal[
+        "voltage", "current", "acceleration", "force", "velocity", "bridge", "thermocouple", "encoder", "digital"
+    ] = "voltage"
     quantity: str = Field(default="", max_length=100)
     unit: str = Field(default="V", max_length=64)
-    sensitivity: float = Field(default=1.0, description="V (of a bridge V/V) for one `unit`")
+    sensitivity: float = Field(default=1.0, description="what is measured for one `unit`: V, of a bridge V/V, ...")
     offset: float = 0.0
-    range: float = Field(default=10.0, gt=0.0, description="largest magnitude at the hardware, V (of a bridge V/V)")
+    range: float = Field(
+        default=10.0, gt=0.0, description="largest magnitude at the hardware, V (of a bridge V/V, of a current A)"
+    )
+    wiring: Literal["", "rse", "nrse", "diff", "pseudo"] = Field(default="", description="empty: what the module has")
+    bridge: Literal["full", "half", "quarter"] = "full"
+    resistance: float = Field(default=350.0, ge=0.0, description="of a bridge, Ohm")
+    thermocouple: Literal["B", "E", "J", "K", "N", "R", "S", "T"] = "K"
+    pulses: float = Field(default=0.0, ge=0.0, description="of an encoder in one turn")
+    distance: float = Field(default=0.0, ge=0.0, description="of one pulse of a linear encoder, m")
     model: str = Field(default="", max_length=200)
     serial: str = Field(default="", max_length=200)
     calibration: CalibrationDocument = Field(default_factory=CalibrationDocument)
@@ -52,12 +66,13 @@ class RigOutputDocument(Document):
 
     name: Name
     channel: Label
-    amplitude: float = Field(gt=0.0, description="largest magnitude, V")
-    slew: float | None = Field(default=None, gt=0.0, description="largest rate of change, V/s")
+    kind: Literal["voltage", "current"] = "voltage"
+    amplitude: float = Field(gt=0.0, description="largest magnitude, V, of a current A")
+    slew: float | None = Field(default=None, gt=0.0, description="largest rate of change, V/s or A/s")
     duration: float | None = Field(default=None, gt=0.0, description="longest drive, s")
     soft_start: float = Field(default=0.0, ge=0.0, description="s")
     soft_stop: float = Field(default=0.0, ge=0.0, description="s")
-    safe: float = Field(default=0.0, description="V, when nothing is driven")
+    safe: float = Field(default=0.0, description="V or A, when nothing is driven")
 
 
 class RigDeviceDocument(Document):
@@ -139,7 +154,7 @@ DriveSignal = Annotated[
 
 
 class DriveDocument(Document):
-    """What an output of the rig plays, in V."""
+    """What an output of the rig plays, in V, or in A where its kind is current."""
 
     output: Name
     signal: DriveSignal

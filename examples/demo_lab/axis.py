@@ -87,15 +87,10 @@ system = "axis.json"
 name = "cDAQ1Mod1"
 model = "NI 9234"
 serial = "01A2B3C4"
-inputs = 4
-range = 5.0
-delay = 0.0
 [[devices]]
 name = "cDAQ1Mod2"
 model = "NI 9260"
 serial = "01A2B3C5"
-outputs = 2
-divider = 0
 [[drives]]
 channel = "cDAQ1Mod2/ao0"
 input = "reference"

@@ -19,7 +19,7 @@ from rig_simulator.bench import Bench
 from rig_simulator.devices import Device, Task
 from rig_simulator.grpc_server import Server
 
-INPUT = InputSettings(name="in", channel="Mod1/ai0")
+INPUT = InputSettings(name="in", channel="Dev1/ai0")
 ROUNDING = 1e-9
 FURTHEST = 12.0
 """V, between a signal (at most 9 V) and a safe value (3 V)."""
@@ -44,8 +44,7 @@ class WatchedBench(Bench):
 def rig() -> Iterator[tuple[WatchedBench, Nidaqmx]]:
     bench = WatchedBench(
         [
-            Device(name="Mod1", model="NI 9234", serial=1, inputs=1, divider=0),
-            Device(name="Mod2", model="NI 9260", serial=2, outputs=1, divider=0),
+            Device(name="Dev1", model="PCIe-6363", serial=1),
         ]
     )
     server = Server(bench)
@@ -84,7 +83,7 @@ signals = st.one_of(
 outputs = st.builds(
     OutputSettings,
     name=st.just("valve"),
-    channel=st.just("Mod2/ao0"),
+    channel=st.just("Dev1/ao0"),
     amplitude=numbers(3.0, 8.0),
     slew=st.sampled_from([300.0, 3e3, 1e5, np.inf]),
     duration=numbers(0.3, 2.0),

@@ -8,6 +8,8 @@ from typing import Any
 
 import grpc
 
+from agent.drivers.nidaqmx.settings import NidaqmxSettings
+
 _Details = namedtuple("_Details", "method timeout metadata credentials wait_for_ready compression")  # noqa: PYI024 - gRPC wants attributes, and compares nothing
 
 
@@ -35,9 +37,9 @@ class Deadline(grpc.UnaryUnaryClientInterceptor):
         return continuation(told, request)
 
 
-def channel(server: str, *, margin: float) -> Any:
-    """Return a channel to a device server, without limits on the size of a message."""
-    options = [
+def channel(settings: NidaqmxSettings) -> Any:
+    """Return a channel to a device server, without limits on the size of a message; secure where certificates are given."""
+    options: list[tuple[str, Any]] = [
         ("grpc.max_receive_message_length", -1),
         ("grpc.max_send_message_length", -1),
         # A server that is back after a while is found within a second, not within two minutes.
@@ -45,4 +47,13 @@ def channel(server: str, *, margin: float) -> Any:
         ("grpc.min_reconnect_backoff_ms", 200),
         ("grpc.max_reconnect_backoff_ms", 1000),
     ]
-    return grpc.intercept_channel(grpc.insecure_channel(server, options=options), Deadline(margin))
+    if settings.server_name:
+        options.append(("grpc.ssl_target_name_override", settings.server_name))
+    if settings.secure:
+        credentials = grpc.ssl_channel_credentials(
+            settings.pem("ca"), settings.pem("private_key"), settings.pem("certificate")
+        )
+        made = grpc.secure_channel(settings.server, credentials, options=options)
+    else:
+        made = grpc.insecure_channel(settings.server, options=options)
+    return grpc.intercept_channel(made, Deadline(settings.deadline))

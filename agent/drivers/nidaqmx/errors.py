@@ -39,7 +39,10 @@ DRIVER_ERRORS = {
     -200018: _WRITTEN_LATE,
     -200019: _READ_LATE,
     -200045: _GONE,
-    -200077: ("unsupported_setting", "the hardware cannot do that: change the sample rate or the range"),
+    -200077: (
+        "unsupported_setting",
+        "the hardware cannot do that: take one of its values (sample rate, `range`, `wiring`, `excitation`, `bridge`)",
+    ),
     -200170: ("unknown_channel", "the device has no such channel: check `channel` in the agent's settings"),
     -200175: _GONE,
     -200194: ("device_gone", "the device lost its power for a moment: check its supply"),
@@ -51,9 +54,11 @@ DRIVER_ERRORS = {
     -200279: _READ_LATE,
     -200284: ("timeout", "no samples came in time: check the clock and the trigger of the device"),
     -200290: _WRITTEN_LATE,
+    -200303: ("unsupported_setting", "the channel has no clock of its own: measure an analog input of the device, too"),
     -200324: _GONE,
     -200361: _READ_LATE,
     -200431: ("unsupported_setting", "the channel cannot measure that: check `kind` and `channel` in the settings"),
+    -200432: ("unsupported_setting", "the channel cannot give that: check `kind` and `channel` of the output"),
     -200452: ("unsupported_setting", "the device does not have this property: check `kind` of the channel"),
     -200474: ("timeout", "the device did not finish in time: check clock and trigger"),
     -200490: ("drive_limit", "the drive leaves the range of the output: check `amplitude` in the agent's settings"),
@@ -76,6 +81,14 @@ DRIVER_ERRORS = {
         "no_teds",
         "the data sheet in the sensor cannot be read: check the cable; the agent takes sensitivities from its settings",
     ),
+    -200762: (
+        "no_route",
+        "the output follows the inputs' timebase and finds no sync pulse: put both modules into one chassis",
+    ),
+    -200983: (
+        "unsupported_setting",
+        "the driver names the clock of the inputs too late: set `clock` and `trigger` in [daq]",
+    ),
     -201003: _GONE,
     -201105: ("device_busy", "another program uses the device with other settings: close it"),
     -201250: _OFF_LINE,
@@ -86,6 +99,8 @@ DRIVER_ERRORS = {
     -201420: ("device_busy", "another PC has reserved the device: let it go there"),
 }
 
+_TELLING = ("Property:", "Requested Value:", "Possible Values:", "You Can Select:", "Maximum Value:", "Minimum Value:")
+"""Lines of a driver's message that say which value is wrong, and which are right."""
 _UNREACHABLE = (
     "server_unreachable",
     "the device server does not answer: see whether it runs, and whether the network reaches it",
@@ -120,8 +135,9 @@ def of_server(status: str, text: str) -> AttemptError:
 def of_driver(code: int, text: str) -> AttemptError:
     """Return the error that a number of the driver stands for."""
     word, advice = DRIVER_ERRORS.get(code, (f"daqmx_{abs(code)}", "look the number up in the manual of NI-DAQmx"))
-    first = next((line.strip() for line in text.splitlines() if line.strip()), "the driver gave no reason")
-    return AttemptError(word, f"NI-DAQmx {code}: {first} - {advice}")
+    lines = [line.strip() for line in text.splitlines() if line.strip()] or ["the driver gave no reason"]
+    told = "; ".join([lines[0], *(line for line in lines[1:] if line.startswith(_TELLING))])
+    return AttemptError(word, f"NI-DAQmx {code}: {told}", remedy=advice)
 
 
 @contextmanager

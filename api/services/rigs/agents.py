@@ -19,8 +19,8 @@ from storage.repositories import AgentRepository
 
 LEASE = timedelta(seconds=30)
 """How long a rig may move without a word from its agent."""
-_UNITS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s"}
-"""Kind of an input -> the SI unit of what its sensor measures; a voltage or a bridge may stand for anything."""
+_UNITS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s", "thermocouple": "K"}
+"""Kind of an input -> the SI unit of what its sensor measures; a voltage, a current or a bridge may stand for anything."""
 
 
 def register(session: Session, caller: Caller, request: AgentRequest) -> dict[str, Any]:
@@ -49,9 +49,10 @@ def _check(request: AgentRequest) -> None:
         if entry.sensitivity == 0.0:
             raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
     for i, output in enumerate(rig.outputs):
+        unit = "A" if output.kind == "current" else "V"
         if abs(output.safe) > output.amplitude:
             raise invalid(
-                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} V, got {output.safe:g}",
+                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} {unit}, got {output.safe:g}",
                 *("document", "outputs", i, "safe"),
             )
 

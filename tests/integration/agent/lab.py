@@ -6,7 +6,7 @@ import hashlib
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from rig_simulator.bench import Bench
 from rig_simulator.devices import Device
 from rig_simulator.grpc_server import Server
 from rig_simulator.plant import Plant
-from rig_simulator.sensors import Converter, Sensor
+from rig_simulator.sensors import Sensor
 from tests.integration.api.conftest import Service
 
 RIG = """
@@ -42,9 +42,11 @@ serial = "01A2B3C4"
 [[inputs]]
 name = "loopback"
 channel = "cDAQ1Mod1/ai0"
+range = 5.0
 [[inputs]]
 name = "position"
 channel = "cDAQ1Mod1/ai1"
+range = 5.0
 quantity = "displacement"
 unit = "mm"
 sensitivity = 0.5
@@ -77,14 +79,17 @@ MEASUREMENT = {
 }
 
 
-def make_bench(*, speed: float = 0.0, **sensor: Any) -> Bench:
+def make_bench(*, speed: float = 0.0, devices: Sequence[Device] | None = None, **sensor: Any) -> Bench:
     """Return a rig with the lag between its output and its second input; the first one hears the output."""
     plant = Plant(diagram=diagram_from_wire(SystemDocument.model_validate(LAG)))
+    usual = [
+        Device(name="cDAQ1Mod1", model="NI 9234", serial=0x01A2B3C4),
+        Device(name="cDAQ1Mod2", model="NI 9260", serial=2),
+        Device(name="cDAQ1Mod3", model="NI 9234", serial=3),
+        Device(name="cDAQ1Mod4", model="NI 9237", serial=4),
+    ]
     return Bench(
-        [
-            Device(name="cDAQ1Mod1", model="NI 9234", serial=0x01A2B3C4, inputs=8, converter=Converter(range=10.0)),
-            Device(name="cDAQ1Mod2", model="NI 9260", serial=2, outputs=2, divider=0),
-        ],
+        devices or usual,
         plant=plant,
         drives={"cDAQ1Mod2/ao0": ("u", 1.0)},
         sensors={

@@ -147,8 +147,8 @@ def test_kill_of_the_device_server(lab, tmp_path) -> None:
     (tmp_path / "lag.json").write_text(json.dumps(LAG))
     description = tmp_path / "rig.toml"
     description.write_text(
-        '[plant]\nsystem = "lag.json"\n[[devices]]\nname = "cDAQ1Mod1"\ninputs = 4\nrange = 10.0\n'
-        '[[devices]]\nname = "cDAQ1Mod2"\nmodel = "NI 9260"\noutputs = 2\ndivider = 0\n'
+        '[plant]\nsystem = "lag.json"\n[[devices]]\nname = "cDAQ1Mod1"\n\n'
+        '[[devices]]\nname = "cDAQ1Mod2"\nmodel = "NI 9260"\n'
         '[[drives]]\nchannel = "cDAQ1Mod2/ao0"\ninput = "u"\n'
         '[[sensors]]\nchannel = "cDAQ1Mod1/ai0"\nloopback = "cDAQ1Mod2/ao0"\n'
         '[[sensors]]\nchannel = "cDAQ1Mod1/ai1"\noutput = "y"\nsensitivity = 0.5\n'

@@ -32,11 +32,12 @@ library = Library(bench)
 hardware = Nidaqmx(NidaqmxSettings(chunk=0.1), rig="bench-1")
 found = {"devices": hardware.check([DeviceSettings(name="cDAQ1Mod1", serial="1A2B3C4")])}
 output = OutputSettings(name="valve", channel="cDAQ1Mod2/ao0", amplitude=4.0)
-inputs = [InputSettings(name="a", channel="cDAQ1Mod1/ai0"), InputSettings(name="b", channel="cDAQ1Mod1/ai1"),
-          InputSettings(name="c", channel="cDAQ1Mod1/ai2", kind="acceleration"),
-          InputSettings(name="d", channel="cDAQ1Mod1/ai3", kind="force"),
-          InputSettings(name="e", channel="cDAQ1Mod1/ai4", kind="velocity"),
-          InputSettings(name="f", channel="cDAQ1Mod1/ai5", kind="bridge")]
+inputs = [InputSettings(name="a", channel="cDAQ1Mod1/ai0", range=5.0),
+          InputSettings(name="b", channel="cDAQ1Mod1/ai1", range=5.0),
+          InputSettings(name="c", channel="cDAQ1Mod1/ai2", kind="acceleration", range=5.0),
+          InputSettings(name="d", channel="cDAQ1Mod1/ai3", kind="force", range=5.0),
+          InputSettings(name="e", channel="cDAQ1Mod3/ai0", kind="velocity", range=5.0),
+          InputSettings(name="f", channel="cDAQ1Mod4/ai0", kind="bridge", range=0.025)]
 
 def run(seconds, rate=1000.0):
     with hardware.run(inputs, rate, seconds=seconds) as running:
@@ -92,6 +93,8 @@ def test_the_driver_route_measures_and_complains_as_the_server_route_does(tmp_pa
     assert [(d["name"], d["model"], d["serial"]) for d in found["devices"]] == [
         ("cDAQ1Mod1", "NI 9234", "01A2B3C4"),
         ("cDAQ1Mod2", "NI 9260", "00000002"),
+        ("cDAQ1Mod3", "NI 9234", "00000003"),
+        ("cDAQ1Mod4", "NI 9237", "00000004"),
     ]
     for kind, rate, seconds in (("finite", 51200 / 31, 1.0), ("continuous", 5120.0, 6.0)):
         run = found[kind]

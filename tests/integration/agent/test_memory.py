@@ -26,6 +26,8 @@ SECONDS = 1800 if LONG else 10
 RATE = 51200
 MOST = 200e6
 SINES = {f"ai{i}": frequency for i, frequency in enumerate((1e-4, 37.0, 41.3, 53.9, 61.1, 71.7, 83.3, 97.9))}
+PLACES = {name: f"cDAQ1Mod{1 + 2 * (i // 4)}/ai{i % 4}" for i, name in enumerate(SINES)}
+"""Four channels of each of two modules."""
 AMPLITUDE, RANGE = 4.5, 5.0
 STEP = RANGE / 2**23
 
@@ -78,17 +80,19 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         ("deadline = 5.0", "deadline = 60"),
     ):
         rig = rig.replace(short, usual)
-    inputs = "".join(f'[[inputs]]\nname = "{name}"\nchannel = "cDAQ1Mod1/{name}"\nrange = {RANGE}\n' for name in SINES)
+    inputs = "".join(
+        f'[[inputs]]\nname = "{name}"\nchannel = "{place}"\nrange = {RANGE}\n' for name, place in PLACES.items()
+    )
     path, port = tmp_path / "agent.toml", free_port()
     path.write_text(rig + inputs)
     description = tmp_path / "rig.toml"
     sensors = "".join(
-        f'[[sensors]]\nchannel = "cDAQ1Mod1/{name}"\nhum = {AMPLITUDE}\nmains = {frequency}\n'
+        f'[[sensors]]\nchannel = "{PLACES[name]}"\nhum = {AMPLITUDE}\nmains = {frequency}\n'
         for name, frequency in SINES.items()
     )
     description.write_text(
-        f'speed = 0\n[[devices]]\nname = "cDAQ1Mod1"\ninputs = 8\nrange = {RANGE}\n'
-        f'[[devices]]\nname = "cDAQ1Mod2"\noutputs = 1\ndivider = 0\n{sensors}'
+        f'speed = 0\n[[devices]]\nname = "cDAQ1Mod1"\n[[devices]]\nname = "cDAQ1Mod3"\n'
+        f'[[devices]]\nname = "cDAQ1Mod2"\nmodel = "NI 9260"\n{sensors}'
     )
     with ExitStack() as stack:
         processes = stack.enter_context(outside(lab)) if LONG else {}

@@ -30,11 +30,12 @@ speed = {speed}
 system = "lag.json"
 [[devices]]
 name = "cDAQ1Mod1"
+model = "of no known family"
 inputs = 8
 range = 10.0
 [[devices]]
 name = "cDAQ1Mod2"
-model = "NI 9260"
+model = "of no known family"
 outputs = 2
 range = 10.0
 divider = 0

@@ -20,6 +20,7 @@ from agent.drivers.opcua.controller import Controller
 from agent.drivers.opcua.driver import Opcua
 from agent.drivers.opcua.settings import OpcuaSettings
 from agent.errors import AttemptError
+from rig_simulator.devices import Device
 from rig_simulator.opcua_server import Security, Server
 from tests.integration.agent.lab import make_bench
 from tests.integration.drivers.rigs import LOOPBACK, POSITION, VALVE
@@ -80,7 +81,11 @@ def way(request: pytest.FixtureRequest) -> str:
 
 @contextlib.contextmanager
 def controller(*, speed: float = 1.0, **options: object) -> Iterator[Server]:
-    server = Server(make_bench(speed=speed), **options)  # type: ignore[arg-type] # those of a server
+    devices = [
+        Device(name="cDAQ1Mod1", model="a controller's", serial=0x01A2B3C4, inputs=8),
+        Device(name="cDAQ1Mod2", model="a controller's", serial=2, outputs=2, divider=0),
+    ]
+    server = Server(make_bench(speed=speed, devices=devices), **options)  # type: ignore[arg-type] # those of a server
     try:
         yield server
     finally:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agent import spool as spooling
 from agent.errors import AttemptError
 from agent.spool import Recorder, Spool, write_whole
 
@@ -63,7 +64,7 @@ def test_windows_opens_no_folder(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(os, "open", refusing)
     with pytest.raises(AttemptError, match="Permission denied"):
         write_whole(tmp_path / "x", b"data")
-    monkeypatch.setattr(os, "name", "nt")
+    monkeypatch.setattr(spooling, "WINDOWS", True)
     write_whole(tmp_path / "x", b"data")
     monkeypatch.undo()
     assert (tmp_path / "x").read_bytes() == b"data"

@@ -62,7 +62,7 @@ def test_delays_and_laws_are_computed_when_a_finite_run_starts() -> None:
 
 def volts(sensor: Sensor, values: np.ndarray, converter: Converter | None = None) -> np.ndarray:
     made = SensorRun(sensor, converter or Converter(bits=32), rate=RATE, rng=np.random.default_rng(1))
-    return np.concatenate([made.volts(part) for part in np.array_split(values, 7)])
+    return np.concatenate([made.deliver(part) for part in np.array_split(values, 7)])
 
 
 def test_a_sensor_scales_and_a_cable_adds() -> None:

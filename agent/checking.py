@@ -1,0 +1,208 @@
+"""What a lab looks at on its first day: service, spool, devices, and every configured channel, without a sample or an output.
+
+An input is tried alone, an output beside the first input that fits, then all inputs at once. What does not fit is told with its remedy.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+from agent.drivers.interface import Driver
+from agent.drivers.loading import load
+from agent.errors import AttemptError, SettingsError
+from agent.service import KeyRefusedError, Service, ServiceError
+from agent.settings import InputSettings, OutputSettings, Settings
+from agent.spool import Spool, held
+
+_USUAL, _SLOW = 1000.0, 10.0
+"""samples/s that are asked for; the slower one tells a slow module from one that lacks something."""
+_SOON = timedelta(days=30)
+_REMEDIES = {
+    "unknown_channel": "correct `channel` in the settings",
+    "unknown_device": "switch it on and check its cable, or correct `name` in [[devices]]",
+    "wrong_device": "put the right module in, or correct [[devices]] and the calibrations of its inputs",
+    "unsupported_setting": "correct this entry in the settings",
+    "server_unreachable": "start the device server, or correct `server` in [daq]",
+    "no_driver": "install NI-DAQmx, or name an NI gRPC Device Server as `server` in [daq]",
+    "device_busy": "close the other program that uses the device",
+    "disk_full": "make room, or put `folder` of [spool] on another disk",
+}
+_SEE_AGENT = "see docs/agent.md for the words of the driver"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One line of the table: something fits, fails, or is to be known."""
+
+    result: Literal["ok", "note", "FAILS"]
+    what: str
+    told: str
+    remedy: str = ""
+
+
+def check(settings: Settings, *, rate: float | None = None, today: date | None = None) -> list[Finding]:
+    """Return what fits and what does not.
+
+    Parameters
+    ----------
+    settings : Settings
+    rate : float, optional
+        samples/s at which channels are tried; by default 1000, and 10 for those that are slower.
+    today : date, optional
+        That calibrations are held against.
+    """
+    found = [_service(settings)]
+    try:
+        with held(Path(settings.spool.folder)):
+            found.append(_spool(settings))
+            # A name of its own: an agent on another PC may have tasks on the same device server.
+            hardware = load(settings.daq.driver)(settings.daq, rig=f"{settings.rig.name}-check")
+            with contextlib.closing(hardware):
+                found += _Rig(settings, hardware, rate=rate).findings()
+    except SettingsError as error:
+        # To try channels of a controller would end the measurement of the agent that has the rig.
+        remedy = "stop the agent of this rig, or correct `folder` in [spool]; channels were not tried"
+        found.append(Finding(result="FAILS", what="spool", told=str(error), remedy=remedy))
+    return [*found, *_calibrations(settings, today or datetime.now().astimezone().date())]
+
+
+def table(findings: Sequence[Finding]) -> str:
+    """Return them as text, one below the other, and how many fail."""
+    width = max(len(entry.what) for entry in findings)
+    lines = []
+    for entry in findings:
+        lines.append(f"{entry.result:<6}{entry.what:<{width}}  {entry.told}")
+        if entry.remedy:
+            lines.append(f"{'':<{width + 8}}-> {entry.remedy}")
+    failed = sum(entry.result == "FAILS" for entry in findings)
+    noted = sum(entry.result == "note" for entry in findings)
+    lines.append(f"{len(findings) - failed - noted} fit, {noted} to be known, {failed} fail")
+    return "\n".join(lines)
+
+
+def _service(settings: Settings) -> Finding:
+    what, url = "service", settings.service.url
+    service = Service(url, key=settings.key, timeout=settings.service.timeout)
+    with contextlib.closing(service):
+        try:
+            service.admits()
+        except KeyRefusedError as error:
+            remedy = "give a key with the scope `acquire`: SERVOTUNE_AGENT_KEY, or key_file in [service]"
+            return Finding(result="FAILS", what=what, told=str(error), remedy=remedy)
+        except ServiceError as error:
+            remedy = "see whether the service runs, and correct `url` in [service]"
+            return Finding(result="FAILS", what=what, told=str(error), remedy=remedy)
+    return Finding(result="ok", what=what, told=f"{url} answers, the key may acquire")
+
+
+def _spool(settings: Settings) -> Finding:
+    spool = Spool(Path(settings.spool.folder), limit=settings.spool.limit, reserve=settings.spool.reserve)
+    try:
+        spool.admit(0)
+        spool.instance()
+    except AttemptError as error:
+        return _failed("spool", error)
+    waiting = len(spool.runs())
+    told = f"{settings.spool.folder} takes samples, {waiting} recordings wait for the service"
+    return Finding(result="ok", what="spool", told=told)
+
+
+def _failed(what: str, error: AttemptError) -> Finding:
+    remedy = error.remedy or _REMEDIES.get(error.code, _SEE_AGENT)
+    return Finding(result="FAILS", what=what, told=error.what, remedy=remedy)
+
+
+class _Rig:
+    """The devices and the channels of one rig."""
+
+    def __init__(self, settings: Settings, hardware: Driver, *, rate: float | None) -> None:
+        self._settings, self._hardware, self._rate = settings, hardware, rate
+        self._analog: InputSettings | None = None
+        """The first input that fits and has a clock."""
+
+    def findings(self) -> Iterator[Finding]:
+        """Return a line for each device and each channel; of hardware that does not answer a single one."""
+        try:
+            there = self._hardware.devices()
+        except AttemptError as error:
+            yield _failed("hardware", error)
+            return
+        yield Finding(result="ok", what="hardware", told=f"{self._hardware.description}, {len(there)} devices")
+        for device in there:
+            told = f"{device['model']}, serial {device['serial']}"
+            if device["simulated"]:
+                told += ": simulated, its inputs are made-up signals"
+            yield Finding(result="note" if device["simulated"] else "ok", what=f"device {device['name']}", told=told)
+        for expected in self._settings.devices:
+            try:
+                self._hardware.check([expected])
+            except AttemptError as error:
+                yield _failed(f"device {expected.name}", error)
+        yield from self._channels()
+
+    def _channels(self) -> Iterator[Finding]:
+        entries = self._settings.inputs
+        fitting: list[InputSettings] = []
+        own = [entry for entry in entries if entry.kind not in self._hardware.following]
+        for entry in [*own, *(entry for entry in entries if entry not in own)]:
+            beside = [] if entry in own or self._analog is None else [self._analog]
+            finding = self._tried(f"input {entry.name}", entry.channel, [*beside, entry])
+            yield finding
+            if finding.result != "FAILS":
+                fitting.append(entry)
+                if entry in own and self._analog is None:
+                    self._analog = entry
+        for output in self._settings.outputs:
+            yield self._output(output)
+        if len(fitting) > 1:
+            yield self._tried("all inputs", "that fit, at once", fitting, together=True)
+
+    def _output(self, output: OutputSettings) -> Finding:
+        what = f"output {output.name}"
+        if self._analog is None:
+            try:
+                self._hardware.admit((), output)
+            except AttemptError as error:
+                return _failed(what, error)
+            told = f"{output.channel} is there; it was not tried, because no input fits that gives it a clock"
+            return Finding(result="note", what=what, told=told, remedy="let an input fit first")
+        return self._tried(what, output.channel, [self._analog], output)
+
+    def _tried(
+        self,
+        what: str,
+        where: str,
+        inputs: Sequence[InputSettings],
+        output: OutputSettings | None = None,
+        *,
+        together: bool = False,
+    ) -> Finding:
+        try:
+            got = self._hardware.trial(inputs, output, rate=self._rate or _USUAL)
+        except AttemptError as error:
+            if self._rate is None and error.code == "unsupported_setting":
+                with contextlib.suppress(AttemptError):
+                    got = self._hardware.trial(inputs, output, rate=_SLOW)
+                    told = f"{where}, at {got:g} samples/s, but not at {_USUAL:g}: {error.what}"
+                    return Finding(result="note", what=what, told=told, remedy="ask for a lower sample rate")
+            if together:
+                remedy = "ask for those channels together that can share a clock"
+                return Finding(result="note", what=what, told=error.what, remedy=error.remedy or remedy)
+            return _failed(what, error)
+        return Finding(result="ok", what=what, told=f"{where}, at {got:g} samples/s")
+
+
+def _calibrations(settings: Settings, today: date) -> Iterator[Finding]:
+    for entry in settings.inputs:
+        if not entry.calibration.due:
+            continue
+        due = date.fromisoformat(entry.calibration.due)
+        if due < today + _SOON:
+            told = f"its calibration {'was' if due < today else 'is'} due on {due}"
+            remedy = "have the sensor calibrated, then write certificate, sensitivity and due into its entry"
+            yield Finding(result="note", what=f"input {entry.name}", told=told, remedy=remedy)

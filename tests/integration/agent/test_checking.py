@@ -1,0 +1,186 @@
+"""`servotune agent check` against simulated rigs: what fits, what does not and what is to be done; no output moves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agent import checking
+from agent.settings import Settings, read
+from agent.spool import held
+from rig_simulator.opcua_server import Server as Controller
+from tests.integration.agent.lab import RIG, Lab, make_bench
+
+TODAY = date(2026, 11, 26)
+MISFITS = """
+[[devices]]
+name = "cDAQ1Mod3"
+model = "NI 9239"
+[[devices]]
+name = "cDAQ1Mod9"
+[[inputs]]
+name = "too wide"
+channel = "cDAQ1Mod1/ai2"
+range = 10.0
+[[inputs]]
+name = "single-ended"
+channel = "cDAQ1Mod3/ai0"
+range = 5.0
+wiring = "rse"
+[[inputs]]
+name = "nowhere"
+channel = "cDAQ1Mod1/ai7"
+range = 5.0
+[[inputs]]
+name = "bridge of a vibration module"
+channel = "cDAQ1Mod1/ai3"
+kind = "bridge"
+range = 0.025
+[[inputs]]
+name = "microphone"
+channel = "cDAQ1Mod3/ai1"
+kind = "acceleration"
+unit = "m/s**2"
+range = 5.0
+excitation = 0.004
+[[inputs]]
+name = "load cell"
+channel = "cDAQ1Mod4/ai0"
+kind = "bridge"
+range = 0.025
+calibration = {due = "2026-12-01"}
+[[outputs]]
+name = "beyond"
+channel = "cDAQ1Mod2/ao1"
+amplitude = 1.0
+kind = "current"
+[[outputs]]
+name = "no such output"
+channel = "cDAQ1Mod2/ao5"
+amplitude = 1.0
+"""
+TOLD = {
+    "device cDAQ1Mod3": ("model of cDAQ1Mod3 must be NI 9239, got NI 9234", "put the right module in"),
+    "device cDAQ1Mod9": ("device cDAQ1Mod9 must be there", "switch it on"),
+    "input too wide": ("range must be at most 5, got 10", "correct this entry"),
+    "input single-ended": ("AI.TermCfg; Requested Value: RSE; Possible Values: PSEUDO", "`wiring`"),
+    "input nowhere": ("channel must be one of cDAQ1Mod1/ai0", "correct `channel`"),
+    "input bridge of a vibration module": ("-200431", "check `kind`"),
+    "input microphone": ("AI.Excit.Val; Requested Value: 0.004; Possible Values: 0, 0.002", "`excitation`"),
+    "output beyond": ("must give a current, cDAQ1Mod2 does not", "correct this entry"),
+    "output no such output": ("channel must be one of cDAQ1Mod2/ao0, cDAQ1Mod2/ao1, got cDAQ1Mod2/ao5", "`channel`"),
+}
+"""What does not fit -> what must be told of it, and what must be told to do."""
+
+
+def settings(lab: Lab, more: str = "", *, key: str = "acquire", **arguments: Any) -> Settings:
+    made = lab.settings(key=key, **arguments)  # writes the file
+    path = lab.folder / "agent.toml"
+    path.write_text(RIG.format(rig=lab.rig) + more)
+    given = {"service.url": lab.service.url, "daq.server": made.daq.server, "spool.folder": str(lab.spool)}  # type: ignore[attr-defined] # the driver's
+    return read(path, {"SERVOTUNE_AGENT_KEY": made.service.key}, given | arguments)
+
+
+def of(findings: list[checking.Finding], result: str) -> dict[str, checking.Finding]:
+    return {entry.what: entry for entry in findings if entry.result == result}
+
+
+def test_a_rig_that_fits_is_told_so_and_nothing_moves(lab) -> None:
+    lab.bench.levels["cDAQ1Mod2/ao0"] = 1.25
+    found = checking.check(settings(lab), today=TODAY)
+    fits = of(found, "ok")
+    notes = of(found, "note")
+    assert len(fits) + len(notes) == len(found)
+    assert list(notes) == [f"device cDAQ1Mod{i}" for i in range(1, 5)]
+    told = "NI 9234, serial 01A2B3C4: simulated, its inputs are made-up signals"
+    assert notes["device cDAQ1Mod1"].told == told
+    rate = f"{51200 / 31:g} samples/s"  # the slowest of a 9234
+    assert fits["input position"].told == f"cDAQ1Mod1/ai1, at {rate}"
+    assert fits["output valve"].told == f"cDAQ1Mod2/ao0, at {rate}"
+    assert fits["all inputs"].told.endswith(rate)
+    assert "may acquire" in fits["service"].told
+    assert lab.bench.levels == {"cDAQ1Mod2/ao0": 1.25}
+    assert lab.bench.tasks == {}
+    assert all(rig["name"] != lab.rig for rig in lab.client.get("/v1/rigs").json()["items"])  # not taken
+
+
+def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
+    lab.bench.levels["cDAQ1Mod2/ao0"] = 1.25
+    found = checking.check(settings(lab, MISFITS), today=TODAY)
+    failed = of(found, "FAILS")
+    assert set(failed) == set(TOLD)
+    for what, (told, remedy) in TOLD.items():
+        assert told in failed[what].told, what
+        assert remedy in failed[what].remedy, what
+    assert of(found, "note")["input load cell"].told == "its calibration is due on 2026-12-01"
+    assert {"input loopback", "input position", "input load cell", "output valve", "all inputs"} <= set(of(found, "ok"))
+    assert lab.bench.levels == {"cDAQ1Mod2/ao0": 1.25}
+    assert lab.bench.tasks == {}
+    shown = checking.table(found)
+    assert shown.splitlines()[-1].endswith(f"5 to be known, {len(TOLD)} fail")
+    assert all(any(line.startswith(f"FAILS {what}") for line in shown.splitlines()) for what in TOLD)
+
+
+def test_a_rate_that_no_module_has_is_told(lab) -> None:
+    found = checking.check(settings(lab), rate=102_400, today=TODAY)
+    failed = of(found, "FAILS")
+    assert set(failed) == {"input loopback", "input position"}
+    assert "Maximum Value: 51200" in failed["input position"].told
+    assert "no input fits" in of(found, "note")["output valve"].told
+
+
+def test_no_service_no_key_no_server_are_named(lab) -> None:
+    dead = settings(lab, **{"service.url": "http://127.0.0.1:9", "daq.server": "127.0.0.1:9", "daq.deadline": 1.0})
+    found = checking.check(dead, today=TODAY)
+    failed = of(found, "FAILS")
+    assert set(failed) == {"service", "hardware"}
+    assert "no answer from http://127.0.0.1:9" in failed["service"].told
+    assert "does not answer" in failed["hardware"].told
+    reader = of(checking.check(settings(lab, key="read"), today=TODAY), "FAILS")
+    assert set(reader) == {"service"}
+    assert "scope acquire, got read" in reader["service"].told
+
+
+def test_while_an_agent_has_the_rig_no_channel_is_tried(lab) -> None:
+    with held(lab.spool):
+        found = checking.check(settings(lab), today=TODAY)
+    assert "one agent's alone" in of(found, "FAILS")["spool"].told
+    assert not any(entry.what.startswith("input") for entry in found)
+
+
+@pytest.mark.parametrize(("more", "code"), [("", 0), (MISFITS, 1), ("[nonsense]\n", 2)])
+def test_the_command_says_it_by_its_exit_code(lab, more, code) -> None:
+    settings(lab)
+    path: Path = lab.folder / "agent.toml"
+    path.write_text(RIG.format(rig=lab.rig) + more)
+    command = [sys.executable, "-m", "servotune", "agent", "check", "--settings", str(path), "--url", lab.service.url]
+    command += ["--daq-server", f"127.0.0.1:{lab.server.port}", "--spool", str(lab.spool)]
+    environment = {"SERVOTUNE_AGENT_KEY": lab.service.keys["acquire"]}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == code, done.stdout + done.stderr
+    if code == 2:
+        assert "section must be one of" in done.stderr
+    else:
+        assert done.stdout.splitlines()[-1].endswith(f"{len(TOLD) * code} fail")
+
+
+def test_the_channels_of_a_controller_are_tried(lab) -> None:
+    server = Controller(make_bench(), watchdog=60.0)
+    path = lab.folder / "plc.toml"
+    before, _, rest = RIG.format(rig=lab.rig).partition("[[devices]]")
+    inputs = rest[rest.index("[[inputs]]") :] + '[[inputs]]\nname = "nowhere"\nchannel = "X7"\n'
+    path.write_text(
+        before.replace("[daq]", f'[daq]\ndriver = "opcua"\nserver = "opc.tcp://127.0.0.1:{server.port}"') + inputs
+    )
+    given = {"service.url": lab.service.url, "spool.folder": str(lab.spool)}
+    try:
+        found = checking.check(read(path, {"SERVOTUNE_AGENT_KEY": lab.service.keys["acquire"]}, given), today=TODAY)
+    finally:
+        server.close()
+    assert set(of(found, "FAILS")) == {"input nowhere"}
+    assert {"input loopback", "input position", "output valve", "all inputs"} <= set(of(found, "ok"))
