@@ -19,13 +19,13 @@ from sqlalchemy import Connection, Engine, Table, delete, func, insert, select, 
 from sqlalchemy.orm import Session
 
 from storage.errors import CopyError
-from storage.models import DEFAULT_WORKSPACE, Base, Job, JobStatus, Worker, Workspace
+from storage.models import DEFAULT_WORKSPACE, Base, Elected, Job, JobStatus, Worker, Workspace
 from storage.postgres import take_time
 
 #: Rows that are held in memory together; the chunks of blobs are up to 8 MiB each.
 _BATCH, _BATCH_OF_CHUNKS = 500, 4
 #: Who worked at the old place works there no more.
-_LEFT_OUT = frozenset({Worker.__tablename__})
+_LEFT_OUT = frozenset({Elected.__tablename__, Worker.__tablename__})
 
 Tell = Callable[[str, int], None]
 """Takes a table's name and how many of its rows have been copied."""

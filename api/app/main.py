@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,7 @@ from api.services.webhooks.webhook_delivery import Courier
 from api.settings import Settings
 from api.telemetry.metrics import Measured, Metrics
 from api.telemetry.tracing import Traces, traces_of
+from storage.election import Election
 from storage.errors import UNAVAILABLE
 from storage.jobs.queue import JobQueue
 from storage.session import CONNECTIONS, open_database
@@ -70,22 +71,24 @@ _PROBLEMS = {
 }
 
 
-async def _keep_house(service: Installation) -> None:
+async def _keep_house(service: Installation, election: Election) -> None:
     while True:
-        await run_in_threadpool(tidy, service)
-        await asyncio.sleep(INTERVAL)
+        if election.won:
+            await run_in_threadpool(tidy, service)
+        await asyncio.sleep(INTERVAL if election.won else TICK)
 
 
-def _tick(service: Installation) -> None:
-    tick(service, now=service.database.now())
+def _tick(service: Installation, election: Election) -> None:
+    if election.elected():
+        tick(service, now=service.database.now())
+        look_after(service)
 
 
-async def _keep_time(service: Installation) -> None:
+async def _keep_time(service: Installation, election: Election) -> None:
     away = False
     while True:
         try:
-            await run_in_threadpool(_tick, service)
-            await run_in_threadpool(look_after, service)
+            await run_in_threadpool(_tick, service, election)
             away = False
         except UNAVAILABLE as error:
             if not away:  # say it once, not every second
@@ -175,9 +178,10 @@ def create_app(
         metrics.read_from(database)
         app.state.metrics = metrics
         courier = Courier(service)
+        election = Election(database, "time")
         loops = [_write_uses(service)]
         if keeps_time:
-            loops += [_keep_house(service), _keep_time(service), courier.run()]
+            loops += [_keep_house(service, election), _keep_time(service, election), courier.run()]
         tasks = [asyncio.create_task(loop) for loop in loops]
         try:
             yield
@@ -188,6 +192,8 @@ def create_app(
             await courier.close()
             await run_in_threadpool(service.computing.close)
             service.callers.uses.write()
+            with suppress(*UNAVAILABLE):  # the next one waits a little then
+                election.resign()
             queue.close()
             database.dispose()
             traces.close()

@@ -1,4 +1,7 @@
-"""What every worker does for all of them, now and then: whatever should be in the queue and is not comes back there."""
+"""What is done for all workers: whatever should be in the queue and is not comes back there.
+
+Every one looks after the dead and after its own claims; the rest is done by the one that is elected.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,10 @@ from collections.abc import Callable, Sequence
 from sqlalchemy.orm import Session
 
 from storage import models
+from storage.election import Election
 from storage.errors import UNAVAILABLE
 from storage.jobs import requeue
+from storage.jobs.bell import ring
 from storage.jobs.claims import Claims
 from storage.jobs.liveness import Pulse
 from storage.jobs.private_calls import recover
@@ -62,7 +67,8 @@ class Keeper:
         self._ended = ended
         self._pulse = Pulse(PATIENCE * interval)
         self._claims = Claims(PATIENCE * interval)
-        self._reconcile_at = 0.0
+        self._reconcile_at: float | None = None
+        self._election = Election(database, "queue", patience=PATIENCE * interval)
 
     def watch(self) -> None:
         """Take over the jobs of dead workers, again and again: nothing else that has to be done delays that."""
@@ -71,6 +77,13 @@ class Keeper:
     def run(self) -> None:
         """Look after the queue again and again, first for those that wait for a worker."""
         self._again_and_again(self._look_after, "look after the queue")
+
+    def resign(self) -> None:
+        """Leave what is done for all to another worker, at once; nobody works for this one any more."""
+        try:
+            self._election.resign()
+        except UNAVAILABLE as error:
+            _log.warning("worker %s could not resign: %s", self._worker, error)
 
     def _again_and_again(self, work: Callable[[], None], what: str) -> None:
         try:
@@ -84,12 +97,16 @@ class Keeper:
 
     def _look_after(self) -> None:
         self._begin_again()
-        with self._database.session() as session:
-            _end_overdue(session)
-            self._queue.release(session)
-        if time.monotonic() >= self._reconcile_at:
-            self._reconcile_at = time.monotonic() + _RECONCILE_INTERVAL
+        elected = self._election.elected()
+        if elected:
+            with self._database.session() as session:
+                _end_overdue(session)
+                self._queue.release(session)
+        # Whoever begins looks once, elected or not: it may have lost its name, and what it claimed under that name before it noticed
+        # would wait for the elected one's next look.
+        if self._reconcile_at is None or (elected and time.monotonic() >= self._reconcile_at):
             self._reconcile()
+            self._reconcile_at = time.monotonic() + _RECONCILE_INTERVAL
 
     def _take_over(self) -> None:
         """Put the jobs of dead workers back into the queue, and then forget these workers."""
@@ -101,6 +118,7 @@ class Keeper:
         recover([worker.id for worker in dead])
         with self._database.session() as session:
             self._bury(session, dead)
+            ring(session)
 
     def _bury(self, session: Session, dead: Sequence[models.Worker]) -> None:
         for worker in dead:
@@ -126,6 +144,8 @@ class Keeper:
         with self._database.session() as session:
             lost = requeue.uncarried(session)
             self._queue.carry(session, lost)
+            if strangers:
+                ring(session)
         for job in lost:
             _log.warning("job %s was carried by nobody and is in the queue again", job.id)
 

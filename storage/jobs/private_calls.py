@@ -40,8 +40,8 @@ def running_workflows(engine: DBOS, queue: str) -> int:
     return engine._active_workflows_set.count_for_queue(queue)
 
 
-def limit_claims(engine: DBOS, queue: str, free: Callable[[], int]) -> None:
-    """Let this process take as many workflows of a queue as ``free`` says whenever it looks.
+def limit_claims(engine: DBOS, queue: str, free: Callable[[], int], *, wait: Callable[[], None] = lambda: None) -> None:
+    """Let this process take as many workflows of a queue as ``free`` says whenever it looks, which it does when ``wait`` returns.
 
     The engine keeps one number for all processes in the database and reads it before it takes a workflow; what it reads is
     answered here.
@@ -50,6 +50,8 @@ def limit_claims(engine: DBOS, queue: str, free: Callable[[], int]) -> None:
     read = database.get_queue
 
     def get_queue(name: str, **more: Any) -> Any:
+        if name == queue:
+            wait()
         found = read(name, **more)
         if found is not None and name == queue:
             found._worker_concurrency = found._partition_worker_concurrency = free()

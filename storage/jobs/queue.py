@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session, aliased
 from storage import quotas
 from storage.audit import record
 from storage.errors import StateError
+from storage.jobs.bell import ring
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, WORKFLOW
 from storage.models import Job, JobStatus, Priority, Workspace
 from storage.models.base import Document
@@ -84,6 +85,7 @@ class JobQueue:
                 },
                 job.id,
             )
+            ring(session)
         session.flush()
 
     def place(self, session: Session, job_id: str) -> None:

@@ -19,6 +19,7 @@ from storage import models, processes
 from storage.clock import shared_now
 from storage.errors import UNAVAILABLE, StateError
 from storage.jobs import private_calls
+from storage.jobs.bell import Bell
 from storage.jobs.children import Zygote
 from storage.jobs.engine import APPLICATION, QUEUE, SERIALIZER, SHAPE, WORKFLOW
 from storage.jobs.maintenance import Keeper
@@ -49,8 +50,12 @@ def _run_job(job_id: str) -> None:
 
 @DBOS.step(name="compute")
 def _compute(job_id: str, ticket: str) -> None:
-    assert Worker.current is not None
-    Worker.current.supervisor.run(job_id, ticket)
+    worker = Worker.current
+    assert worker is not None
+    try:
+        worker.supervisor.run(job_id, ticket)
+    finally:
+        worker.bell.wake()  # there is room for another one
 
 
 class Worker:
@@ -119,6 +124,7 @@ class Worker:
             self.supervisor = Supervisor(
                 self._database, self._queue, zygote, worker=self.name, slots=self._slots, traced=self._traced
             )
+            self.bell = Bell(self._database.engine, ended=self._ended)
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
@@ -132,7 +138,9 @@ class Worker:
                 interval=self._heartbeat,
                 ended=self._ended,
             )
+            undo.callback(keeper.resign)
             for work, name in (
+                (self.bell.listen, "worker-bell"),
                 (partial(self._beat, zygote), "worker-heart"),
                 (keeper.watch, "worker-watch"),
                 (keeper.run, "worker-keeper"),
@@ -140,6 +148,7 @@ class Worker:
                 thread = threading.Thread(target=work, name=name, daemon=True)
                 thread.start()
                 undo.callback(thread.join)
+            undo.callback(self.bell.wake)
             undo.callback(self._ended.set)
             self._undo = undo.pop_all()
 
@@ -204,7 +213,12 @@ class Worker:
         DBOS.launch()
         # Workers have different numbers of slots. One that has just been started, perhaps in place of one that died, would keep a
         # job waiting for as long as it loads, while another one could go on with it at once.
-        private_calls.limit_claims(engine_instance, QUEUE, lambda: self._slots if zygote.settled(0.0) else 0)
+        private_calls.limit_claims(
+            engine_instance,
+            QUEUE,
+            lambda: self._slots if zygote.settled(0.0) else 0,
+            wait=lambda: self.bell.wait() if zygote.settled(0.0) else None,
+        )
         return engine_instance
 
     def _retire(self) -> None:

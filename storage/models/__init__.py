@@ -16,7 +16,7 @@ from storage.models.base import Base
 from storage.models.blob import Blob, BlobChunk
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
 from storage.models.idempotency import Idempotency
-from storage.models.job import Job, JobEvent, JobState, JobStatus, JobTally, Priority, Worker
+from storage.models.job import Elected, Job, JobEvent, JobState, JobStatus, JobTally, Priority, Worker
 from storage.models.lineage import LineageEdge
 from storage.models.processing import Processing, ProcessingSource
 from storage.models.result import Result, ResultArray
@@ -43,6 +43,7 @@ __all__ = [
     "DatasetSegment",
     "DatasetStatus",
     "DeliveryStatus",
+    "Elected",
     "FollowUp",
     "Idempotency",
     "Job",

@@ -127,6 +127,17 @@ class JobTally(Base):
     seconds: Mapped[float] = mapped_column(default=0.0)
 
 
+class Elected(Base):
+    """Who does what is done for all: ``beats`` grows as long as he lives, ``process`` is named as in `storage.processes`."""
+
+    __tablename__ = "elected"
+
+    role: Mapped[str] = mapped_column(Word, primary_key=True)
+    holder: Mapped[str] = mapped_column(Word)
+    process: Mapped[str | None]
+    beats: Mapped[int] = mapped_column(BigInteger)
+
+
 class Worker(Base):
     """A worker that lives as long as ``seen_at`` changes; ``token`` tells two holders of one name apart.
 

@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import pytest
-from sqlalchemy import false, text, update
+from sqlalchemy import false, select, text, update
 
 from storage.errors import StateError
+from storage.jobs import maintenance
+from storage.jobs.engine import SHAPE
 from storage.jobs.worker import Worker
-from storage.models import DEFAULT_WORKSPACE, Job
-from storage.repositories import WorkerRepository
+from storage.models import DEFAULT_WORKSPACE, Elected, Job
+from storage.repositories import JobRepository, WorkerRepository
 from storage.repositories import jobs as changes
 from tests.support.desk import COMPUTE, Desk, exists, wait_for, wait_until_gone
 
@@ -167,14 +169,8 @@ def test_a_job_that_the_engine_claimed_and_never_began_is_begun(desk: Desk, data
     worker = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
     worker.start()
     try:
-        dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
-        with desk.database.session() as session:
-            row = desk.queue.enqueue(session, kind="square", body={"values": [3]}, workspace_id=DEFAULT_WORKSPACE)
-            claim = text(
-                f"UPDATE {dbos}workflow_status SET status = 'PENDING', executor_id = :name WHERE workflow_uuid = :ticket"
-            )
-            session.execute(claim, {"name": worker.name, "ticket": row.ticket})
-        job = desk.wait(row.id)
+        claimed = _claimed_by(desk, worker.name)
+        job = desk.wait(claimed)
         assert (job.status, job.attempts, job.worker) == ("succeeded", 1, worker.name)
         running = desk.ask("spin")  # one that is in hand stays there, however long it takes
         desk.process_of(running)
@@ -185,6 +181,44 @@ def test_a_job_that_the_engine_claimed_and_never_began_is_begun(desk: Desk, data
         worker.stop()
 
 
+def test_what_was_claimed_under_a_lost_name_is_found_by_whoever_begins(
+    desk: Desk, database_url, monkeypatch: pytest.MonkeyPatch
+):
+    """As it is left by a worker that comes back after it was forgotten, and claims a job before it notices that."""
+    monkeypatch.setattr(maintenance, "_RECONCILE_INTERVAL", 3600.0)
+    elected = Worker(database_url, compute=COMPUTE, heartbeat=0.2)
+    elected.start()
+    try:
+        wait_for(lambda: _beats(desk) >= 2, "the end of its first look")
+        claimed = _claimed_by(desk, "lost-0")
+        beginner = start_worker(database_url)
+        try:
+            assert desk.wait(claimed, timeout=90).status == "succeeded"
+        finally:
+            beginner.kill()
+            beginner.wait()
+    finally:
+        elected.stop()
+
+
+def _claimed_by(desk: Desk, name: str) -> str:
+    """Create a job that the engine has claimed for a worker, and that this one has not begun."""
+    dbos = "" if desk.database.engine.dialect.name == "sqlite" else "dbos."
+    claim = text(
+        f"UPDATE {dbos}workflow_status SET status = 'PENDING', executor_id = :name, application_version = :shape"
+        " WHERE workflow_uuid = :ticket"
+    )
+    with desk.database.session() as session:
+        row = desk.queue.enqueue(session, kind="square", body={"values": [3]}, workspace_id=DEFAULT_WORKSPACE)
+        session.execute(claim, {"name": name, "shape": SHAPE, "ticket": row.ticket})
+        return row.id
+
+
+def _beats(desk: Desk) -> int:
+    with desk.database.session() as session:
+        return session.scalar(select(Elected.beats).where(Elected.role == "queue")) or 0
+
+
 def _forgotten(desk: Desk, name: str) -> bool:
     with desk.database.session() as session:
         return WorkerRepository(session).get(name) is None
@@ -193,3 +227,31 @@ def _forgotten(desk: Desk, name: str) -> bool:
 def _seen(desk: Desk, name: str) -> datetime:
     with desk.database.session() as session:
         return WorkerRepository(session).get(name).seen_at
+
+
+def test_when_the_keeper_dies_another_one_hands_out_what_was_put_aside(desk, database_url):
+    workers = [start_worker(database_url) for _ in range(2)]
+    try:
+        keeper = elected(desk)
+        assert keeper in {worker.pid for worker in workers}
+        (other,) = {worker.pid for worker in workers} - {keeper}
+        next(worker for worker in workers if worker.pid == keeper).kill()
+        with desk.database.session() as session:  # put aside: in nobody's queue, until a keeper finds it
+            job_id = JobRepository(session, DEFAULT_WORKSPACE).create(kind="square", body={"values": [1, 2]}).id
+        assert desk.wait(job_id, timeout=90).status == "succeeded"
+        assert elected(desk) == other
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+
+
+def elected(desk: Desk) -> int:
+    """Return the process of the worker that does what is done for all, as soon as there is one."""
+
+    def process() -> str | None:
+        with desk.database.session() as session:
+            return session.scalar(select(Elected.process).where(Elected.role == "queue"))
+
+    wait_for(lambda: process() is not None, "an elected worker")
+    return int(str(process()).split("/")[-2])

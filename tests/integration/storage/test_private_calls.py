@@ -95,6 +95,24 @@ def test_a_process_takes_what_it_has_room_for(engine: DBOS, gate: Gate, fresh_da
     assert gate.begun.wait(30)
 
 
+def test_a_process_looks_when_it_is_told_to(engine: DBOS, gate: Gate, fresh_database: Database) -> None:
+    asleep, woken = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        asleep.set()
+        woken.wait(60)
+
+    private_calls.limit_claims(engine, QUEUE, gate.slots, wait=wait)
+    gate.free = 1
+    assert asleep.wait(30)
+    before = gate.asked
+    enqueue(fresh_database)
+    assert not gate.begun.wait(0.5)
+    assert gate.asked <= before + 1
+    woken.set()
+    assert gate.begun.wait(30)
+
+
 def test_workflows_that_run_are_counted_until_their_end_is_written(
     engine: DBOS, gate: Gate, fresh_database: Database
 ) -> None:
