@@ -34,6 +34,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="SERVOTUNE_", extra="ignore", frozen=True, hide_input_in_errors=True)
 
     database_url: str = Field(default="sqlite:///./servotune.db", repr=False)
+    direct_database_url: str | None = Field(default=None, repr=False)
     bootstrap_key: str | None = Field(default=None, min_length=16, max_length=200, repr=False)
     public_url: str | None = Field(default=None, pattern="^https?://[^/?#]+/?$")
     sign_in_hours: float = Field(default=12.0, gt=0, le=8760)

@@ -8,6 +8,9 @@ nobody has used for a while is tried out, because what lies between may have for
 A process that stands still in the middle of a transaction (stopped, paused with its machine, cut off from the network) would keep
 what it has locked until its connection is given up, which takes hours. The server waits for its next statement for as long as
 `LONGEST_PAUSE`, then undoes the transaction: a job goes on elsewhere in the time that is promised.
+
+A pooler that lends a connection of the server for one transaction at a time (PgBouncer's ``pool_mode = transaction``) keeps nothing of a
+session: what is set is set in each transaction, and no statement is prepared.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import re
 import select
 import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import psycopg
@@ -31,18 +35,25 @@ IDLE = 30.0
 
 #: s that a transaction waits for its next statement: less than what it takes to miss a worker and let another one go on.
 LONGEST_PAUSE = 10.0
+_PAUSE = f"idle_in_transaction_session_timeout = {1000 * LONGEST_PAUSE:.0f}"
 
 _USED_AT = "used at"
 #: SELECT ... FOR UPDATE locks; what only looks like it begins a transaction that it does not need.
 _LOCKS = re.compile(r"\bFOR\b")
 
 
-def use_sparingly(engine: Engine) -> None:
-    """Let an engine ask no more of Postgres than it must."""
-    event.listen(engine, "connect", _wait_for_a_write)
+def use_sparingly(engine: Engine, *, pooled: bool = False) -> None:
+    """Let an engine ask no more of Postgres than it must.
+
+    Parameters
+    ----------
+    pooled : bool
+        Whether a pooler lends connections for one transaction at a time.
+    """
+    event.listen(engine, "connect", _keep_no_session if pooled else _wait_for_a_write)
     event.listen(engine, "checkin", _wait_for_the_next)
     event.listen(engine, "checkout", _look_at)
-    event.listen(engine, "before_cursor_execute", _begin_to_write)
+    event.listen(engine, "before_cursor_execute", partial(_begin_to_write, pooled=pooled))
 
 
 def take_time(connection: Connection) -> None:
@@ -69,7 +80,12 @@ def in_pieces(session: Session, rows: Select[*tuple[Any, ...]], *, size: int) ->
 
 def _wait_for_a_write(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
     connection.autocommit = True
-    connection.execute(f"SET idle_in_transaction_session_timeout = {1000 * LONGEST_PAUSE:.0f}".encode())
+    connection.execute(f"SET {_PAUSE}".encode())
+
+
+def _keep_no_session(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
+    connection.autocommit = True
+    connection.prepare_threshold = None
 
 
 def _wait_for_the_next(connection: psycopg.Connection[Any] | None, entry: ConnectionPoolEntry) -> None:
@@ -79,7 +95,13 @@ def _wait_for_the_next(connection: psycopg.Connection[Any] | None, entry: Connec
 
 
 def _begin_to_write(
-    connection: Connection, _cursor: Any, statement: str, _parameters: Any, context: ExecutionContext | None, *_: Any
+    connection: Connection,
+    _cursor: Any,
+    statement: str,
+    _parameters: Any,
+    context: ExecutionContext | None,
+    *_: Any,
+    pooled: bool,
 ) -> None:
     """Let psycopg begin a transaction in front of a statement that may write or lock."""
     if "isolation_level" in connection.get_execution_options():
@@ -88,6 +110,8 @@ def _begin_to_write(
     assert isinstance(own, psycopg.Connection)
     if own.autocommit and not _only_reads(statement, context):
         own.autocommit = False
+        if pooled:
+            own.execute(f"SET LOCAL {_PAUSE}".encode())
 
 
 def _only_reads(statement: str, context: ExecutionContext | None) -> bool:

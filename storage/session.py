@@ -49,6 +49,8 @@ class Database:
     url: str = field(repr=False)
     engine: Engine
     sessions: sessionmaker[Session]
+    #: Whether a pooler in front of Postgres lends connections for one transaction at a time: nobody can listen then, or lock for a session.
+    pooled: bool = False
     _closed: threading.Event = field(default_factory=threading.Event, repr=False)
 
     def __post_init__(self) -> None:
@@ -61,7 +63,17 @@ class Database:
             yield session
 
     def migrate(self) -> None:
-        """Bring every table up to date; two processes that start at once wait for each other."""
+        """Bring every table up to date; two processes that start at once wait for each other.
+
+        Raises
+        ------
+        DatabaseUrlError
+            When there is a pooler in between: the lock that the others wait for belongs to a session.
+        """
+        if self.pooled:
+            raise DatabaseUrlError(
+                "tables must be migrated past the pooler: SERVOTUNE_DIRECT_DATABASE_URL must name the server itself"
+            )
         from storage import migrations  # noqa: PLC0415 - alembic and dbos cost a second; children never migrate
 
         migrations.upgrade(self.engine, self.url)
@@ -110,16 +122,18 @@ def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
     Parameters
     ----------
     url : str
-        ``sqlite:///path.db`` or ``postgresql+psycopg://user:password@host/name``.
+        ``sqlite:///path.db`` or ``postgresql+psycopg://user:password@host/name``; ``?pooler=transaction`` says that the host is a
+        pooler that lends connections for one transaction at a time.
     connections : int
         The most that are open at a time.
 
     Raises
     ------
     DatabaseUrlError
-        When the URL names neither, or a SQLite database that only this connection would see.
+        When the URL names neither, or a SQLite database that only this connection would see, or a pooler of another kind.
     """
     parsed = _parse(url)
+    pooled = "pooler" in parsed.query
     options = _ENGINE | {"json_serializer": _to_json, "pool_size": connections}
     if parsed.get_backend_name() == "sqlite":
         engine = create_engine(parsed, connect_args={"timeout": LOCK_TIMEOUT}, **options)
@@ -127,13 +141,14 @@ def open_database(url: str, *, connections: int = CONNECTIONS) -> Database:
         event.listen(engine, "connect", _prepare_sqlite)
     else:
         patience = {} if "connect_timeout" in parsed.query else {"connect_timeout": CONNECT_TIMEOUT}
-        engine = create_engine(parsed, connect_args=patience, **options)
-        use_sparingly(engine)
+        engine = create_engine(parsed.difference_update_query(["pooler"]), connect_args=patience, **options)
+        use_sparingly(engine, pooled=pooled)
         event.listen(engine, "handle_error", _count_refusals_as_unavailable)
     return Database(
         url=parsed.render_as_string(hide_password=False),
         engine=engine,
         sessions=sessionmaker(engine, expire_on_commit=False, info={"jumps": JumpDetector()}),
+        pooled=pooled,
     )
 
 
@@ -161,6 +176,11 @@ def _parse(url: str) -> URL:
         parsed = parsed.set(drivername="postgresql+psycopg")
     if parsed.drivername not in {"sqlite", "sqlite+pysqlite", "postgresql+psycopg"}:
         raise DatabaseUrlError(f"database must be sqlite or postgresql, got {parsed.drivername!r}")
+    pooler = parsed.query.get("pooler", "transaction")
+    if pooler != "transaction":
+        raise DatabaseUrlError(f"pooler of the database URL must be transaction, got {pooler!r}")
+    if parsed.get_backend_name() == "sqlite" and "pooler" in parsed.query:
+        raise DatabaseUrlError("pooler of the database URL must stand in front of Postgres, got an SQLite database")
     if parsed.get_backend_name() == "sqlite" and (parsed.database or ":memory:") == ":memory:":
         raise DatabaseUrlError("SQLite database must be a file, because workers open it too, got ':memory:'")
     return parsed

@@ -122,7 +122,13 @@ def worker(argv: Sequence[str]) -> int:
     traces = traces_of(settings, "servotune-worker")
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
-        Worker(settings.database_url, compute="api.processes.worker:run", slots=slots, traced=traces.job).run(stop)
+        Worker(
+            settings.database_url,
+            compute="api.processes.worker:run",
+            slots=slots,
+            traced=traces.job,
+            direct=settings.direct_database_url,
+        ).run(stop)
     except unreachable as error:
         raise SystemExit(f"{_UNREACHABLE}: {getattr(error, 'orig', None) or error}") from error
     except StateError as error:
@@ -200,9 +206,9 @@ def _prepare(settings: Settings) -> None:
 
     unreachable: tuple[type[Exception], ...] = (*UNAVAILABLE, DatabaseUrlError)
     try:
+        _migrate(settings.direct_database_url or settings.database_url)
         database = open_database(settings.database_url)
         try:
-            database.migrate()
             with database.session() as session:
                 renew_secrets(session, vault_of(settings).renewed)  # fails where the key is lost under which they are
             if not settings.secret_keys and not settings.plain_secrets and key_file.make(settings.database_url):
@@ -223,6 +229,16 @@ def _prepare(settings: Settings) -> None:
             f"\n  First admin key: {token}\n  It is shown only now. Send it as `Authorization: Bearer <key>`.\n\n"
         )
         sys.stdout.flush()
+
+
+def _migrate(url: str) -> None:
+    from storage.session import open_database
+
+    database = open_database(url)
+    try:
+        database.migrate()
+    finally:
+        database.dispose()
 
 
 def _tell_what_lies_open(settings: Settings) -> None:

@@ -12,10 +12,11 @@ import threading
 import time
 
 import psycopg
-from sqlalchemy import Engine, text
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from storage.errors import UNAVAILABLE
+from storage.session import Database
 
 _CHANNEL = "servotune_work"
 #: s for which a worker asks often after it was woken, s after which it asks unasked, and s between two tries to listen.
@@ -39,14 +40,15 @@ class Bell:
 
     Parameters
     ----------
-    engine : Engine
-        The database; one connection of it, or rather beside it, is kept for listening.
+    database : Database
+        One connection of it, or rather beside it, is kept for listening; none where a pooler is in between.
     ended : threading.Event
         Ends `listen`.
     """
 
-    def __init__(self, engine: Engine, *, ended: threading.Event) -> None:
-        self._engine = engine
+    def __init__(self, database: Database, *, ended: threading.Event) -> None:
+        self._engine = database.engine
+        self._can_listen = database.engine.dialect.name == "postgresql" and not database.pooled
         self._ended = ended
         self._rung = threading.Event()
         self._listening = False
@@ -67,7 +69,7 @@ class Bell:
 
     def listen(self) -> None:
         """Listen until the worker ends; to be run in a thread of its own."""
-        if self._engine.dialect.name != "postgresql":
+        if not self._can_listen:
             return
         while not self._ended.is_set():
             try:

@@ -73,6 +73,8 @@ class Worker:
         How often (s) it shows that it lives; another one that does not for `PATIENCE` times as long is dead.
     traced : Traced, optional
         What surrounds each attempt at a job, for whoever collects traces.
+    direct : str, optional
+        The same database past the pooler that ``url`` names: there the worker listens for jobs.
     """
 
     current: ClassVar[Worker | None] = None
@@ -85,10 +87,12 @@ class Worker:
         slots: int = 1,
         heartbeat: float = HEARTBEAT_INTERVAL,
         traced: Traced = untraced,
+        direct: str | None = None,
     ) -> None:
         if slots < 1:
             raise ValueError(f"slots must be >= 1, got {slots}")
         self._url = url
+        self._direct = direct
         self._compute = compute
         self._lost = ""
         self._slots = slots
@@ -124,7 +128,9 @@ class Worker:
             self.supervisor = Supervisor(
                 self._database, self._queue, zygote, worker=self.name, slots=self._slots, traced=self._traced
             )
-            self.bell = Bell(self._database.engine, ended=self._ended)
+            heard = self._database if self._direct is None else open_database(self._direct, connections=1)
+            undo.callback(heard.dispose)
+            self.bell = Bell(heard, ended=self._ended)
             undo.callback(setattr, Worker, "current", None)
             Worker.current = self
             undo.callback(DBOS.destroy)
@@ -207,6 +213,7 @@ class Worker:
             "serializer": SERIALIZER,
             "log_level": "WARNING",
             "run_migrations": False,
+            "use_listen_notify": not self._database.pooled,
         }
         engine_instance = DBOS(config=config)
         DBOS.listen_queues([QUEUE])

@@ -19,7 +19,7 @@ from tests.support.desk import Desk, wait_for
 @contextmanager
 def listening(database: Database) -> Iterator[Bell]:
     ended = threading.Event()
-    bell = Bell(database.engine, ended=ended)
+    bell = Bell(database, ended=ended)
     thread = threading.Thread(target=bell.listen)
     thread.start()
     try:
