@@ -42,7 +42,7 @@ class Channels(NamedTuple):
     ``delays`` (m,), ``drive`` (n, m) is B₂, ``through`` (R, m) from w to what is watched; the last m of R rows are z. ``powers`` (TERMS, n, m)
     are (A h)ᵏ B₂ for the width h of the first level, ``markov`` (TERMS, R, m) its rows. ``order`` (m, m) is the relative degree from w to
     z, ``first`` (m,) that from the command. ``kinks`` (MOST_KINKS,) are instants yet to come, rising, ``jumps`` (MOST_KINKS, 2, m) the lowest derivative
-    that jumps there, of z and of w, ``count`` (1,) how many there are. ``ends`` (LEVELS, n, m, 17) is G, ``maps`` (LEVELS, R, m, 17, 17) F, ``shift``
+    that jumps there, of z and of w, ``waiting`` (1,) how many there are. ``ends`` (LEVELS, n, m, 17) is G, ``maps`` (LEVELS, R, m, 17, 17) F, ``shift``
     (LEVELS, m, 17, 17) S, ``factors`` and ``pivots`` the decomposition of 1 - F S; ``wide`` (LEVELS,) tells where it is needed.
     """
 
@@ -55,7 +55,7 @@ class Channels(NamedTuple):
     first: Whole
     kinks: Series
     jumps: Whole
-    count: Whole
+    waiting: Whole
     ends: Series
     parts: Series
     maps: Series
@@ -165,7 +165,7 @@ def prepare(channels: Channels, m: Series, rows: Series, n: int, width: float) -
                 channels.work[1, 0, i] = total
             for i in range(size):
                 channels.work[0, 0, i] = channels.work[1, 0, i]
-    channels.count[0] = 0
+    channels.waiting[0] = 0
     _alike(channels, rows)
     _first_level(channels, n, count, width)
     _close(channels, 0, count, width)
@@ -475,7 +475,7 @@ def announce(channels: Channels, instant: Any, round_: Whole, inflow: int, order
 
     ``inflow`` is the channel that brings it and ``order`` the derivative of what arrives that jumps.
     """
-    own, count = channels.delays.shape[0], channels.count[0]
+    own, count = channels.delays.shape[0], channels.waiting[0]
     near = _SAME * abs(instant.real)
     place = count
     while place > 0 and channels.kinks[place - 1].real > instant.real - near:
@@ -501,7 +501,7 @@ def announce(channels: Channels, instant: Any, round_: Whole, inflow: int, order
     for k in range(own):
         channels.jumps[place, 0, k], channels.jumps[place, 1, k] = round_[k], SMOOTH
     channels.jumps[place, 1, inflow] = order
-    channels.count[0] = count + 1
+    channels.waiting[0] = count + 1
     return True
 
 
@@ -530,13 +530,13 @@ def _went_in(times: Real, series: Series, base: Series, count: int, instant: flo
 @compiled
 def forget(channels: Channels) -> None:
     """Drop the earliest instant."""
-    own, count = channels.delays.shape[0], channels.count[0] - 1
+    own, count = channels.delays.shape[0], channels.waiting[0] - 1
     for i in range(count):
         channels.kinks[i] = channels.kinks[i + 1]
         for k in range(own):
             channels.jumps[i, 0, k] = channels.jumps[i + 1, 0, k]
             channels.jumps[i, 1, k] = channels.jumps[i + 1, 1, k]
-    channels.count[0] = count
+    channels.waiting[0] = count
 
 
 @compiled

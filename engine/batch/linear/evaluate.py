@@ -301,7 +301,7 @@ def _shared(unit: float, channels: Channels) -> float:
     """Return a unit, no longer, in pieces of which the first delay is whole: it ends where a piece does."""
     if channels.delays.shape[0] == 0 or not 0.0 < unit < math.inf:
         return unit
-    own = channels.delays[0].real / PARTS
+    own = float(channels.delays[0].real) / PARTS
     if own < unit:
         return unit
     while own > unit:

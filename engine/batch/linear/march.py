@@ -143,7 +143,7 @@ def follow(
                 return -1
         while now < finish:
             target = finish
-            if delayed and channels.count[0] > 0:
+            if delayed and channels.waiting[0] > 0:
                 target = min(finish, channels.kinks[0].real)
             reached = _stretch(ladder, pieces, channels, m, rows, rest_y, unit, n, now, target, resting)
             if reached < 0:
@@ -152,11 +152,11 @@ def follow(
                 break
             now = target
             count = pieces.progress[2]
-            while delayed and channels.count[0] > 0 and channels.kinks[0].real <= now * (1.0 + _NOTHING):
+            while delayed and channels.waiting[0] > 0 and channels.kinks[0].real <= now * (1.0 + _NOTHING):
                 if not strike(channels, pieces.times, pieces.series, pieces.base, count, z, pieces.scale):
                     return -1
     pieces.marks[corners] = pieces.progress[2]
-    return pieces.progress[2]
+    return int(pieces.progress[2])
 
 
 @compiled
