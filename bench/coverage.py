@@ -1,7 +1,7 @@
 """`make bench-coverage`: what a candidate costs for every metric under every command, found by discovery.
 
-A position loop with a PID controller, three gains varied, batches of a thousand; beside it python-control builds the loop and simulates
-1,500 samples. A cell is CPU microseconds a candidate, what falls back to the exact path included; `!` marks one that a fast
+A position loop with a PID controller, without and with a delay, three gains varied, batches of a thousand; beside it python-control builds
+the loop, a delay as Padé's quotient, and simulates 1,500 samples. A cell is CPU microseconds a candidate, what falls back to the exact path included; `!` marks one that a fast
 evaluator leaves to it, `.` a metric that does not exist there. The first number of a cell is without a duration, the second within one.
 """
 
@@ -30,6 +30,8 @@ Real = npt.NDArray[np.float64]
 GAINS: Mapping[str, tuple[float, float]] = {"pid.kp": (6.0, 12.0), "pid.ki": (1.0, 3.0), "pid.kd": (0.3, 0.6)}
 FILTER = 100.0
 DURATION = 3.0
+DELAY = 0.005
+PADE = 4
 SAMPLES = 1500
 MANY, FEW, EXACTLY = 1000, 8, 2
 SLOW = 1e-3
@@ -63,9 +65,10 @@ class Cell:
         return f"{1e6 * self.seconds:,.0f}{'' if self.fast else '!'}"
 
 
-def diagram() -> Diagram:
-    """Return the loop."""
-    wires = (("reference", "error.in1"), ("motor", "error.in2"), ("error", "pid"), ("pid", "motor"))
+def diagram(delay: float = 0.0) -> Diagram:
+    """Return the loop, with a delay (s) behind the controller if there is one."""
+    wires = [("reference", "error.in1"), ("motor", "error.in2"), ("error", "pid")]
+    wires += [("pid", "line"), ("line", "motor")] if delay else [("pid", "motor")]
     values = {"kp": 8.0, "ki": 2.0, "kd": 0.4, "filter_frequency": FILTER}
     motor = {"numerator": [4.0], "denominator": [0.1, 1.0, 0.0]}
     return compile_system(
@@ -77,7 +80,8 @@ def diagram() -> Diagram:
                 "error": Block(kind="sum", values={"signs": "+-"}),
                 "pid": Block(kind="pid", values=values),
                 "motor": Block(kind="transfer_function", values=motor),
-            },
+            }
+            | ({"line": Block(kind="delay", values={"time": delay})} if delay else {}),
             connections=tuple(Connection(source=source, target=target) for source, target in wires),
             outputs={"position": "motor"},
         )
@@ -121,12 +125,10 @@ def candidates(count: int) -> dict[str, Real]:
 def cell(system: Diagram, command: str, request: MetricRequest) -> Cell:
     """Measure one cell."""
     screening = Screening(system, [request], threads=1)
-    few = candidates(FEW)
-    found = screening(few)
-    seconds, unknown = _timed(system, screening, request, FEW)
-    if seconds < SLOW:
+    exists = bool(np.isfinite(screening(candidates(FEW)).values).any()) or _exists(system, request)
+    seconds, unknown = _timed(system, screening, request, FEW) if exists else (0.0, 0)
+    if exists and seconds < SLOW:
         seconds, unknown = _timed(system, screening, request, MANY)
-    exists = bool(np.isfinite(found.values).any()) or _exists(system, request)
     return Cell(
         metric=request.metric,
         command=command,
@@ -160,13 +162,13 @@ def _exists(system: Diagram, request: MetricRequest) -> bool:
     return measured.value is not None
 
 
-def python_control() -> float:
-    """Return the CPU seconds that python-control takes for a candidate: build the loop, simulate a step."""
+def python_control(delay: float = 0.0) -> float:
+    """Return the CPU seconds that python-control takes for a candidate: build the loop with a delay (s), simulate a step."""
     import control  # noqa: PLC0415 - a peer of the bench only
 
     instants = np.linspace(0.0, DURATION, SAMPLES)
     command = np.ones(SAMPLES)
-    motor = control.tf([4.0], [0.1, 1.0, 0.0])
+    motor = control.tf([4.0], [0.1, 1.0, 0.0]) * (control.tf(*control.pade(delay, PADE)) if delay else 1)
     times = []
     points = candidates(20)
     for kp, ki, kd in zip(*points.values(), strict=True):
@@ -178,14 +180,18 @@ def python_control() -> float:
 
 
 def main() -> None:
-    """Measure, and print the table."""
+    """Measure, and print a table for each loop."""
+    for delay in (0.0, DELAY):
+        _show(f"{1e3 * delay:g} ms of delay" if delay else "no delay", diagram(delay), python_control(delay))
+
+
+def _show(title: str, system: Diagram, peer: float) -> None:
     from rich.console import Console  # noqa: PLC0415 - only where a table is printed
     from rich.table import Table  # noqa: PLC0415
 
-    system, peer = diagram(), python_control()
     cells = [cell(system, command, request) for command, request in requests()]
     commands = sorted({one.command for one in cells})
-    table = Table(title="CPU microseconds a candidate: automatic / 3 s; ! exact path, . no such value")
+    table = Table(title=f"{title}, CPU microseconds a candidate: automatic / 3 s; ! exact path, . no such value")
     table.add_column("metric", no_wrap=True)
     for name in commands:
         table.add_column(name, justify="right", overflow="fold")

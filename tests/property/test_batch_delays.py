@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.analysis.measuring import MetricRequest
+from engine.analysis.measuring import MetricRequest, measure
 from engine.batch.linear.responses import Responses
+from engine.batch.screening import Screening
 from engine.diagram.diagram import Diagram
 from engine.model.metric_options import Options
 from engine.signals import Signal, make
@@ -91,3 +92,25 @@ def test_slopes_by_gains_and_delays(loop: Delayed, output: str, seed: int) -> No
         near, wide = [(at(h) - at(-h)) / (2 * h) for h in (1e-5, 2e-5)]
         told = np.isfinite(slopes) & np.isfinite(near) & (np.abs(near - wide) <= 1e-7 * (1.0 + np.abs(near)))
         assert slopes[told] == pytest.approx(near[told], rel=1e-5, abs=1e-6), name
+
+
+@given(loops(), st.floats(0.05, 1.0), st.integers(0, 2**32))
+def test_margins_with_delays_of_two_lengths(loop: Delayed, spread: float, seed: int) -> None:
+    diagram, candidates = loop.diagram(), loop.around(spread, seed)
+    wanted = [
+        MetricRequest(metric=m, open_at="controller")
+        for m in ("gain_margin", "phase_margin", "delay_margin", "sensitivity_peak")
+    ]
+    wanted.append(MetricRequest(metric="bandwidth", source="r", target="y"))
+    found = Screening(diagram, wanted)(candidates)
+    for row in range(len(found.valid)):
+        exact = measure(diagram, wanted, overrides={name: float(column[row]) for name, column in candidates.items()})
+        for column, (request, (measured, _)) in enumerate(zip(wanted, exact, strict=True)):
+            if found.growth[row] >= 0:
+                assert measured.value is None, (request, measured)
+            elif not found.doubtful[row, column]:
+                value = found.values[row, column]
+                if measured.value is None:
+                    assert not np.isfinite(value), (request, measured)
+                else:
+                    assert value == pytest.approx(measured.value, rel=1e-6), (request, measured)

@@ -18,6 +18,10 @@ _SCAN = np.linspace(0.0, 1.0, 4 * DEGREE + 1)
 _TO_SCAN = weights(_SCAN)
 _NEARLY = 1e-2  # a polynomial that stays so far below 0 between two points of the scan does not reach it
 _NEWTON = 4
+_ROUNDING = 1e-14
+"""Of a guard's largest value on a step: a start so near to 0 is on either side of it."""
+_STEEPER = 100.0
+"""By so much a slope is worse known than the values that it is made of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,8 +101,9 @@ def _root(nodes: Real, scan: Real, place: int) -> float:
     def value(theta: float) -> float:
         return float(np.cos(_ORDERS * math.acos(2 * theta - 1)) @ coefficients)
 
-    if max(float(scan[place - 1]), value(low)) >= 0.0:  # the two differ by rounding
-        fall = float(differentiation_matrix()[0] @ nodes)
+    before, fall = max(float(scan[place - 1]), value(low)), float(differentiation_matrix()[0] @ nodes)
+    noise = _ROUNDING * float(np.abs(nodes).max())
+    if before >= 0.0 or (place == 1 and before >= -noise and fall < -_STEEPER * noise):  # the two differ by rounding
         if place > 1 or fall >= 0.0:
             return low
         # it leaves 0 at the start and is back before the scan looks again: a bounce shorter than its steps
