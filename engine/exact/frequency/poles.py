@@ -164,8 +164,9 @@ def _eigenvalues(system: LaneSystem) -> tuple[Complex, Complex, Complex, npt.NDA
     uncertainty = np.minimum(uncertainty, 20 * np.sqrt(_EPS) * size)
     # vectors that are nearly at right angles are themselves moved: then the quotient tells how far, and no better
     uncertainty = uncertainty + np.where(overlap < _NEARLY_DEFECTIVE, 20 * np.abs(moved), 0.0)
-    # the quotient is wrong to second order in the errors of the vectors, however small the entries are that make the pole
-    unseen = (20 * _EPS) ** 2 * whole / np.maximum(overlap, _EPS)
+    # the quotient is wrong to second order in the errors of the vectors, however small the entries are that make the pole; those of slow
+    # poles side by side are themselves some times less well known
+    unseen = (100 * _EPS) ** 2 * whole / np.maximum(overlap, _EPS)
     uncertainty = np.where(np.abs(values) <= unseen, np.maximum(uncertainty, unseen), uncertainty)
     return values, left / scale[:, None], right * scale[:, None], uncertainty
 
