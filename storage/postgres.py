@@ -35,7 +35,6 @@ IDLE = 30.0
 
 #: s that a transaction waits for its next statement: less than what it takes to miss a worker and let another one go on.
 LONGEST_PAUSE = 10.0
-_PAUSE = f"idle_in_transaction_session_timeout = {1000 * LONGEST_PAUSE:.0f}"
 
 _USED_AT = "used at"
 #: SELECT ... FOR UPDATE locks; what only looks like it begins a transaction that it does not need.
@@ -80,7 +79,11 @@ def in_pieces(session: Session, rows: Select[*tuple[Any, ...]], *, size: int) ->
 
 def _wait_for_a_write(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
     connection.autocommit = True
-    connection.execute(f"SET {_PAUSE}".encode())
+    connection.execute(f"SET {_pause()}".encode())
+
+
+def _pause() -> str:
+    return f"idle_in_transaction_session_timeout = {1000 * LONGEST_PAUSE:.0f}"
 
 
 def _keep_no_session(connection: psycopg.Connection[Any], _entry: ConnectionPoolEntry) -> None:
@@ -111,7 +114,7 @@ def _begin_to_write(
     if own.autocommit and not _only_reads(statement, context):
         own.autocommit = False
         if pooled:
-            own.execute(f"SET LOCAL {_PAUSE}".encode())
+            own.execute(f"SET LOCAL {_pause()}".encode())
 
 
 def _only_reads(statement: str, context: ExecutionContext | None) -> bool:

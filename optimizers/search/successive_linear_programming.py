@@ -125,7 +125,8 @@ class Polish:
         """Return the step and the gain of the merit that the cuts promise."""
         n = len(here.x)
         rows, limits = [], []
-        for cut in known:
+        # After many steps without a gain the present point is no longer among the last ones.
+        for cut in known if any(cut is here for cut in known) else [here, *known]:
             away = here.x - cut.x
             if cut is not here and np.abs(away).max() > 3 * radius:
                 continue
