@@ -86,7 +86,7 @@ serve: setup  ## start the service on http://127.0.0.1:8000 with one worker besi
 # last option the files with the fewest tests would be the last, and those take the longest: one core would wait for the other.
 # One process more than there are cores, because many tests wait: for a browser, a job, a beat of a heart.
 test: check web-test  ## every check and every test
-	@$(BIN)/pytest -q -n $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )) --dist loadfile --no-loadscope-reorder
+	@$(BIN)/pytest -q -n $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )) --dist loadfile --no-loadscope-reorder --durations 30
 
 check: setup  ## format, lint, types and import contracts
 	@$(BIN)/ruff format --check --quiet .

@@ -128,15 +128,14 @@ class Follower:
     ) -> tuple[list[float], Callable[[Real], Any], list[int], float]:
         """Go on from ``begin`` to the next event or ``end``; return the steps, the states on them, their modes, and where it ended."""
         guards = [(k, g) for k, values in enumerate(self._guards(begin, self._x)) for g in range(len(values))]
-        last: dict[tuple[float, bytes], list[list[float]]] = {}
+        at: dict[float, list[list[float]]] = {}
 
         def watched(number: int, guard: int) -> Callable[[float, Real], float]:
             def value(t: float, x: Real) -> float:
-                key = (t, x.tobytes())
-                if key not in last:  # all guards are asked for at one instant after another
-                    last.clear()
-                    last[key] = self._guards(t, x)
-                return last[key][number][guard]
+                # What an end of a step said stands: the dense output differs from it by rounding, which may change a sign.
+                if t not in at:
+                    at[t] = self._guards(t, x)
+                return at[t][number][guard]
 
             value.terminal, value.direction = True, 1.0  # type: ignore[attr-defined]
             return value

@@ -51,7 +51,8 @@ class Pooler:
         # It refuses to run as root, and must be able to open the server's folder.
         self._user = Path(server).owner() if os.geteuid() == 0 else None
         if self._user is not None:
-            shutil.chown(self.home, self._user)
+            for each in (self.home, self.home / "pgbouncer.ini"):  # what the umask keeps from others too
+                shutil.chown(each, self._user)
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
