@@ -144,7 +144,7 @@ openapi: setup  ## write openapi/openapi.json from the code
 stub: setup  ## write servotune/asynchronous.pyi from the client
 	@$(BIN)/python -m tests.support.stub
 
-catalogue: setup  ## write docs/catalogue/ from the code, and docs/reference/cli.md from the commands' help
+catalogue: setup  ## write docs/catalogue/ from the code, and docs/reference/cli.md and docs/deploy/ from the commands
 	@$(BIN)/python docs/catalogue/generate.py
 	@$(BIN)/python docs/reference/generate.py
 

@@ -7,7 +7,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,10 +36,11 @@ def agent(argv: Sequence[str]) -> int:
     parser.add_argument(
         "what",
         nargs="?",
-        choices=["run", "check"],
+        choices=["run", "check", "install"],
         default="run",
         help="run: measure until it is stopped (default). check: list devices, try every configured channel without an output, "
-        "name what does not fit and the remedy; exit code 1 when something does not",
+        "name what does not fit and the remedy; exit code 1 when something does not. install: write what makes it a service of "
+        "this computer, and tell what to run next",
     )
     parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
     parser.add_argument("--url", help="address of the service")
@@ -49,6 +50,13 @@ def agent(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--rate", type=float, help="samples/s at which check tries channels (default: 1000, or 10 for slow ones)"
     )
+    installing = parser.add_argument_group(
+        "install", "a unit of systemd, or the XML of WinSW, for this Python and --settings"
+    )
+    installing.add_argument("--print", action="store_true", help="print the file, write nothing")
+    installing.add_argument("--platform", choices=["linux", "windows"], help="default: of this computer")
+    installing.add_argument("--to", type=Path, help="the file (default: where systemd looks; beside the settings)")
+    installing.add_argument("--force", action="store_true", help="replace a file that is there")
     parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
     given = parser.parse_args(argv)
 
@@ -75,6 +83,8 @@ def agent(argv: Sequence[str]) -> int:
     }
     with ExitStack() as stack:
         try:
+            if given.what == "install":
+                return _install(given, chosen)
             settings = read(given.settings, os.environ, chosen)
             settings.key()
             if given.what == "check":
@@ -101,6 +111,22 @@ def _check(settings: Settings, rate: float | None) -> int:
     findings = check(settings, rate=rate)
     sys.stdout.write(f"{table(findings)}\n")
     return int(any(entry.result == "FAILS" for entry in findings))
+
+
+def _install(given: argparse.Namespace, chosen: Mapping[str, str | None]) -> int:
+    from agent import installing
+
+    platform = given.platform or installing.HERE
+    service = installing.judged(given.settings, chosen, platform=platform)
+    content = installing.content(service, platform=platform)
+    if given.print:
+        sys.stdout.write(content)
+        return 0
+    path = (given.to or installing.target(service, platform=platform)).absolute()
+    installing.write(path, content, force=given.force)
+    following = "\n".join(f"    {line}" for line in installing.next_commands(service, path, platform=platform))
+    sys.stdout.write(f"{path} is written; as the next:\n\n{following}\n")
+    return 0
 
 
 def _let_memory_go() -> None:

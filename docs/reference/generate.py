@@ -1,4 +1,7 @@
-"""Write the page of the command line from the commands' own help; `make catalogue` runs it, a test compares the page with it."""
+"""Write the page of the command line from the commands' own help, and the files that make the agent a service from its templates.
+
+`make catalogue` runs it, a test compares what is there with it.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from unittest import mock
 
 import click
 
+from agent.installing import Installed, Platform, content
 from servotune.main import main, servotune
 
 HERE = Path(__file__).parent
@@ -59,5 +63,30 @@ def page() -> str:
     return "\n".join(parts)
 
 
+def services() -> dict[str, str]:
+    """Return what `servotune agent install` writes where everything is in its usual place: file below docs/deploy -> content."""
+    linux = Installed(
+        python="/opt/servotune/bin/python",
+        settings="/etc/servotune/agent.toml",
+        folder="/etc/servotune",
+        spool="/var/lib/servotune-agent",
+        stop=90,
+    )
+    windows = Installed(
+        python=r"C:\servotune\Scripts\python.exe",
+        settings=r"C:\ProgramData\Servotune\agent.toml",
+        folder=r"C:\ProgramData\Servotune",
+        spool=r"C:\ProgramData\Servotune\spool",
+        stop=90,
+    )
+    given: list[tuple[str, Installed, Platform]] = [
+        ("servotune-agent.service", linux, "linux"),
+        ("servotune-agent.xml", windows, "windows"),
+    ]
+    return {name: content(installed, platform=platform) for name, installed, platform in given}
+
+
 if __name__ == "__main__":
     (HERE / "cli.md").write_text(page())
+    for name, text in services().items():
+        (HERE.parent / "deploy" / name).write_text(text)

@@ -146,6 +146,13 @@ def test_the_page_of_the_command_line_is_what_the_commands_say() -> None:
     assert written == runpy.run_path(str(ROOT / "docs" / "reference" / "generate.py"))["page"](), "run `make catalogue`"
 
 
+def test_the_files_that_make_the_agent_a_service_are_what_the_command_writes() -> None:
+    files = runpy.run_path(str(ROOT / "docs" / "reference" / "generate.py"))["services"]()
+    assert set(files) == {path.name for path in (ROOT / "docs" / "deploy").iterdir() if path.suffix != ".md"}
+    for name, content in files.items():
+        assert (ROOT / "docs" / "deploy" / name).read_text() == content, "run `make catalogue`"
+
+
 @pytest.mark.parametrize(
     "notebook", sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem
 )
