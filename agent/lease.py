@@ -73,7 +73,9 @@ class Lease:
     def tell(self, **values: Any) -> None:
         """Say how far it is: ``status``, ``progress``, ``message``."""
         with self._lock:
-            changed = values.get("status") != self._told.get("status")
+            changed = any(
+                values.get(name, self._told.get(name)) != self._told.get(name) for name in ("status", "message")
+            )
             self._told.update(values)
         if changed:
             self._news.set()

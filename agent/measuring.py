@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from agent.lease import Lease
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import USUAL_BYTES, Recorder, Run, Spool
+from agent.triggering import Trigger, Waiting
 
 Samples = npt.NDArray[np.float64]
 
@@ -46,12 +49,18 @@ class Plan:
     pre_trigger: float
     averages: int
     signal: Mapping[str, Any] | None
+    trigger: Trigger | None
     confirm: bool
 
     @property
     def seconds(self) -> float:
         """Length of the recording."""
         return self.pre_trigger + self.duration * self.averages
+
+    @property
+    def longest(self) -> float:
+        """Longest time, s, that the inputs run."""
+        return self.seconds + (self.trigger.timeout if self.trigger else 0.0)
 
 
 def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
@@ -60,7 +69,7 @@ def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
     Raises
     ------
     AttemptError
-        `unknown_channel`.
+        `unknown_channel`, `unsupported_setting`.
     """
     request = claim["request"]
     inputs = {entry.name: entry for entry in settings.inputs}
@@ -72,14 +81,17 @@ def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
         if name not in known:
             there = ", ".join(known) or "none"
             raise AttemptError("unknown_channel", f"channel must be one of the rig's ({there}), got {name}")
+    measured = tuple(inputs[name] for name in request["channels"])
+    trigger = request.get("trigger")
     return Plan(
-        inputs=tuple(inputs[name] for name in request["channels"]),
+        inputs=measured,
         output=outputs[drive["output"]] if drive else None,
         sample_rate=float(request["sample_rate"]),
         duration=float(request["duration"]),
         pre_trigger=float(request["pre_trigger"]),
         averages=int(request["averages"]),
         signal=drive["signal"] if drive else None,
+        trigger=Trigger.of(trigger, measured) if trigger else None,
         confirm=bool(request["confirm"]) or (drive is not None and settings.rig.confirm),
     )
 
@@ -154,12 +166,13 @@ class Measurement:
         self._facts["devices"] = self._hardware.check(self._settings.devices)
         self._hardware.admit(plan.inputs, plan.output)
         self._hardware.clean()
-        with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.seconds) as running:
+        with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.longest) as running:
             rate = running.rate
             wait, length = round(plan.pre_trigger * rate), max(round(plan.duration * rate), 1)
             samples = wait + length * plan.averages
             drive = self._drive(plan, rate=rate, wait=wait, length=length)
-            running.prepare(samples, drive)
+            waiting = Waiting(plan.trigger, plan.inputs, rate=rate, before=wait) if plan.trigger else None
+            running.prepare(samples + (waiting.most - wait if waiting else 0), drive)
             self._facts |= {
                 "requested_rate": plan.sample_rate,
                 "actual_rate": rate,
@@ -170,10 +183,9 @@ class Measurement:
             }
             self._ask(plan)
             self._lease.check()
-            run.write("begin", self._begin(plan, rate))
             recorder = Recorder(run, channels=len(plan.inputs), samples=self._segment(plan, rate))
             try:
-                self._record(plan, running, recorder, samples)
+                self._run(run, plan, running, recorder, waiting=waiting, samples=samples)
             finally:
                 recorder.close()
                 self._facts |= {"samples": recorder.samples, "complete": recorder.samples == samples}
@@ -205,30 +217,66 @@ class Measurement:
         if not self._confirm(f"{self._claim['name']}: may I {what}?"):
             raise AttemptError("not_confirmed", "the person at the rig has not agreed")
 
-    def _begin(self, plan: Plan, rate: float) -> dict[str, Any]:
-        return {
-            "start_time": self._lease.now().isoformat(),
+    def _run(
+        self, run: Run, plan: Plan, running: Running, recorder: Recorder, *, waiting: Waiting | None, samples: int
+    ) -> None:
+        """Let the inputs run until the recording is whole."""
+        began = self._lease.now()
+        there: Iterable[Samples] = ()
+        if waiting is None:
+            self._begin(run, plan, running.rate, began)
+        running.start()
+        try:
+            blocks = self._blocks(plan, running)
+            if waiting is not None:
+                there = self._await(waiting, blocks, rate=running.rate, began=began)
+                first = self._facts["repeats"]["first"]
+                self._begin(run, plan, running.rate, began + timedelta(seconds=(waiting.at - first) / running.rate))
+            self._record(recorder, chain(there, blocks), samples)
+        finally:
+            self._level = running.halt()
+
+    def _begin(self, run: Run, plan: Plan, rate: float, start: datetime) -> None:
+        document = {
+            "start_time": start.isoformat(),
             "sample_rate": rate,
             "channels": [described(entry) for entry in plan.inputs],
             "facts": self._facts,
         }
+        run.write("begin", document)
 
-    def _record(self, plan: Plan, running: Running, recorder: Recorder, samples: int) -> None:
-        running.start()
+    def _blocks(self, plan: Plan, running: Running) -> Iterator[Samples]:
+        """Read as long as somebody wants samples and the rig may run."""
+        got = 0
+        while True:
+            if self._stop.is_set():
+                raise AttemptError("stopped", "the agent was stopped")
+            self._lease.check()
+            block = running.read()
+            self._show(plan.inputs, block, start=got, rate=running.rate)
+            got += block.shape[1]
+            yield block
+
+    def _await(self, waiting: Waiting, blocks: Iterator[Samples], *, rate: float, began: datetime) -> Iterator[Samples]:
+        """Wait for the trigger, and return what is there of the recording."""
+        self._lease.tell(status="running", progress=0.0, message="waits for the trigger")
+        while not waiting.take(next(blocks)):
+            pass
+        self._facts["trigger"] = {
+            "sample": self._facts["repeats"]["first"],
+            "time": (began + timedelta(seconds=waiting.at / rate)).isoformat(),
+            "waited": waiting.at / rate,
+        }
+        return waiting.recorded()
+
+    def _record(self, recorder: Recorder, blocks: Iterator[Samples], samples: int) -> None:
         self._lease.tell(status="running", progress=0.0, message="recording")
         got = 0
-        try:
-            while got < samples:
-                if self._stop.is_set():
-                    raise AttemptError("stopped", "the agent was stopped")
-                self._lease.check()
-                block = running.read()
-                recorder.add(block)
-                self._show(plan.inputs, block, start=got, rate=running.rate)
-                got += block.shape[1]
-                self._lease.tell(status="running", progress=got / samples)
-        finally:
-            self._level = running.halt()
+        while got < samples:
+            block = next(blocks)[:, : samples - got]  # inputs that have waited for a trigger go on beyond the end
+            recorder.add(block)
+            got += block.shape[1]
+            self._lease.tell(status="running", progress=got / samples)
 
     def _show(self, inputs: Sequence[InputSettings], block: Samples, *, start: int, rate: float) -> None:
         width = max(block.shape[1] // _STRETCHES, 1)

@@ -70,6 +70,7 @@ class Acquisitions:
         duration: float | Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
         pre_trigger: float | Mapping[str, Any] | None = None,
+        trigger: Mapping[str, Any] | None = None,
         averages: int | None = None,
         confirm: bool | None = None,
         then: Sequence[Mapping[str, Any]] | None = None,
@@ -82,6 +83,9 @@ class Acquisitions:
             Id of a template; what is given beside it counts more.
         drive : mapping, optional
             `{"output": "valve", "signal": {"kind": "chirp", ...}}`, in V.
+        trigger : mapping, optional
+            What the recording waits for: `{"channel": "position", "edge": "rising", "level": 2}`, in the unit of the channel,
+            or `{"channel": "position", "window": [1, 3], "when": "leaves"}`. It begins `pre_trigger` before.
         then : sequence of mappings, optional
             Steps that follow: `{"kind": "identification", "body": {...}}`, without `dataset`.
         """
@@ -94,6 +98,7 @@ class Acquisitions:
             "duration": duration,
             "drive": drive,
             "pre_trigger": pre_trigger,
+            "trigger": trigger,
             "averages": averages,
             "confirm": confirm,
             "then": None if then is None else [dict(step) for step in then],

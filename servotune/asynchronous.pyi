@@ -71,6 +71,7 @@ class AsyncAcquisitions:
         duration: float | Mapping[str, Any] | None = ...,
         drive: Mapping[str, Any] | None = ...,
         pre_trigger: float | Mapping[str, Any] | None = ...,
+        trigger: Mapping[str, Any] | None = ...,
         averages: int | None = ...,
         confirm: bool | None = ...,
         then: Sequence[Mapping[str, Any]] | None = ...,

@@ -160,6 +160,46 @@ class DriveDocument(Document):
     signal: DriveSignal
 
 
+class _Trigger(Document):
+    """What a trigger has whatever it waits for; numbers without a unit are in that of the channel."""
+
+    channel: Name = Field(description="one of those that are measured")
+    hysteresis: Quantity = Field(
+        default=0.0, description=">= 0: how far on the other side the channel must have been before"
+    )
+    timeout: Quantity = Field(default=60.0, description="s, at most 3600: how long it is waited for")
+
+
+class LevelTrigger(_Trigger):
+    """A channel that reaches a level from below (rising) or from above (falling)."""
+
+    edge: Literal["rising", "falling"]
+    level: Quantity
+
+
+class WindowTrigger(_Trigger):
+    """A channel that enters or leaves a window."""
+
+    window: list[Quantity] = Field(min_length=2, max_length=2, description="[low, high]")
+    when: Literal["enters", "leaves"]
+
+
+def _window_or_level(value: Any) -> str:
+    """Name the shape; the name is none of its fields, which would be taken for a place in the document."""
+    there = "window" in value if isinstance(value, dict) else isinstance(value, WindowTrigger)
+    return "of_window" if there else "of_level"
+
+
+TriggerDocument = Annotated[
+    Annotated[LevelTrigger, Tag("of_level")] | Annotated[WindowTrigger, Tag("of_window")],
+    Discriminator(_window_or_level),
+    Field(
+        description="the recording begins pre_trigger before it: the first sample at or beyond the level, or on the new "
+        "side of the window, that comes once pre_trigger has passed; only without a drive and repetitions"
+    ),
+]
+
+
 class FollowUpDocument(Document):
     """A step that begins when the recording is there, and the steps before it have succeeded.
 
@@ -181,7 +221,8 @@ class AcquisitionBody(Document):
     sample_rate: float = Field(gt=0.0, le=10e6, description="samples/s; the hardware takes the next one that it has")
     duration: Quantity = Field(description="s, of one repetition")
     drive: DriveDocument | None = None
-    pre_trigger: Quantity = Field(default=0.0, description="s that are recorded before the drive begins")
+    pre_trigger: Quantity = Field(default=0.0, description="s that are recorded before the drive, or the trigger")
+    trigger: TriggerDocument | None = None
     averages: int = Field(default=1, ge=1, le=1000, description="repetitions, back to back on one clock")
     confirm: bool = Field(default=False, description="a person at the rig has to agree first")
     then: list[FollowUpDocument] = Field(default_factory=list, max_length=20)
@@ -198,6 +239,7 @@ class AcquisitionRequest(Document):
     duration: Quantity | None = None
     drive: DriveDocument | None = None
     pre_trigger: Quantity | None = None
+    trigger: TriggerDocument | None = None
     averages: int | None = Field(default=None, ge=1, le=1000)
     confirm: bool | None = None
     then: list[FollowUpDocument] | None = Field(default=None, max_length=20)
@@ -279,7 +321,7 @@ class ClaimReply(Reply):
 class PreviewDocument(Document):
     """Smallest and largest values of stretches of the channels, in their units."""
 
-    start: float = Field(description="s from the start of the recording")
+    start: float = Field(description="s since the inputs have begun")
     step: float = Field(gt=0.0, description="s of one stretch")
     channels: dict[
         Name, Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(max_length=200)]

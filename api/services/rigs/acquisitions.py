@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from api.convert.acquisitions import agent_request, check_against_rig
+from api.convert.triggers import agent_trigger
 from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services.operation.app_context import Caller, Installation
@@ -61,6 +62,7 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
             raise invalid(f"rig must be one that an agent has registered, got {body.rig!r}", "rig") from error
     told = agent_request(body, read_channel=channel_reader(service, caller))
     check_against_rig(body, told, rig.document)
+    told["trigger"] = agent_trigger(body, told, rig.document)
     _check_chain(body)
     return Prepared(body=body, document=document, request=told, rig=rig)
 

@@ -17,6 +17,7 @@ from rig_simulator.file_writer import Writer
 from rig_simulator.opcua_server import Server
 from tests.integration.agent.lab import RIG, Lab, make_bench
 from tests.integration.agent.test_kills import STEP, process, recording
+from tests.integration.agent.test_triggers import WAITING, found_at_its_sample, slow_sine
 
 WATCHDOG = 60.0
 DRIVERS = {
@@ -73,6 +74,16 @@ def test_a_measurement_arrives_with_every_sample(other) -> None:
         refused = other.wait(other.ask(sample_rate=100_000))
         assert refused["attempts"][0]["error"]["type"] == "urn:servotune:problem:unsupported_setting"
     assert other.level() == 0.0
+
+
+def test_a_trigger_is_found_to_the_sample(other) -> None:
+    slow_sine(other.bench)
+    with other.agent():
+        done = other.wait(other.ask(**WAITING))
+        assert done["status"] == "done", done
+        found_at_its_sample(other, done)
+        # The hardware is free again, although its run was left before its end.
+        assert other.wait(other.ask(duration=0.2))["status"] == "done"
 
 
 def test_a_measurement_that_is_cancelled_leaves_the_output_at_rest(other) -> None:

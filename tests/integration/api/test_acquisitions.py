@@ -130,6 +130,54 @@ def test_what_a_rig_cannot_do_is_refused_at_its_place(client, change, pointer) -
     assert (reply.status_code, reply.json()["errors"][0]["pointer"][: len(pointer)]) == (422, pointer), reply.text
 
 
+LEVEL: dict[str, Any] = {"channel": "position", "edge": "rising", "level": 2}
+WINDOW: dict[str, Any] = {"channel": "position", "window": [1, 3], "when": "leaves"}
+
+
+@pytest.mark.parametrize(
+    ("trigger", "told"),
+    [
+        (LEVEL, {"when": "enters", "low": 2.0, "high": None, "hysteresis": 0.0, "timeout": 60.0}),
+        (
+            {**LEVEL, "edge": "falling", "level": "0.2 cm", "hysteresis": "100 um", "timeout": "2 min"},
+            {"when": "enters", "low": None, "high": 2.0, "hysteresis": 0.1, "timeout": 120.0},
+        ),
+        (
+            {**WINDOW, "window": [{"value": 0.1, "unit": "cm"}, 3], "hysteresis": 0.5},
+            {"when": "leaves", "low": 1.0, "high": 3.0, "hysteresis": 0.5, "timeout": 60.0},
+        ),
+    ],
+)
+def test_a_trigger_is_told_in_the_unit_of_its_channel(client, agent, request, trigger, told) -> None:
+    _ask(client, request.node.name, drive=None, trigger=trigger)
+    assert _claim(client, agent)["request"]["trigger"] == {"channel": "position", "unit": "mm", **told}
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer", "says"),
+    [
+        ({"drive": MEASUREMENT["drive"]}, "/trigger", "must be left out beside a drive, got one for position: the drive of valve"),
+        ({"averages": 3}, "/averages", "averages must be 1 with a trigger, got 3"),
+        ({"channels": ["loopback"]}, "/trigger/channel", "must be one that is measured (loopback), got 'position'"),
+        ({"pre_trigger": 4001}, "/pre_trigger", "must hold at most 8e+06 samples of all channels with a trigger, got 8.002e+06"),
+        ({"trigger": LEVEL | {"level": "2 kg"}}, "/trigger/level", "level must be in mm, got 'kg'"),
+        ({"trigger": LEVEL | {"hysteresis": -0.5}}, "/trigger/hysteresis", "hysteresis must be >= 0 mm, got -0.5"),
+        ({"trigger": LEVEL | {"timeout": 0}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 0"),
+        ({"trigger": LEVEL | {"timeout": "61 min"}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 3660"),
+        ({"trigger": LEVEL | {"edge": "up"}}, "/trigger/edge", "'rising' or 'falling'"),
+        ({"trigger": WINDOW | {"window": [3, 3]}}, "/trigger/window", "must be [low, high] with low < high, got [3, 3] mm"),
+        ({"trigger": WINDOW | {"hysteresis": 1}}, "/trigger/hysteresis", "must be < half of the window that is left, 1 mm, got 1"),
+    ],
+)  # fmt: skip
+def test_a_trigger_that_makes_no_sense_is_refused(client, change, pointer, says) -> None:
+    _register(client, rig="refusing")
+    asked = MEASUREMENT | {"rig": "refusing", "drive": None, "trigger": LEVEL} | change
+    reply = client.post("/v1/acquisitions", json=asked)
+    assert reply.status_code == 422, reply.text
+    (wrong,) = reply.json()["errors"]
+    assert (wrong["pointer"], says in wrong["detail"]) == (pointer, True), wrong
+
+
 def test_a_signal_that_no_agent_knows_is_told_as_its_points(client, agent, request) -> None:
     profile = {"kind": "s_curve", "distance": 2, "max_velocity": 10, "max_acceleration": 100, "max_jerk": 5000}
     _ask(client, request.node.name, drive={"output": "valve", "signal": profile})

@@ -17,6 +17,9 @@ import { prettyUnit, words } from "@/shared/units/format";
 import { acquisitionQuery, rigsQuery, settled, type Acquisition } from "./api";
 import { useMeasurement, type Live } from "./live";
 
+/** What an agent says when it waits, and how the page says it. */
+const WAITS: Record<string, string> = { "waits for the person at the rig": "rigs.waitsForPerson", "waits for the trigger": "rigs.waitsForTrigger" };
+
 /** A measurement while it goes on: its samples as they come, its attempts, what follows it. */
 export function AcquisitionPage() {
   const { t } = useTranslation();
@@ -93,7 +96,7 @@ export function AcquisitionPage() {
           <section aria-live="polite">
             <Progress value={100 * (followed.progress ?? 0)} size="lg" aria-label={t("jobs.progress")} animated />
             <Text fz="sm" mt={4}>
-              {followed.message === "waits for the person at the rig" ? t("rigs.waitsForPerson") : followed.message || t(`rigs.now.${found.status}`, "")}
+              {WAITS[followed.message] ? t(WAITS[followed.message]!) : followed.message || t(`rigs.now.${found.status}`, "")}
             </Text>
           </section>
         )}

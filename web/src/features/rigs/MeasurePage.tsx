@@ -15,7 +15,8 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, withUnit } from "@/shared/units/format";
 import { agentsQuery, presence, rigQuery, templatesQuery, type AcquisitionRequest, type Rig, type Template } from "./api";
-import { driveFaults, editable, fieldsOf, requestOf, resolver, schema, type Fields } from "./request";
+import { driveFaults, editable, fieldsOf, plainTrigger, requestOf, resolver, schema, type Fields } from "./request";
+import { TriggerFields } from "./TriggerFields";
 
 /** The form of a measurement, filled from a template when the address names one. */
 export function MeasurePage() {
@@ -58,9 +59,10 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   useAddress(form, held);
   const [asked, setAsked] = useState<AcquisitionRequest | null>(null);
   const asIs = template !== undefined && !editable(template);
+  const waitsAsIs = template !== undefined && !plainTrigger(template);
   const request = (fields: Fields): AcquisitionRequest => {
     const made = requestOf(fields, rig.name);
-    return asIs ? { ...made, drive: template.document.drive! } : made;
+    return { ...made, ...(asIs ? { drive: template.document.drive! } : {}), ...(waitsAsIs ? { trigger: template.document.trigger! } : {}) };
   };
   const start = useMutation({
     mutationFn: (body: AcquisitionRequest) => must(api.POST("/v1/acquisitions", { body })),
@@ -135,8 +137,9 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
             )}
           </>
         )}
+        {waitsAsIs ? <Text fz="sm">{t("rigs.waitsAsTemplate", { channel: template.document.trigger!.channel })}</Text> : !asIs && values.output === "" && <TriggerFields form={form} inputs={inputs} problem={problem} />}
         <Checkbox size="xs" label={t("rigs.confirm")} description={t("rigs.confirmDoc")} {...register("confirm")} />
-        <ProblemAlert error={error} shown={asIs ? SHOWN : [...SHOWN, "/drive"]} />
+        <ProblemAlert error={error} shown={[...SHOWN, ...(asIs ? [] : ["/drive"]), ...(waitsAsIs || asIs || values.output !== "" ? [] : ["/trigger"])]} />
         {keep.isSuccess && (
           <Text fz="sm" role="status">
             {t("rigs.kept", { name: keep.data.name })}

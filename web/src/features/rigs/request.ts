@@ -19,28 +19,57 @@ export const schema = z.object({
   amplitude: z.number("forms.number"),
   frequency: positive,
   end: positive,
+  trigger: z.enum(["none", "rising", "falling", "enters", "leaves"]),
+  trigger_channel: z.string(),
+  level: z.number("forms.number"),
+  high: z.number("forms.number"),
+  hysteresis: z.number("forms.number").min(0, "forms.notNegative"),
+  timeout: positive.max(3600, "forms.atMost 3600"),
 });
 export type Fields = z.infer<typeof schema>;
 
 /** What a form begins with for a drive: any rig may play it. */
 const QUIET = { amplitude: 1, frequency: 5, end: 50 };
 
+/** What a form begins with for a trigger. */
+const IDLE = { level: 0, high: 1, hysteresis: 0, timeout: 60 };
+
+/** What the form says of a trigger; with a drive there is none, because a drive begins at once. */
+export function triggerOf({ output, trigger }: Pick<Fields, "output" | "trigger">): { waits: boolean; window: boolean } {
+  const waits = output === "" && trigger !== "none";
+  return { waits, window: waits && (trigger === "enters" || trigger === "leaves") };
+}
+
 /** Judges what can be seen: a number that was left wrong in a field which is not shown any more would hold the form back without a word. */
 export const resolver: Resolver<Fields> = (fields, ...rest) => {
-  const hidden = { ...(fields.output === "" ? QUIET : {}), ...(fields.signal === "step" ? { frequency: QUIET.frequency } : {}), ...(fields.signal !== "chirp" ? { end: QUIET.end } : {}) };
+  const { waits, window } = triggerOf(fields);
+  const hidden = {
+    ...(fields.output === "" ? QUIET : {}),
+    ...(fields.signal === "step" ? { frequency: QUIET.frequency } : {}),
+    ...(fields.signal !== "chirp" ? { end: QUIET.end } : {}),
+    ...(waits ? {} : IDLE),
+    ...(window ? {} : { high: IDLE.high }),
+  };
   return zodResolver(schema)({ ...fields, ...hidden }, ...rest);
 };
 
-/** The request that a form makes; times in s, levels in V, frequencies in Hz as written. */
+/** The request that a form makes; times in s, levels of a drive in V, those of a trigger in its channel's unit, frequencies in Hz as written. */
 export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
-  const { output, signal, amplitude, frequency, end, ...rest } = fields;
+  const { output, signal, amplitude, frequency, end, trigger, trigger_channel, level, high, hysteresis, timeout, ...rest } = fields;
   const hertz = (value: number) => ({ value, unit: "Hz" });
   const signals = {
     step: { kind: "step", amplitude },
     sine: { kind: "sine", amplitude, frequency: hertz(frequency) },
     chirp: { kind: "chirp", amplitude, start_frequency: hertz(frequency), end_frequency: hertz(end), duration: fields.duration },
   };
-  return { ...rest, rig, ...(output ? { drive: { output, signal: signals[signal] } } : {}) } as AcquisitionRequest;
+  const { waits, window } = triggerOf(fields);
+  const until = window ? { window: [level, high], when: trigger } : { edge: trigger, level };
+  return {
+    ...rest,
+    rig,
+    ...(output ? { drive: { output, signal: signals[signal] } } : {}),
+    ...(waits ? { trigger: { channel: fields.channels.includes(trigger_channel) ? trigger_channel : fields.channels[0], ...until, hysteresis, timeout } } : {}),
+  } as AcquisitionRequest;
 }
 
 function number(value: unknown, otherwise: number): number {
@@ -57,9 +86,17 @@ export function editable(template: Template): boolean {
   return drive == null || SIGNALS.has(drive.signal.kind);
 }
 
+/** Whether the form can show what a template waits for: its numbers are in the unit of the channel and of time that the form has, too. */
+export function plainTrigger(template: Template): boolean {
+  const numbers = Object.values(template.document.trigger ?? {}).flat() as unknown[];
+  return numbers.every((value) => typeof value !== "object");
+}
+
 /** What a form begins with: a template's values, or those that suit any rig. */
 export function fieldsOf(document: AcquisitionRequest | undefined, channels: string[]): Fields {
   const signal = document?.drive?.signal as unknown as Record<string, unknown> | undefined;
+  const trigger = document?.trigger as unknown as Record<string, unknown> | undefined;
+  const [low, high] = Array.isArray(trigger?.window) ? (trigger.window as unknown[]) : [trigger?.level, undefined];
   return {
     name: document?.name ?? "",
     channels: document?.channels ?? channels,
@@ -73,6 +110,12 @@ export function fieldsOf(document: AcquisitionRequest | undefined, channels: str
     amplitude: number(signal?.amplitude, QUIET.amplitude),
     frequency: number(signal?.frequency ?? signal?.start_frequency, QUIET.frequency),
     end: number(signal?.end_frequency, QUIET.end),
+    trigger: (trigger?.edge ?? trigger?.when ?? "none") as Fields["trigger"],
+    trigger_channel: document?.trigger?.channel ?? "",
+    level: number(low, IDLE.level),
+    high: number(high, IDLE.high),
+    hysteresis: number(trigger?.hysteresis, IDLE.hysteresis),
+    timeout: number(trigger?.timeout, IDLE.timeout),
   };
 }
 

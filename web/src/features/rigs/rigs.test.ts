@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
 import { joined } from "./live";
-import { driveFaults, requestOf } from "./request";
+import { driveFaults, fieldsOf, plainTrigger, requestOf, resolver } from "./request";
 
 const agent = (seen_at: string, has_rig = true) => ({ seen_at, has_rig, time: "2026-11-22T10:01:00Z", lease_seconds: 30 }) as AgentReply;
 
@@ -30,12 +30,46 @@ describe("live samples", () => {
 });
 
 it("asks for what the form says, in SI", () => {
-  const fields = { name: "run", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true, output: "valve", signal: "chirp" as const, amplitude: 2, frequency: 5, end: 50 };
+  const fields = { name: "run", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true, output: "valve", signal: "chirp" as const, amplitude: 2, frequency: 5, end: 50, trigger: "none" as const, trigger_channel: "", level: 0, high: 1, hysteresis: 0, timeout: 60 };
   expect(requestOf(fields, "bench")).toEqual({
     name: "run", rig: "bench", channels: ["p"], sample_rate: 1000, duration: 2, pre_trigger: 0.1, averages: 3, confirm: true,
     drive: { output: "valve", signal: { kind: "chirp", amplitude: 2, start_frequency: { value: 5, unit: "Hz" }, end_frequency: { value: 50, unit: "Hz" }, duration: 2 } },
   });
   expect(requestOf({ ...fields, output: "" }, "bench")).not.toHaveProperty("drive");
+});
+
+describe("a trigger", () => {
+  const begin = { ...fieldsOf(undefined, ["p", "q"]), name: "run", trigger_channel: "q", level: 2, high: 3, hysteresis: 0.1, timeout: 30 };
+
+  it("is a level or a window of a channel that is measured", () => {
+    expect(requestOf({ ...begin, trigger: "falling" }, "bench").trigger).toEqual({ channel: "q", edge: "falling", level: 2, hysteresis: 0.1, timeout: 30 });
+    expect(requestOf({ ...begin, trigger: "leaves" }, "bench").trigger).toEqual({ channel: "q", window: [2, 3], when: "leaves", hysteresis: 0.1, timeout: 30 });
+    expect(requestOf({ ...begin, channels: ["p"], trigger: "rising" }, "bench").trigger).toMatchObject({ channel: "p" });
+  });
+
+  it("is none beside a drive, which begins at once", () => {
+    expect(requestOf({ ...begin, trigger: "rising", output: "valve" }, "bench")).not.toHaveProperty("trigger");
+    expect(requestOf(begin, "bench")).not.toHaveProperty("trigger");
+  });
+
+  it.each([
+    [{ trigger: "rising", level: NaN }, ["level"]],
+    [{ trigger: "rising", timeout: 3601, hysteresis: -1, high: NaN }, ["hysteresis", "timeout"]],
+    [{ trigger: "enters", high: NaN }, ["high"]],
+    [{ trigger: "none", level: NaN, timeout: -1 }, []],
+    [{ trigger: "rising", level: NaN, output: "valve" }, []],
+  ] as const)("is judged where it is shown: %o", async (change, wrong) => {
+    const told = await resolver({ ...begin, ...change }, undefined, { fields: {}, shouldUseNativeValidation: false });
+    expect(Object.keys(told.errors).sort()).toEqual(wrong);
+  });
+
+  it("comes from a template, as it is where it has units of its own", () => {
+    const of = (trigger: object) => ({ document: { trigger } }) as unknown as Parameters<typeof plainTrigger>[0];
+    const window = { channel: "q", window: [1, 2], when: "enters", timeout: 5 };
+    expect(fieldsOf(of(window).document, [])).toMatchObject({ trigger: "enters", trigger_channel: "q", level: 1, high: 2, hysteresis: 0, timeout: 5 });
+    expect(fieldsOf(of({ channel: "q", edge: "rising", level: 4 }).document, [])).toMatchObject({ trigger: "rising", level: 4 });
+    expect([plainTrigger(of(window)), plainTrigger(of({ ...window, window: [1, { value: 1, unit: "cm" }] }))]).toEqual([true, false]);
+  });
 });
 
 it("tells what is wrong with a drive at its own field", () => {
