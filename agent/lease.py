@@ -18,6 +18,8 @@ _PREVIEW = 1.0
 """s between two previews."""
 _MARGIN = 0.2
 """Share of a lease that is left when the rig must begin to come to rest."""
+_STEP = sum(time.get_clock_info(name).resolution for name in ("time", "monotonic"))
+"""s of the clocks of this PC: some 30 ms on Windows."""
 
 
 class Lease:
@@ -41,8 +43,10 @@ class Lease:
         self._over = threading.Event()
         self._news = threading.Event()
         self._thread: threading.Thread | None = None
-        self.clock_offset = self.clock_uncertainty = 0.0
-        """s by which the service's clock is ahead of this PC's, and how far that is known."""
+        self.clock_offset = 0.0
+        """s by which the service's clock is ahead of this PC's."""
+        self.clock_uncertainty: float | None = None
+        """s, how far that is known; None before the service has answered."""
 
     def __enter__(self) -> Self:
         with contextlib.suppress(ServiceError):
@@ -122,4 +126,4 @@ class Lease:
         self._seconds = float(reply["lease_seconds"])
         self._until = began + self._seconds
         self.clock_offset = datetime.fromisoformat(reply["time"]).timestamp() - (wall + took / 2)
-        self.clock_uncertainty = took / 2
+        self.clock_uncertainty = took / 2 + _STEP

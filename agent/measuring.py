@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -176,8 +177,6 @@ class Measurement:
             self._facts |= {
                 "requested_rate": plan.sample_rate,
                 "actual_rate": rate,
-                "clock_offset": self._lease.clock_offset,
-                "clock_uncertainty": self._lease.clock_uncertainty,
                 "drive": self._claim["request"]["drive"],
                 "repeats": {"first": wait, "length": length, "count": plan.averages},
             }
@@ -221,20 +220,32 @@ class Measurement:
         self, run: Run, plan: Plan, running: Running, recorder: Recorder, *, waiting: Waiting | None, samples: int
     ) -> None:
         """Let the inputs run until the recording is whole."""
-        began = self._lease.now()
+        began = self._start(running)
         there: Iterable[Samples] = ()
-        if waiting is None:
-            self._begin(run, plan, running.rate, began)
-        running.start()
         try:
             blocks = self._blocks(plan, running)
-            if waiting is not None:
+            if waiting is None:
+                self._begin(run, plan, running.rate, began)
+            else:
                 there = self._await(waiting, blocks, rate=running.rate, began=began)
                 first = self._facts["repeats"]["first"]
                 self._begin(run, plan, running.rate, began + timedelta(seconds=(waiting.at - first) / running.rate))
             self._record(recorder, chain(there, blocks), samples)
         finally:
             self._level = running.halt()
+
+    def _start(self, running: Running) -> datetime:
+        """Let it begin, and return when the first sample was taken: while the hardware was told so."""
+        before, steady = self._lease.now(), time.perf_counter()
+        running.start()
+        half = (time.perf_counter() - steady) / 2
+        known = self._lease.clock_uncertainty
+        self._facts |= {
+            "clock_offset": self._lease.clock_offset,
+            "clock_uncertainty": known,
+            "start_time_uncertainty": None if known is None else half + known,
+        }
+        return before + timedelta(seconds=half)
 
     def _begin(self, run: Run, plan: Plan, rate: float, start: datetime) -> None:
         document = {

@@ -122,6 +122,7 @@ class Writer:
             if _read(place / "start.json") is not None:
                 run.started, run.heard = True, time.monotonic()
                 self._controller.start()
+                _write(place / "started.json", {})
         else:
             self._record(run)
 

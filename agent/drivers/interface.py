@@ -43,7 +43,7 @@ class Running(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Let inputs and drive begin."""
+        """Let inputs and drive begin; they have when it returns: the first sample is dated by it."""
 
     @abstractmethod
     def read(self) -> Samples:

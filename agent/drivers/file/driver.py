@@ -143,6 +143,7 @@ class FileRunning(Running):
         """Let inputs and drive begin."""
         self._begun = True
         put(self._place / "start.json", {})
+        wait(self._place / "started.json", within=self._settings.deadline)
 
     def read(self) -> Samples:
         """Return the samples of the next file, shape (channels, n); none when the run is over."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import time
 from contextlib import ExitStack
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agent import process, service, uploading
+from rig_simulator.bench import Bench, Task
 from storage import open_database
 from storage.models import AcquisitionAttempt, Agent
 from storage.models.base import utc_now
@@ -301,3 +302,27 @@ def test_a_wrong_clock_does_not_show_in_the_recording(lab, monkeypatch) -> None:
     assert facts["clock_offset"] == pytest.approx(-wrong, abs=2)
     started = lease.datetime.fromisoformat(lab.client.get(f"/v1/datasets/{done['dataset']}").json()["start_time"])
     assert before - timedelta(seconds=1) < started < utc_now() + timedelta(seconds=1)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.4, 0.0), (0.0, 0.4)])
+def test_a_recording_is_dated_by_its_first_sample_within_its_uncertainty(lab, monkeypatch, before, after) -> None:
+    """Hardware that takes 0.4 s to begin, once before its first sample and once after it."""
+    real, taken = Bench.start, []
+
+    def start(bench: Bench, task: Task) -> None:
+        if task.kind != "AI":
+            return real(bench, task)
+        time.sleep(before)
+        taken.append(utc_now())
+        real(bench, task)
+        return time.sleep(after)
+
+    monkeypatch.setattr(Bench, "start", start)
+    with lab.agent():
+        done = lab.wait(lab.ask())
+    assert done["status"] == "done"
+    facts = done["attempts"][0]["facts"]
+    (first,) = taken
+    told = datetime.fromisoformat(lab.client.get(f"/v1/datasets/{done['dataset']}").json()["start_time"])
+    assert abs((told - first).total_seconds()) <= facts["start_time_uncertainty"]
+    assert 0.2 + facts["clock_uncertainty"] <= facts["start_time_uncertainty"] < 2.0

@@ -37,7 +37,7 @@ def answer_once(folder: Path, replies: Mapping[str, tuple[str, object]]) -> None
         request.unlink()
         (request.parent / "part").write_text(json.dumps(reply))
         (request.parent / "part").replace(request.parent / name)
-    for name, reply in (("arm", "armed"), ("stop", "stopped")):
+    for name, reply in (("arm", "armed"), ("start", "started"), ("stop", "stopped")):
         for path in folder.glob(f"run-*/{name}.json"):
             (path.parent / "part").write_text('{"played": 0}')
             (path.parent / "part").replace(path.parent / f"{reply}.json")

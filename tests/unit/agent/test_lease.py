@@ -34,6 +34,7 @@ def test_nobody_heard_of_for_four_fifths_of_a_lease_stops_the_rig(monkeypatch: p
         nobody = f"http://127.0.0.1:{probe.getsockname()[1]}"
     service = Service(nobody, key=lambda: "st_key", timeout=5.0)
     lease = Lease(service, "agt_1", CLAIM)
+    assert lease.clock_uncertainty is None
     clock.now += 23.9
     lease.check()
     clock.now += 0.2
