@@ -32,6 +32,7 @@ _REMEDIES = {
     "device_busy": "close the other program that uses the device",
     "disk_full": "make room, or put `folder` of [spool] on another disk",
 }
+_MARKS = {"ok": "ok", "note": "note", "fails": "FAILS"}
 _SEE_AGENT = "see docs/agent.md for the words of the driver"
 
 
@@ -39,7 +40,7 @@ _SEE_AGENT = "see docs/agent.md for the words of the driver"
 class Finding:
     """One line of the table: something fits, fails, or is to be known."""
 
-    result: Literal["ok", "note", "FAILS"]
+    result: Literal["ok", "note", "fails"]
     what: str
     told: str
     remedy: str = ""
@@ -63,12 +64,17 @@ def check(settings: Settings, *, rate: float | None = None, today: date | None =
             # A name of its own: an agent on another PC may have tasks on the same device server.
             hardware = load(settings.daq.driver)(settings.daq, rig=f"{settings.rig.name}-check")
             with contextlib.closing(hardware):
-                found += _Rig(settings, hardware, rate=rate).findings()
+                found += tried(settings, hardware, rate=rate)
     except SettingsError as error:
         # To try channels of a controller would end the measurement of the agent that has the rig.
         remedy = "stop the agent of this rig, or correct `folder` in [spool]; channels were not tried"
-        found.append(Finding(result="FAILS", what="spool", told=str(error), remedy=remedy))
+        found.append(Finding(result="fails", what="spool", told=str(error), remedy=remedy))
     return [*found, *_calibrations(settings, today or datetime.now().astimezone().date())]
+
+
+def tried(settings: Settings, hardware: Driver, *, rate: float | None = None) -> Iterator[Finding]:
+    """Yield a line for each device and each channel, as soon as it is known; of hardware that does not answer a single one."""
+    yield from _Rig(settings, hardware, rate=rate).findings()
 
 
 def table(findings: Sequence[Finding]) -> str:
@@ -76,10 +82,10 @@ def table(findings: Sequence[Finding]) -> str:
     width = max(len(entry.what) for entry in findings)
     lines = []
     for entry in findings:
-        lines.append(f"{entry.result:<6}{entry.what:<{width}}  {entry.told}")
+        lines.append(f"{_MARKS[entry.result]:<6}{entry.what:<{width}}  {entry.told}")
         if entry.remedy:
             lines.append(f"{'':<{width + 8}}-> {entry.remedy}")
-    failed = sum(entry.result == "FAILS" for entry in findings)
+    failed = sum(entry.result == "fails" for entry in findings)
     noted = sum(entry.result == "note" for entry in findings)
     lines.append(f"{len(findings) - failed - noted} fit, {noted} to be known, {failed} fail")
     return "\n".join(lines)
@@ -93,10 +99,10 @@ def _service(settings: Settings) -> Finding:
             service.admits()
         except KeyRefusedError as error:
             remedy = "give a key with the scope `acquire`: SERVOTUNE_AGENT_KEY, or key_file in [service]"
-            return Finding(result="FAILS", what=what, told=str(error), remedy=remedy)
+            return Finding(result="fails", what=what, told=str(error), remedy=remedy)
         except ServiceError as error:
             remedy = "see whether the service runs, and correct `url` in [service]"
-            return Finding(result="FAILS", what=what, told=str(error), remedy=remedy)
+            return Finding(result="fails", what=what, told=str(error), remedy=remedy)
     return Finding(result="ok", what=what, told=f"{url} answers, the key may acquire")
 
 
@@ -106,15 +112,16 @@ def _spool(settings: Settings) -> Finding:
         spool.admit(0)
         spool.instance()
     except AttemptError as error:
-        return _failed("spool", error)
+        return failed("spool", error)
     waiting = len(spool.runs())
     told = f"{settings.spool.folder} takes samples, {waiting} recordings wait for the service"
     return Finding(result="ok", what="spool", told=told)
 
 
-def _failed(what: str, error: AttemptError) -> Finding:
+def failed(what: str, error: AttemptError) -> Finding:
+    """Return what an error says of something, with its remedy."""
     remedy = error.remedy or _REMEDIES.get(error.code, _SEE_AGENT)
-    return Finding(result="FAILS", what=what, told=error.what, remedy=remedy)
+    return Finding(result="fails", what=what, told=error.what, remedy=remedy)
 
 
 class _Rig:
@@ -130,7 +137,7 @@ class _Rig:
         try:
             there = self._hardware.devices()
         except AttemptError as error:
-            yield _failed("hardware", error)
+            yield failed("hardware", error)
             return
         yield Finding(result="ok", what="hardware", told=f"{self._hardware.description}, {len(there)} devices")
         for device in there:
@@ -142,7 +149,7 @@ class _Rig:
             try:
                 self._hardware.check([expected])
             except AttemptError as error:
-                yield _failed(f"device {expected.name}", error)
+                yield failed(f"device {expected.name}", error)
         yield from self._channels()
 
     def _channels(self) -> Iterator[Finding]:
@@ -153,7 +160,7 @@ class _Rig:
             beside = [] if entry in own or self._analog is None else [self._analog]
             finding = self._tried(f"input {entry.name}", entry.channel, [*beside, entry])
             yield finding
-            if finding.result != "FAILS":
+            if finding.result != "fails":
                 fitting.append(entry)
                 if entry in own and self._analog is None:
                     self._analog = entry
@@ -168,7 +175,7 @@ class _Rig:
             try:
                 self._hardware.admit((), output)
             except AttemptError as error:
-                return _failed(what, error)
+                return failed(what, error)
             told = f"{output.channel} is there; it was not tried, because no input fits that gives it a clock"
             return Finding(result="note", what=what, told=told, remedy="let an input fit first")
         return self._tried(what, output.channel, [self._analog], output)
@@ -193,7 +200,7 @@ class _Rig:
             if together:
                 remedy = "ask for those channels together that can share a clock"
                 return Finding(result="note", what=what, told=error.what, remedy=error.remedy or remedy)
-            return _failed(what, error)
+            return failed(what, error)
         return Finding(result="ok", what=what, told=f"{where}, at {got:g} samples/s")
 
 

@@ -110,7 +110,7 @@ def _check(settings: Settings, rate: float | None) -> int:
         raise SettingsError(f"--rate must be finite and > 0 samples/s, got {rate:g}")
     findings = check(settings, rate=rate)
     sys.stdout.write(f"{table(findings)}\n")
-    return int(any(entry.result == "FAILS" for entry in findings))
+    return int(any(entry.result == "fails" for entry in findings))
 
 
 def _install(given: argparse.Namespace, chosen: Mapping[str, str | None]) -> int:

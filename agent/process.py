@@ -7,12 +7,14 @@ import logging
 import math
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from agent.checking import Finding, failed, tried
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
 from agent.lease import Lease
@@ -27,6 +29,8 @@ _PAUSE, _LONGEST_PAUSE = 0.5, 30.0
 _CLAIM_WAIT = 2.0
 """s in one request; an agent that is told to end waits no longer."""
 _PATIENCE_AT_START, _PATIENCE_AT_END = 5.0, 10.0
+_LONGEST_TEXT = 2000
+"""Characters of a finding that the service takes."""
 _CONFLICT = 409
 """What the service answers to an agent whose rig another one has."""
 
@@ -50,6 +54,10 @@ class Agent:
         self._service = Service(settings.service.url, key=settings.key, timeout=settings.service.timeout)
         self._hardware = load(settings.daq.driver)(settings.daq, rig=settings.rig.name)
         self._uploader = Uploader(self._service, self._spool)
+        self._found: dict[str, Any] = {}
+        """How devices and channels were found when they were tried last, and when that was."""
+        self._there: list[dict[str, Any]] = []
+        """The devices that were there then."""
 
     def stop(self) -> None:
         """Let it come to an end: the rig to rest, the samples to disk."""
@@ -100,7 +108,18 @@ class Agent:
 
     def _rest_until_it_works(self) -> None:
         """Clear what was left on the hardware and bring every output to its safe value, before anything else."""
-        self._until_it_works(self._rest, "the rig cannot be brought to rest")
+        pause = _PAUSE
+        while not self._stop.is_set():
+            try:
+                self._rest()
+            except AttemptError as error:
+                _log.error("the rig cannot be brought to rest, and nothing is measured before: %s", error)
+                self._tell([failed("hardware", error)])
+                self._stop.wait(pause)
+                pause = min(2 * pause, _LONGEST_PAUSE)
+            else:
+                self._try_channels()
+                return
 
     def _rest(self) -> None:
         self._hardware.check(self._settings.devices)
@@ -108,17 +127,23 @@ class Agent:
         for output in self._settings.outputs:
             self._hardware.rest(output)
 
-    def _until_it_works(self, work: Callable[[], None], what: str) -> None:
-        pause = _PAUSE
-        while not self._stop.is_set():
-            try:
-                work()
-            except AttemptError as error:
-                _log.error("%s, and nothing is measured before: %s", what, error)
-                self._stop.wait(pause)
-                pause = min(2 * pause, _LONGEST_PAUSE)
-            else:
+    def _try_channels(self) -> None:
+        """Set every channel up without a start: whoever looks at the rig sees what is wrong before anything is measured."""
+        self._there = self._devices()
+        self._tell(tried(self._settings, self._hardware))
+
+    def _tell(self, findings: Iterable[Finding]) -> None:
+        """Let the service know how devices and channels were found, as far as it can be reached."""
+        told = []
+        for entry in findings:
+            if self._stop.is_set():
                 return
+            told.append({key: value[:_LONGEST_TEXT] for key, value in asdict(entry).items()})
+        found = {"findings": told, "checked_at": datetime.now(UTC).isoformat()}
+        if told != self._found.get("findings"):
+            self._found = found
+            with contextlib.suppress(ServiceError, AttemptError, SettingsError):
+                self._service.register(self._document(), timeout=_PATIENCE_AT_START)
 
     def _register(self) -> str | None:
         """Take the rig; None when it could not be taken yet."""
@@ -145,19 +170,28 @@ class Agent:
             "name": self._name,
             "version": _version(),
             "document": {
-                "devices": self._hardware.devices(),
+                "devices": self._devices(),
                 "inputs": [_told(entry, leave=("excitation",)) for entry in settings.inputs],
                 "outputs": [_told(entry) for entry in settings.outputs],
                 "daq": self._hardware.description,
+                **self._found,
             },
         }
+
+    def _devices(self) -> list[dict[str, Any]]:
+        """Return the devices that are there, or, where nobody answers, those that are to be there."""
+        try:
+            return self._hardware.devices()
+        except AttemptError:
+            return [asdict(entry) for entry in self._settings.devices]
 
     def _serve(self, agent: str) -> None:
         """Take one attempt after the other, until the service wants to be asked anew."""
         pause = _PAUSE
         while not self._stop.is_set():
             try:
-                self._hardware.devices()
+                if self._hardware.devices() != self._there:
+                    self._try_channels()
                 claim = self._service.claim(agent, wait=_CLAIM_WAIT)
             except AttemptError:
                 # Whatever had the hardware in its hands is not there: nobody knows where the outputs stand.

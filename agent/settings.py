@@ -24,6 +24,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
@@ -198,6 +199,8 @@ class Settings:
             raise SettingsError(f"key_file must be UTF-8, got {self.service.key_file}: {error}") from error
 
 
+_NAME, _LONGEST_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*"), 64
+"""What the service takes as the name of a channel."""
 _WORDS = {
     "wiring": ("", "rse", "nrse", "diff", "pseudo"),
     "bridge": ("full", "half", "quarter"),
@@ -320,6 +323,12 @@ def _check(settings: Settings) -> None:
         raise SettingsError("rig.name must be given (--rig)")
     settings.daq.check()
     kinds = load(settings.daq.driver).kinds
+    for name in [*(entry.name for entry in settings.inputs), *(output.name for output in settings.outputs)]:
+        if not _NAME.fullmatch(name) or len(name) > _LONGEST_NAME:
+            raise SettingsError(
+                f"name of a channel must begin with a letter and have letters, digits and _ only, {_LONGEST_NAME} at most, "
+                f"got {name!r}"
+            )
     for entry in settings.inputs:
         _check_input(entry, kinds)
     for output in settings.outputs:

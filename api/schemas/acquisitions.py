@@ -84,6 +84,15 @@ class RigDeviceDocument(Document):
     simulated: bool = False
 
 
+class RigFindingDocument(Document):
+    """What the agent found when it tried a device or a channel, without a start: it fits, fails, or there is something to know."""
+
+    result: Literal["ok", "note", "fails"]
+    what: Label = Field(examples=["input position"], description="device, input or output with its name, or hardware")
+    told: Text
+    remedy: Text = ""
+
+
 class RigDocument(Document):
     """A rig."""
 
@@ -91,6 +100,8 @@ class RigDocument(Document):
     inputs: list[RigInputDocument] = Field(default_factory=list, max_length=500)
     outputs: list[RigOutputDocument] = Field(default_factory=list, max_length=100)
     daq: str = Field(default="", max_length=200, description="how the hardware is reached")
+    findings: list[RigFindingDocument] = Field(default_factory=list, max_length=1000)
+    checked_at: AwareDatetime | None = Field(default=None, strict=False, description="when the findings were made")
 
 
 class AgentRequest(Document):

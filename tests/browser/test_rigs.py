@@ -74,6 +74,9 @@ def test_a_measurement_is_started_from_a_template_and_watched(page: Page, rig, c
     page.get_by_role("link", name=f"Open {RIG_NAME}").click()
     expect(page.get_by_test_id("inputs").get_by_role("row").filter(has_text="position")).to_contain_text("overdue")
     expect(page.get_by_test_id("outputs")).to_contain_text("±4 V")
+    channel = page.get_by_test_id("hardware").get_by_role("listitem").filter(has_text="cDAQ1Mod1/ai1")
+    expect(channel.last.get_by_role("img", name="fits", exact=True)).to_be_visible()
+    expect(page.get_by_test_id("hardware")).to_contain_text("simulated, its inputs are made-up signals")
     assert faults(page) == []
     page.get_by_role("link", name="Use sine").click()
     amplitude = page.get_by_role("textbox", name="Amplitude")

@@ -24,11 +24,11 @@ model = "NI 9239"
 [[devices]]
 name = "cDAQ1Mod9"
 [[inputs]]
-name = "too wide"
+name = "too_wide"
 channel = "cDAQ1Mod1/ai2"
 range = 10.0
 [[inputs]]
-name = "single-ended"
+name = "single_ended"
 channel = "cDAQ1Mod3/ai0"
 range = 5.0
 wiring = "rse"
@@ -37,7 +37,7 @@ name = "nowhere"
 channel = "cDAQ1Mod1/ai7"
 range = 5.0
 [[inputs]]
-name = "bridge of a vibration module"
+name = "bridge_of_a_vibration_module"
 channel = "cDAQ1Mod1/ai3"
 kind = "bridge"
 range = 0.025
@@ -49,7 +49,7 @@ unit = "m/s**2"
 range = 5.0
 excitation = 0.004
 [[inputs]]
-name = "load cell"
+name = "load_cell"
 channel = "cDAQ1Mod4/ai0"
 kind = "bridge"
 range = 0.025
@@ -60,20 +60,20 @@ channel = "cDAQ1Mod2/ao1"
 amplitude = 1.0
 kind = "current"
 [[outputs]]
-name = "no such output"
+name = "no_such_output"
 channel = "cDAQ1Mod2/ao5"
 amplitude = 1.0
 """
 TOLD = {
     "device cDAQ1Mod3": ("model of cDAQ1Mod3 must be NI 9239, got NI 9234", "put the right module in"),
     "device cDAQ1Mod9": ("device cDAQ1Mod9 must be there", "switch it on"),
-    "input too wide": ("range must be at most 5, got 10", "correct this entry"),
-    "input single-ended": ("AI.TermCfg; Requested Value: RSE; Possible Values: PSEUDO", "`wiring`"),
+    "input too_wide": ("range must be at most 5, got 10", "correct this entry"),
+    "input single_ended": ("AI.TermCfg; Requested Value: RSE; Possible Values: PSEUDO", "`wiring`"),
     "input nowhere": ("channel must be one of cDAQ1Mod1/ai0", "correct `channel`"),
-    "input bridge of a vibration module": ("-200431", "check `kind`"),
+    "input bridge_of_a_vibration_module": ("-200431", "check `kind`"),
     "input microphone": ("AI.Excit.Val; Requested Value: 0.004; Possible Values: 0, 0.002", "`excitation`"),
     "output beyond": ("must give a current, cDAQ1Mod2 does not", "correct this entry"),
-    "output no such output": ("channel must be one of cDAQ1Mod2/ao0, cDAQ1Mod2/ao1, got cDAQ1Mod2/ao5", "`channel`"),
+    "output no_such_output": ("channel must be one of cDAQ1Mod2/ao0, cDAQ1Mod2/ao1, got cDAQ1Mod2/ao5", "`channel`"),
 }
 """What does not fit -> what must be told of it, and what must be told to do."""
 
@@ -112,13 +112,13 @@ def test_a_rig_that_fits_is_told_so_and_nothing_moves(lab) -> None:
 def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
     lab.bench.levels["cDAQ1Mod2/ao0"] = 1.25
     found = checking.check(settings(lab, MISFITS), today=TODAY)
-    failed = of(found, "FAILS")
+    failed = of(found, "fails")
     assert set(failed) == set(TOLD)
     for what, (told, remedy) in TOLD.items():
         assert told in failed[what].told, what
         assert remedy in failed[what].remedy, what
-    assert of(found, "note")["input load cell"].told == "its calibration is due on 2026-12-01"
-    assert {"input loopback", "input position", "input load cell", "output valve", "all inputs"} <= set(of(found, "ok"))
+    assert of(found, "note")["input load_cell"].told == "its calibration is due on 2026-12-01"
+    assert {"input loopback", "input position", "input load_cell", "output valve", "all inputs"} <= set(of(found, "ok"))
     assert lab.bench.levels == {"cDAQ1Mod2/ao0": 1.25}
     assert lab.bench.tasks == {}
     shown = checking.table(found)
@@ -128,7 +128,7 @@ def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
 
 def test_a_rate_that_no_module_has_is_told(lab) -> None:
     found = checking.check(settings(lab), rate=102_400, today=TODAY)
-    failed = of(found, "FAILS")
+    failed = of(found, "fails")
     assert set(failed) == {"input loopback", "input position"}
     assert "Maximum Value: 51200" in failed["input position"].told
     assert "no input fits" in of(found, "note")["output valve"].told
@@ -137,11 +137,11 @@ def test_a_rate_that_no_module_has_is_told(lab) -> None:
 def test_no_service_no_key_no_server_are_named(lab) -> None:
     dead = settings(lab, **{"service.url": "http://127.0.0.1:9", "daq.server": "127.0.0.1:9", "daq.deadline": 1.0})
     found = checking.check(dead, today=TODAY)
-    failed = of(found, "FAILS")
+    failed = of(found, "fails")
     assert set(failed) == {"service", "hardware"}
     assert "no answer from http://127.0.0.1:9" in failed["service"].told
     assert "does not answer" in failed["hardware"].told
-    reader = of(checking.check(settings(lab, key="read"), today=TODAY), "FAILS")
+    reader = of(checking.check(settings(lab, key="read"), today=TODAY), "fails")
     assert set(reader) == {"service"}
     assert "scope acquire, got read" in reader["service"].told
 
@@ -149,7 +149,7 @@ def test_no_service_no_key_no_server_are_named(lab) -> None:
 def test_while_an_agent_has_the_rig_no_channel_is_tried(lab) -> None:
     with held(lab.spool):
         found = checking.check(settings(lab), today=TODAY)
-    assert "one agent's alone" in of(found, "FAILS")["spool"].told
+    assert "one agent's alone" in of(found, "fails")["spool"].told
     assert not any(entry.what.startswith("input") for entry in found)
 
 
@@ -182,5 +182,47 @@ def test_the_channels_of_a_controller_are_tried(lab) -> None:
         found = checking.check(read(path, {"SERVOTUNE_AGENT_KEY": lab.service.keys["acquire"]}, given), today=TODAY)
     finally:
         server.close()
-    assert set(of(found, "FAILS")) == {"input nowhere"}
+    assert set(of(found, "fails")) == {"input nowhere"}
     assert {"input loopback", "input position", "output valve", "all inputs"} <= set(of(found, "ok"))
+
+
+def test_the_service_learns_what_does_not_fit_when_an_agent_starts(lab) -> None:
+    inputs = MISFITS[MISFITS.index("[[inputs]]") : MISFITS.index("[[outputs]]")]  # it measures with the others
+    with lab.agent(settings(lab, inputs)):
+        lab.until(lambda: "output valve" in told_of(lab), what=lambda: told_of(lab))
+        found = told_of(lab)
+    wrong = {what for what, entry in found.items() if entry["result"] == "fails"}
+    assert wrong == {what for what in TOLD if what.startswith("input")}
+    for what in wrong:
+        told, remedy = TOLD[what]
+        assert told in found[what]["told"]
+        assert remedy in found[what]["remedy"]
+    assert found["input position"]["result"] == found["output valve"]["result"] == "ok"
+    assert lab.level() == 0.0
+
+
+def test_a_device_that_goes_is_told_until_it_is_back(lab) -> None:
+    with lab.agent():
+        lab.until(lambda: "output valve" in told_of(lab), what=lambda: told_of(lab))
+        lab.bench.unplug("cDAQ1Mod1")
+        lab.until(lambda: told_of(lab)["input position"]["result"] == "fails", what=lambda: told_of(lab))
+        gone = told_of(lab)["device cDAQ1Mod1"]
+        assert (gone["result"], "must be there" in gone["told"]) == ("fails", True)
+        assert "check its cable" in gone["remedy"]
+        lab.bench.plug("cDAQ1Mod1")
+        lab.until(lambda: told_of(lab)["input position"]["result"] == "ok", what=lambda: told_of(lab))
+
+
+def test_a_rig_without_hardware_is_told_as_that(lab) -> None:
+    with lab.agent(settings(lab, **{"daq.server": "127.0.0.1:9", "daq.deadline": 1.0})):
+        lab.until(lambda: "hardware" in told_of(lab))
+        found = told_of(lab)
+    assert found["hardware"]["result"] == "fails"
+    assert "does not answer" in found["hardware"]["told"]
+    assert "start the device server" in found["hardware"]["remedy"]
+
+
+def told_of(lab: Lab) -> dict[str, dict[str, str]]:
+    """Return what the service knows of the rig, by what it is about."""
+    rigs = [each["document"] for each in lab.client.get("/v1/rigs").json()["items"] if each["name"] == lab.rig]
+    return {entry["what"]: entry for rig in rigs for entry in rig.get("findings", [])}

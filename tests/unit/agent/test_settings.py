@@ -62,6 +62,11 @@ def test_the_later_one_counts(tmp_path) -> None:
         (CALIBRATED.replace("due", "until"), r"inputs\[0\].calibration: setting must be one of .* got 'until'"),
         (GOOD.replace("sensitivity = 2", "calibration = 3"), r"inputs\[0\].calibration must be a table, got 3"),
         (GOOD + '[[outputs]]\nname = "valve"\nchannel = "x"\namplitude = 1', "got 'valve' twice"),
+        (
+            GOOD.replace('"position"', '"load cell"'),
+            "must begin with a letter .* digits and _ only, .* got 'load cell'",
+        ),
+        (GOOD.replace('"valve"', f'"{"v" * 65}"'), "64 at most, got 'vvv"),
         (GOOD + "[daq]\nchunk = 0", "daq.chunk must be > 0 s, got 0"),
         (GOOD + "[daq]\ndeadline = inf", "daq.deadline must be finite, got inf"),
         (GOOD + "[daq]\ndriver = 'nidacmx'", "daq.driver must be one of .*nidaqmx.*, got 'nidacmx'"),

@@ -10,8 +10,12 @@ import { When } from "@/shared/ui/When";
 import { formatNumber, prettyUnit, withUnit } from "@/shared/units/format";
 import { AcquisitionTable } from "./AcquisitionTable";
 import { acquisitionsQuery, agentsQuery, calibrationState, presence, rigQuery, templatesQuery, type RigInput } from "./api";
+import { Hardware } from "./Hardware";
+import { delivered } from "./devices";
 import { PresenceBadge } from "./PresenceBadge";
 
+/** Kinds of inputs whose hardware is set to a range. */
+const RANGED = new Set(["voltage", "acceleration", "force", "velocity", "bridge", "current"]);
 const COLORS = { none: "gray", valid: "green", soon: "orange", overdue: "red" } as const;
 
 /** A rig: its channels with their sensors and calibrations, what its outputs may do, and measurements that are ready to start. */
@@ -44,6 +48,7 @@ export function RigPage() {
       </PageHead>
       <Stack gap="lg">
         <ProblemAlert error={remove.error ?? acquisitions.error ?? templates.error} />
+        <Hardware document={document} />
         <section>
           <Title order={2} mb="xs">
             {t("rigs.inputs")}
@@ -76,10 +81,10 @@ export function RigPage() {
             columns={[
               { title: t("rigs.output"), strong: true, cell: (output) => output.name },
               { title: t("rigs.terminal"), cell: (output) => <span className="numbers">{output.channel}</span> },
-              { title: t("rigs.amplitude"), numeric: true, cell: (output) => `±${withUnit(output.amplitude, "V")}` },
-              { title: t("rigs.slew"), numeric: true, cell: (output) => `${formatNumber(output.slew)} V/s` },
+              { title: t("rigs.amplitude"), numeric: true, cell: (output) => `±${withUnit(output.amplitude, delivered(output))}` },
+              { title: t("rigs.slew"), numeric: true, cell: (output) => `${formatNumber(output.slew)} ${delivered(output)}/s` },
               { title: t("rigs.longest"), numeric: true, cell: (output) => withUnit(output.duration, "s") },
-              { title: t("rigs.safe"), numeric: true, cell: (output) => withUnit(output.safe, "V") },
+              { title: t("rigs.safe"), numeric: true, cell: (output) => withUnit(output.safe, delivered(output)) },
             ]}
           />
           <Text fz="xs" c="dimmed">
@@ -137,10 +142,10 @@ function Input({ input }: { input: RigInput }) {
       <Table.Td className="numbers">{input.channel}</Table.Td>
       <Table.Td>{[input.model, input.serial && `№ ${input.serial}`].filter(Boolean).join(", ") || "–"}</Table.Td>
       <Table.Td ta="right" className="numbers">
-        {formatNumber(input.sensitivity)} V/{prettyUnit(input.unit) || "1"}
+        {formatNumber(input.sensitivity)} {delivered(input) || "1"}/{prettyUnit(input.unit) || "1"}
       </Table.Td>
       <Table.Td ta="right" className="numbers">
-        ±{withUnit(input.range, "V")}
+        {RANGED.has(input.kind) ? `±${withUnit(input.range, delivered(input))}` : "–"}
       </Table.Td>
       <Table.Td>
         <Group gap="xs">

@@ -87,6 +87,7 @@ function RigCard({ rig, agent }: { rig: Rig; agent: Parameters<typeof presence>[
   const { t } = useTranslation();
   const today = new Date().toISOString().slice(0, 10);
   const overdue = (rig.document.inputs ?? []).filter((input) => calibrationState(input.calibration, today) === "overdue");
+  const failing = (rig.document.findings ?? []).filter((finding) => finding.result === "fails").length;
   return (
     <Card withBorder padding="md" component="article">
       <Group justify="space-between" mb={4}>
@@ -103,6 +104,11 @@ function RigCard({ rig, agent }: { rig: Rig; agent: Parameters<typeof presence>[
       <Text fz="sm" c="dimmed">
         {(rig.document.devices ?? []).map((device) => device.model || device.name).join(", ")}
       </Text>
+      {failing > 0 && (
+        <Badge mt={6} mr={6} variant="outline" color="red" tt="none">
+          {t("rigs.findings.fails", { count: failing })}
+        </Badge>
+      )}
       {overdue.length > 0 && (
         <Badge mt={6} variant="outline" color="orange" tt="none">
           {t("rigs.overdueOf", { names: overdue.map((input) => input.name).join(", ") })}

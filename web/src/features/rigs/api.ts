@@ -7,6 +7,7 @@ export type Acquisition = Schemas["AcquisitionReply"];
 export type AcquisitionRequest = Schemas["AcquisitionRequest"];
 export type AcquisitionStatus = Acquisition["status"];
 export type AgentReply = Schemas["AgentReply"];
+export type Finding = Schemas["RigFindingDocument"];
 export type Template = Schemas["TemplateReply"] & { document: AcquisitionRequest };
 
 export interface Calibration {
@@ -23,6 +24,7 @@ export interface RigInput {
   quantity?: string;
   sensitivity: number;
   range: number;
+  distance?: number;
   model?: string;
   serial?: string;
   calibration?: Calibration;
@@ -30,6 +32,7 @@ export interface RigInput {
 export interface RigOutput {
   name: string;
   channel: string;
+  kind: string;
   amplitude: number;
   slew: number;
   duration: number;
@@ -42,6 +45,8 @@ export interface RigDocument {
   inputs?: RigInput[];
   outputs?: RigOutput[];
   daq?: string;
+  findings?: Finding[];
+  checked_at?: string | null;
 }
 export type Rig = Schemas["RigReply"] & { document: RigDocument };
 

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
+import { hardwareOf, worst } from "./devices";
 import { joined } from "./live";
 import { driveFaults, fieldsOf, plainTrigger, requestOf, resolver } from "./request";
 
@@ -79,4 +80,25 @@ it("tells what is wrong with a drive at its own field", () => {
   expect(of("/drive/output")).toEqual({ output: "wrong" });
   expect([of("/drive"), of("/drive/signal/amplitude")]).toEqual([{ amplitude: "wrong" }, { amplitude: "wrong" }]);
   expect([of("/driver"), driveFaults(null)]).toEqual([{}, {}]);
+});
+
+it("puts channels below their devices, with what was found of each", () => {
+  const found = (result: "ok" | "note" | "fails", what: string) => ({ result, what, told: "", remedy: "" });
+  const findings = [found("ok", "hardware"), found("note", "device cDAQ1Mod1"), found("fails", "device cDAQ1Mod1"), found("fails", "input position"), found("ok", "output valve"), found("fails", "device cDAQ1Mod9")];
+  const device = (name: string) => ({ name, model: "NI 9234", serial: "01A2" });
+  const inputs = [{ name: "position", channel: "cDAQ1Mod1/ai1", kind: "voltage", unit: "mm", sensitivity: 1, range: 5 }, { name: "valve", channel: "cDAQ1Mod10/ai0", kind: "voltage", unit: "V", sensitivity: 1, range: 5 }];
+  const output = { name: "valve", channel: "cDAQ1Mod10/ao0", kind: "voltage", amplitude: 1, slew: 1, duration: 1, safe: 0, soft_start: 0, soft_stop: 0 };
+  const { branches, others } = hardwareOf({ devices: [device("cDAQ1Mod1"), device("cDAQ1Mod10")], inputs, outputs: [output], findings });
+  expect(branches.map((branch) => [worst(branch.findings), branch.channels.map((channel) => [channel.doc, worst(channel.findings)])])).toEqual([
+    ["fails", [["cDAQ1Mod1/ai1", "fails"]]],
+    [undefined, [["cDAQ1Mod10/ai0", undefined], ["cDAQ1Mod10/ao0", "ok"]]],
+  ]);
+  expect(others.map((finding) => finding.what)).toEqual(["hardware", "device cDAQ1Mod9"]);
+});
+
+it("puts the channels of a controller below it, those of a device that is gone at the end", () => {
+  const input = { name: "position", channel: "In1", kind: "voltage", unit: "mm", sensitivity: 1, range: 5 };
+  const device = { name: "PLC", model: "", serial: "" };
+  expect(hardwareOf({ devices: [device], inputs: [input] }).branches.map((branch) => branch.channels.length)).toEqual([1]);
+  expect(hardwareOf({ devices: [device, { ...device, name: "PLC2" }], inputs: [input] }).branches.map((branch) => branch.name)).toEqual(["PLC", "PLC2", "–"]);
 });
