@@ -166,6 +166,7 @@ class Measurement:
         self._spool.admit(size)
         self._facts["devices"] = self._hardware.check(self._settings.devices)
         self._hardware.admit(plan.inputs, plan.output)
+        self._facts["synchronisation"] = self._hardware.synchronisation(plan.inputs, plan.output).document()
         self._hardware.clean()
         with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.longest) as running:
             rate = running.rate

@@ -25,6 +25,7 @@ _DEVICE: dict[int, Callable[[Device], Value]] = {
     0x298C: lambda d: d.family.input_rate if d.family else d.max_rate,
     0x298D: lambda d: d.family.input_rate if d.family else d.max_rate,
     0x2984: lambda d: bool(d.family and d.family.analog_trigger),
+    0x298F: lambda d: not (d.family and d.family.multiplexed),
     0x2990: lambda d: _ranges(d, "voltage"),
     0x2991: lambda d: _ranges(d, "current"),
     0x2994: lambda d: sum({"AC": 1, "DC": 2}[name] for name in d.family.couplings) if d.family else 3,

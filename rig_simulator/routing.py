@@ -11,7 +11,8 @@ from rig_simulator.faults import DriverError
 
 _ANY = re.compile(r"(a[io]|d[io])/(sampleclock(timebase)?|starttrigger|referencetrigger|syncpulse)|syncpulse|pfi\d+")
 """Terminals of a device of no known family."""
-_BUSY, _NO_TERMINAL, _PROPERTY, _NOT_RESERVED = -50103, -89120, -200452, -200983
+_BUSY, _NO_TERMINAL, _NO_ROUTE = -50103, -89120, -89125
+_PROPERTY, _SEVERAL, _NOT_RESERVED = -200452, -200558, -200983
 _ENGINE = {"AO": "ao", "DI": "di", "DO": "do"}
 
 
@@ -48,10 +49,27 @@ def exists(devices: Mapping[str, Device], terminal: str) -> bool:
 
 
 def check(devices: Mapping[str, Device], task: Task) -> None:
-    """Refuse a clock, a timebase, a sync pulse or a trigger from a terminal that no device has."""
+    """Refuse channels of devices that nothing connects, and a clock, a timebase, a sync pulse or a trigger of no or such a device."""
+    for entry in task.channels:
+        if not connected(devices, task.device, entry.device):
+            raise DriverError(_SEVERAL, f"Device: {entry.device}\nTask Name: {task.name}")
     for terminal in filter(None, (task.clock, task.timebase, task.sync_pulse, task.trigger)):
         if not exists(devices, terminal):
             raise DriverError(_NO_TERMINAL, f"Source Terminal: {terminal}\nTask Name: {task.name}")
+        source = terminal.strip("/").partition("/")[0]
+        if source.lower() != "onboardclock" and not connected(devices, source, task.device):
+            raise DriverError(
+                _NO_ROUTE, f"Source Device: {source}\nDestination Device: {task.device}\nTask Name: {task.name}"
+            )
+
+
+def connected(devices: Mapping[str, Device], first: str, second: str) -> bool:
+    """Say whether clocks can go from one device to another: within a chassis, and over the trigger lines of PCI and PXI."""
+    units = {devices[name].timed_by if name in devices else name for name in (first, second)}
+    rows = [owner(devices, devices[name]) for name in (first, second) if name in devices]
+    if len({unit.lower() for unit in units}) == 1 or None in rows:
+        return True
+    return any(all(f"{bus}0" in row.terminals for row in rows if row is not None) for bus in ("RTSI", "PXI_Trig"))
 
 
 def terminal(devices: Mapping[str, Device], task: Task, what: str) -> str:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from agent.drivers.synchronisation import Synchronisation, listed
 from agent.errors import AttemptError
 from agent.safety import Drive
 from agent.settings import DaqSettings, DeviceSettings, InputSettings, OutputSettings
@@ -156,6 +157,17 @@ class Driver(ABC):
         self.admit(inputs, output)
         with self.run(inputs, rate, seconds=1.0) as running:
             return running.rate
+
+    def synchronisation(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None) -> Synchronisation:
+        """Say which channels share a sample clock: here all of them that of one controller, which also plays the output.
+
+        Raises
+        ------
+        AttemptError
+            When the hardware cannot be reached.
+        """
+        names = [entry.name for entry in inputs] + ([output.name] if output is not None else [])
+        return Synchronisation(clock=listed([device["name"] for device in self.devices()]), channels=tuple(names))
 
     def clean(self) -> None:  # noqa: B027 - most have nothing to clear
         """Clear what an earlier agent of this rig has left on the hardware."""

@@ -21,7 +21,9 @@ from agent.drivers.nidaqmx.inputs import FOLLOWERS, KINDS, add_input
 from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand
 from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
+from agent.drivers.nidaqmx.sharing import one_clock, synchronised
 from agent.drivers.nidaqmx.tls import refusal
+from agent.drivers.synchronisation import Synchronisation
 from agent.errors import AttemptError
 from agent.safety import way_home
 from agent.settings import InputSettings, OutputSettings
@@ -115,6 +117,11 @@ class Nidaqmx(Driver):
             task.wait_until_done(way.size / _HOME_RATE + self._settings.deadline)
             task.stop()
 
+    def synchronisation(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None) -> Synchronisation:
+        """Say whose clock a run has, which channels are led to it, and which are taken in turn."""
+        with translated():
+            return synchronised(self.device_of, inputs, output)
+
     def trial(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None, *, rate: float) -> float:
         """Let the driver judge and reserve what a run would take; nothing is started."""
         self.admit(inputs, output)
@@ -135,7 +142,7 @@ class Nidaqmx(Driver):
             detail = f"encoders of one run must be at most {MOST}, less one for digital lines, got {len(following)}"
             raise AttemptError("unsupported_setting", detail)
         with ExitStack() as stack:
-            with translated():
+            with translated(), one_clock(self.device_of, inputs):
                 task = stack.enter_context(closing(self._task(self._input)))
                 for entry in analog:
                     add_input(task, entry)

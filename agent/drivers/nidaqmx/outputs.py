@@ -67,9 +67,12 @@ def follow(task: Any, inputs: Any, settings: NidaqmxSettings, rate: float, timin
     except DaqError as refused:
         if settings.clock or int(refused.error_code) not in _NOT_SHARED:
             raise
+        try:
+            timebase, pulse = inputs.timing.samp_clk_timebase_term, inputs.timing.sync_pulse_term
+        except DaqError:  # no delta-sigma inputs: the first refusal tells more
+            raise refused from None
         task.timing.cfg_samp_clk_timing(rate, **timing)
-        task.timing.samp_clk_timebase_src = inputs.timing.samp_clk_timebase_term
-        task.timing.sync_pulse_src = inputs.timing.sync_pulse_term
+        task.timing.samp_clk_timebase_src, task.timing.sync_pulse_src = timebase, pulse
     task.triggers.start_trigger.cfg_dig_edge_start_trig(start)
     task.control(TaskMode.TASK_VERIFY)
     got = float(task.timing.samp_clk_rate)

@@ -18,6 +18,7 @@ from agent.drivers.nidaqmx.errors import translated
 from agent.drivers.nidaqmx.followers import Follower
 from agent.drivers.nidaqmx.outputs import add_output, follow
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
+from agent.drivers.nidaqmx.sharing import one_clock
 from agent.errors import AttemptError
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings
@@ -67,26 +68,31 @@ class NidaqmxRunning(Running):
     def prepare(self, samples: int, drive: Drive | None) -> None:
         """Set the length of the run, and arm its drive: it begins with the inputs."""
         self._samples, self._drive = samples, drive
-        with translated():
+        with self._judged(drive.output if drive is not None else None):
             buffer = samples if self._finite else int(self.rate * _AHEAD) + 10_000
             timing = {"sample_mode": mode(finite=self._finite), "samps_per_chan": buffer}
             self._task.timing.cfg_samp_clk_timing(self._asked, **timing)
-            if self._followers:
-                self._task.control(TaskMode.TASK_RESERVE)
-                for follower in self._followers:
-                    follower.arm(self._task.timing.samp_clk_term, self.rate, timing)
+            self._task.control(TaskMode.TASK_RESERVE)
+            for follower in self._followers:
+                follower.arm(self._task.timing.samp_clk_term, self.rate, timing)
             if drive is not None:
                 self._arm(drive, samples)
 
     def verify(self, output: OutputSettings | None) -> None:
         """Let the driver judge and reserve everything, the clocks of the output with it; nothing is started."""
-        with translated():
+        with self._judged(output):
             self._task.control(TaskMode.TASK_RESERVE)
             timing = {"sample_mode": AcquisitionType.FINITE, "samps_per_chan": 1000}
             for follower in self._followers:
                 follower.follow(self._task.timing.samp_clk_term, self.rate, timing)
             if output is not None:
                 self._follow(output, timing)
+
+    @contextmanager
+    def _judged(self, output: OutputSettings | None) -> Iterator[None]:
+        entries: list[InputSettings | OutputSettings] = [*self._inputs, *([output] if output is not None else [])]
+        with translated(), one_clock(self._hardware.device_of, entries):
+            yield
 
     def _arm(self, drive: Drive, samples: int) -> None:
         ahead = samples if self._finite else min(samples, int(self.rate * _AHEAD))

@@ -55,6 +55,14 @@ def rig(timed: Rig) -> Iterator[Rig]:
     timed.say("plug cDAQ1Mod1")
 
 
+def test_it_says_whose_clock_its_channels_share(quick) -> None:
+    _, driver = quick
+    told = driver.synchronisation(BOTH, VALVE).document()
+    assert told["channels"] == ("loopback", "position", "valve")
+    assert f"on the sample clock of {told['clock']}" in told["words"]
+    assert told["clock"]
+
+
 def sine(rate: float, samples: int, *, output: OutputSettings = VALVE) -> Drive:
     return Drive(signal=lambda t: 2 * np.sin(20 * t), output=output, rate=rate, wait=0, length=samples, repeats=1)
 
