@@ -12,6 +12,7 @@ from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
+from agent.data_sheets import differences
 from agent.drivers.interface import Driver
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
@@ -65,6 +66,7 @@ def check(settings: Settings, *, rate: float | None = None, today: date | None =
             hardware = load(settings.daq.driver)(settings.daq, rig=f"{settings.rig.name}-check")
             with contextlib.closing(hardware):
                 found += tried(settings, hardware, rate=rate)
+                found += _sensors(settings, hardware)
     except SettingsError as error:
         # To try channels of a controller would end the measurement of the agent that has the rig.
         remedy = "stop the agent of this rig, or correct `folder` in [spool]; channels were not tried"
@@ -202,6 +204,28 @@ class _Rig:
                 return Finding(result="note", what=what, told=error.what, remedy=error.remedy or remedy)
             return failed(what, error)
         return Finding(result="ok", what=what, told=f"{where}, at {got:g} samples/s")
+
+
+def _sensors(settings: Settings, hardware: Driver) -> Iterator[Finding]:
+    """Hold the entries against the data sheets that are in their sensors; those without one are not spoken of."""
+    for entry in settings.inputs:
+        what = f"sensor {entry.name}"
+        try:
+            sheet = hardware.data_sheet(entry)
+        except AttemptError as error:
+            if error.code == "no_teds":
+                yield Finding(result="note", what=what, told=error.what, remedy=error.remedy)
+            continue  # what keeps a channel from being reached has been told of the channel
+        if sheet is None:
+            continue
+        found = list(differences(entry, sheet))
+        for difference in found:
+            remedy = "connect the sensor that is meant, or correct model, serial and sensitivity in its entry"
+            yield Finding(
+                result="fails" if difference.grave else "note", what=what, told=difference.told, remedy=remedy
+            )
+        if not found:
+            yield Finding(result="ok", what=what, told=f"says {sheet.words}")
 
 
 def _calibrations(settings: Settings, today: date) -> Iterator[Finding]:

@@ -8,6 +8,7 @@ from rig_simulator import checks, routing
 from rig_simulator.bench import Bench
 from rig_simulator.devices import FINITE, Channel, Device, Task
 from rig_simulator.faults import DriverError
+from rig_simulator.sensors import Teds
 
 Value = float | int | str | bool | bytes | list[float] | list[int]
 
@@ -125,7 +126,7 @@ def get(bench: Bench, family: str, owner: str, attribute: int, *, channel: str =
         For a property that this simulation does not have.
     """
     if family == "PhysicalChan":
-        return teds(bench, owner, attribute)
+        return _of_sheet(data_sheet(bench, owner), attribute)
     found: Value | None = None
     if family == "SystemInfo":
         found = _system(bench, attribute)
@@ -154,8 +155,8 @@ def _of_task(bench: Bench, task: Task, family: str, attribute: int, channel: str
     return _TASK[family, attribute](bench, task) if (family, attribute) in _TASK else None
 
 
-def teds(bench: Bench, physical: str, attribute: int) -> Value:
-    """Return what the data sheet in a sensor says.
+def data_sheet(bench: Bench, physical: str) -> Teds:
+    """Return the data sheet in the sensor at an input.
 
     Raises
     ------
@@ -168,6 +169,10 @@ def teds(bench: Bench, physical: str, attribute: int) -> Value:
     sheet = bench.sensors[physical].teds if physical in bench.sensors else None
     if sheet is None:
         raise DriverError(-200709, f"Physical Channel Name: {physical}")
+    return sheet
+
+
+def _of_sheet(sheet: Teds, attribute: int) -> Value:
     known: dict[int, Value] = {
         0x21DA: sheet.manufacturer,
         0x21DB: sheet.model,

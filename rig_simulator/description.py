@@ -33,7 +33,7 @@ from rig_simulator.bench import Bench
 from rig_simulator.devices import Device
 from rig_simulator.families import FAMILIES
 from rig_simulator.plant import Plant
-from rig_simulator.sensors import Converter, HiddenMode, Sensor
+from rig_simulator.sensors import Converter, HiddenMode, Sensor, Teds
 
 
 class DescriptionError(ValueError):
@@ -81,6 +81,17 @@ class HiddenModeTable(_Table):
     share: float = 0.1
 
 
+class TedsTable(_Table):
+    """The data sheet in an accelerometer; ``sensitivity`` V/(m/s²)."""
+
+    manufacturer: int = Field(ge=17, le=16381)
+    model: int = Field(ge=0, le=32767)
+    serial: int = Field(ge=0, le=16777215)
+    version: int = Field(default=1, ge=0, le=63)
+    letter: Annotated[str, Field(pattern="^[A-Z]$")] = "A"
+    sensitivity: float = Field(default=0.01, ge=5e-7, le=170)
+
+
 class SensorTable(_Table):
     """What is connected to an input."""
 
@@ -94,6 +105,7 @@ class SensorTable(_Table):
     mains: float = Field(default=50.0, gt=0)
     highpass: float = Field(default=0.0, ge=0)
     hidden_mode: HiddenModeTable | None = None
+    teds: TedsTable | None = None
 
 
 class Description(_Table):
@@ -189,4 +201,5 @@ def _sensor(table: SensorTable) -> Sensor:
     hidden = None
     if mode is not None:
         hidden = HiddenMode(frequency=2 * math.pi * mode.frequency, damping_ratio=mode.damping_ratio, share=mode.share)
-    return Sensor(**table.model_dump(exclude={"channel", "hidden_mode"}), hidden_mode=hidden)
+    sheet = Teds(**table.teds.model_dump()) if table.teds is not None else None
+    return Sensor(**table.model_dump(exclude={"channel", "hidden_mode", "teds"}), hidden_mode=hidden, teds=sheet)

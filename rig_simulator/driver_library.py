@@ -36,6 +36,7 @@ FUNCTIONS = {
     "ReadCounterF64Ex": "tidipupp",
     "ReadDigitalU32": "tidipupp",
     "WriteAnalogF64": "tiudippp",
+    "ConfigureTEDS": "ss",
     "GetErrorString": "ipu",
     "GetExtendedErrorInfo": "pu",
     "GetSystemInfoAttribute": "ipu",
@@ -172,6 +173,9 @@ class Library:
             return self._attribute(name, a)
         if name in CALLS:
             self._create(name, a)
+            return 0
+        if name == "ConfigureTEDS":
+            attributes.data_sheet(self._bench, a[0])
             return 0
         return self._run(name, a)
 

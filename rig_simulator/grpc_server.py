@@ -141,6 +141,11 @@ class Driver(service.NiDAQmxServicer):
         written = self._bench.write(task, data, auto_start=request.auto_start)
         return messages.WriteAnalogF64Response(samps_per_chan_written=written)
 
+    def ConfigureTEDS(self, request: Any, _: Context) -> Any:  # noqa: N802
+        """Look for a sensor with a data sheet."""
+        attributes.data_sheet(self._bench, request.physical_channel)
+        return messages.ConfigureTEDSResponse()
+
     def GetErrorString(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Return the sentence of a number."""
         return messages.GetErrorStringResponse(error_string=MESSAGES.get(request.error_code, "Unknown."))

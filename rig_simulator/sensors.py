@@ -8,6 +8,7 @@ converter:  late by some samples (delta-sigma), clipped to its range, rounded to
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -38,20 +39,23 @@ class Converter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Teds:
-    """The data sheet in a sensor: who it is (IEEE 1451.4, basic TEDS), and the number of the template that follows."""
+    """The data sheet in a sensor: who it is (IEEE 1451.4, basic TEDS), and of an accelerometer its sensitivity, V/(m/s²)."""
 
     manufacturer: int
     model: int
     serial: int
     version: int = 1
     letter: str = "A"
+    sensitivity: float = 0.01
     template: int = 25
 
     def bits(self) -> bytes:
-        """Return the basic TEDS: 14, 15, 5, 6 and 24 bits, the least significant first."""
+        """Return the basic TEDS, 14, 15, 5, 6 and 24 bits, then the head of the template and the sensitivity."""
         letter = ord(self.letter) - ord("A") + 1
         value = self.manufacturer | self.model << 14 | letter << 29 | self.version << 34 | self.serial << 40
-        return value.to_bytes(8, "little")
+        code = round(math.log(self.sensitivity / 5e-7) / math.log1p(2 * 0.00015))
+        value |= self.template << 66 | code << 76
+        return value.to_bytes(12, "little")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

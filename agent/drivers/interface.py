@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from agent.data_sheets import DataSheet
 from agent.drivers.synchronisation import Synchronisation, listed
 from agent.errors import AttemptError
 from agent.safety import Drive
@@ -168,6 +169,17 @@ class Driver(ABC):
         """
         names = [entry.name for entry in inputs] + ([output.name] if output is not None else [])
         return Synchronisation(clock=listed([device["name"] for device in self.devices()]), channels=tuple(names))
+
+    def data_sheet(self, entry: InputSettings) -> DataSheet | None:
+        """Return what the sensor of an input says of itself; None where it has no data sheet that this hardware reads.
+
+        Raises
+        ------
+        AttemptError
+            For a data sheet that is there and cannot be read.
+        """
+        del entry
+        return None
 
     def clean(self) -> None:  # noqa: B027 - most have nothing to clear
         """Clear what an earlier agent of this rig has left on the hardware."""

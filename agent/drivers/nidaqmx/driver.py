@@ -11,13 +11,15 @@ from typing import Any
 
 import nidaqmx
 from nidaqmx.constants import AcquisitionType
+from nidaqmx.errors import DaqError
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
+from agent.data_sheets import DataSheet
 from agent.drivers.interface import Channel, Driver, Running
 from agent.drivers.nidaqmx.deadline import channel
-from agent.drivers.nidaqmx.errors import translated
+from agent.drivers.nidaqmx.errors import WITHOUT_SHEET, translated
 from agent.drivers.nidaqmx.followers import MOST, Follower, groups
-from agent.drivers.nidaqmx.inputs import FOLLOWERS, KINDS, add_input
+from agent.drivers.nidaqmx.inputs import FOLLOWERS, IEPE, KINDS, add_input
 from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand
 from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
@@ -121,6 +123,20 @@ class Nidaqmx(Driver):
         """Say whose clock a run has, which channels are led to it, and which are taken in turn."""
         with translated():
             return synchronised(self.device_of, inputs, output)
+
+    def data_sheet(self, entry: InputSettings) -> DataSheet | None:
+        """Read the data sheet in an IEPE sensor; its supply is off for that, and the sensor has to settle afterwards."""
+        if entry.kind not in IEPE:
+            return None
+        with translated():
+            physical = self.device_of(entry.channel).ai_physical_chans[entry.channel.strip("/")]
+            try:
+                physical.configure_teds()
+            except DaqError as error:
+                if int(error.error_code) in WITHOUT_SHEET:
+                    return None
+                raise
+            return DataSheet.of(bytes(physical.teds_bit_stream))
 
     def trial(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None, *, rate: float) -> float:
         """Let the driver judge and reserve what a run would take; nothing is started."""

@@ -99,6 +99,8 @@ DRIVER_ERRORS = {
     -201420: ("device_busy", "another PC has reserved the device: let it go there"),
 }
 
+WITHOUT_SHEET = frozenset({-200709, -200741})
+"""No sensor with a data sheet is connected, and a device that reads none: most are so."""
 _TELLING = ("Property:", "Requested Value:", "Possible Values:", "You Can Select:", "Maximum Value:", "Minimum Value:")
 """Lines of a driver's message that say which value is wrong, and which are right."""
 _UNREACHABLE = (

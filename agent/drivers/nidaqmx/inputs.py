@@ -34,6 +34,8 @@ from nidaqmx.constants import (
 
 from agent.settings import InputSettings
 
+IEPE = ("acceleration", "force", "velocity")
+"""Kinds whose sensor is fed with a current, and may hold a data sheet."""
 FOLLOWERS = ("encoder", "digital")
 """Kinds that have no clock of their own: they follow that of the analog inputs."""
 _WIRINGS = {

@@ -14,6 +14,7 @@ from agent import checking
 from agent.settings import Settings, read
 from agent.spool import held
 from rig_simulator.opcua_server import Server as Controller
+from rig_simulator.sensors import Sensor, Teds
 from tests.integration.agent.lab import RIG, Lab, make_bench
 
 TODAY = date(2026, 11, 26)
@@ -124,6 +125,58 @@ def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
     shown = checking.table(found)
     assert shown.splitlines()[-1].endswith(f"5 to be known, {len(TOLD)} fail")
     assert all(any(line.startswith(f"FAILS {what}") for line in shown.splitlines()) for what in TOLD)
+
+
+SENSORS = """
+[[inputs]]
+name = "right"
+channel = "cDAQ1Mod3/ai0"
+kind = "acceleration"
+unit = "m/s**2"
+sensitivity = 0.0102
+range = 5.0
+model = "352C33"
+serial = "LW4711"
+[[inputs]]
+name = "swapped"
+channel = "cDAQ1Mod3/ai1"
+kind = "acceleration"
+unit = "m/s**2"
+sensitivity = 0.1
+range = 5.0
+serial = "4712"
+[[inputs]]
+name = "without"
+channel = "cDAQ1Mod3/ai2"
+kind = "acceleration"
+unit = "m/s**2"
+sensitivity = 0.1
+range = 5.0
+serial = "4713"
+"""
+
+
+def test_sensors_are_held_against_the_data_sheets_in_them(lab) -> None:
+    sheets = {"cDAQ1Mod3/ai0": 4711, "cDAQ1Mod3/ai1": 815, "cDAQ1Mod1/ai1": 9}  # the last one is no IEPE input
+    for channel, serial in sheets.items():
+        teds = Teds(manufacturer=25, model=352, letter="C", version=33, serial=serial, sensitivity=0.0102)
+        lab.bench.sensors[channel] = Sensor(teds=teds)
+    found = checking.check(settings(lab, SENSORS), today=TODAY)
+    told = [(entry.result, entry.what, entry.told) for entry in found if entry.what.startswith("sensor ")]
+    assert told == [
+        ("ok", "sensor right", "says manufacturer 25, model 352, version C33, serial 4711, 0.0102 V/(m/s²)"),
+        ("fails", "sensor swapped", "the sensor has serial 815, its entry 4712"),
+        ("fails", "sensor swapped", "the sensor says 0.0102 V for one m/s**2, its entry 0.1"),
+    ]
+    assert {entry.what for entry in found if entry.result == "fails"} == {"sensor swapped"}
+
+
+def test_a_data_sheet_that_cannot_be_read_is_to_be_known(lab, monkeypatch) -> None:
+    lab.bench.sensors["cDAQ1Mod3/ai0"] = Sensor(teds=Teds(manufacturer=25, model=352, serial=4711))
+    monkeypatch.setattr(Teds, "bits", lambda _: b"1234")
+    notes = of(checking.check(settings(lab, SENSORS), today=TODAY), "note")
+    assert "must have at least 8 bytes, got 4" in notes["sensor right"].told
+    assert notes["sensor right"].remedy == "see to the sensor and its cable"
 
 
 def test_a_rate_that_no_module_has_is_told(lab) -> None:

@@ -25,6 +25,7 @@ from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.safety import Drive
 from agent.settings import DeviceSettings, InputSettings, OutputSettings
 from rig_simulator.driver_library import Library
+from rig_simulator.sensors import Sensor, Teds
 from tests.integration.agent.lab import make_bench
 
 bench = make_bench()
@@ -54,6 +55,9 @@ def run(seconds, rate=1000.0):
     return {"rate": running.rate, "shape": values.shape, "difference": difference, "noise": values[2:].std(axis=1).tolist(),
             "finite": running._finite, "level": bench.levels["cDAQ1Mod2/ao0"]}
 
+bench.sensors["cDAQ1Mod1/ai2"] = Sensor(teds=Teds(manufacturer=25, model=352, letter="C", version=33, serial=4711))
+found["sheets"] = [sheet and sheet.words for sheet in map(hardware.data_sheet, inputs[2:4])]
+del bench.sensors["cDAQ1Mod1/ai2"]
 found["finite"] = run(1.0)
 driver_module._WHOLE = 10_000  # samples, beyond which a run is streamed both ways
 found["continuous"] = run(6.0, rate=5120.0)
@@ -96,6 +100,7 @@ def test_the_driver_route_measures_and_complains_as_the_server_route_does(tmp_pa
         ("cDAQ1Mod3", "NI 9234", "00000003"),
         ("cDAQ1Mod4", "NI 9237", "00000004"),
     ]
+    assert found["sheets"] == ["manufacturer 25, model 352, version C33, serial 4711, 0.01 V/(m/s²)", None]
     for kind, rate, seconds in (("finite", 51200 / 31, 1.0), ("continuous", 5120.0, 6.0)):
         run = found[kind]
         assert run["finite"] == (kind == "finite")

@@ -123,6 +123,10 @@ def test_faults_come_on_command() -> None:
         ("[[devices]]\nname = 'a'\n[[drives]]\nchannel = 'a/ao0'\ninput = 'u'", "input must be one of the plant's"),
         ("[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\noutput = 'y'", "output must be one of the plant's"),
         ("[plant]\nsystem = 'none.json'\n[[devices]]\nname = 'a'", "none.json must be readable"),
+        (
+            "[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\nteds = {manufacturer = 3, model = 1, serial = 1}",
+            "sensors.0.teds.manufacturer: Input should be greater than or equal to 17",
+        ),
         ("[[", "must be TOML"),
     ],
 )
@@ -131,3 +135,13 @@ def test_a_description_that_makes_no_rig_is_refused(tmp_path, text, says) -> Non
     path.write_text(text)
     with pytest.raises(DescriptionError, match=says):
         read(path)
+
+
+def test_a_description_may_put_a_data_sheet_into_a_sensor(tmp_path) -> None:
+    path = tmp_path / "rig.toml"
+    sheet = "teds = {manufacturer = 25, model = 352, letter = 'C', version = 33, serial = 4711, sensitivity = 0.0102}"
+    path.write_text(f"[[devices]]\nname = 'a'\n[[sensors]]\nchannel = 'a/ai0'\n{sheet}\n[[sensors]]\nchannel = 'a/ai1'")
+    bench = read(path)
+    assert get(bench, "PhysicalChan", "a/ai0", 0x21DC) == 4711
+    with pytest.raises(DriverError, match="No sensor with a data sheet"):
+        get(bench, "PhysicalChan", "a/ai1", 0x21DC)
