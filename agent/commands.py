@@ -125,7 +125,8 @@ def _install(given: argparse.Namespace, chosen: Mapping[str, str | None]) -> int
     path = (given.to or installing.target(service, platform=platform)).absolute()
     installing.write(path, content, force=given.force)
     following = "\n".join(f"    {line}" for line in installing.next_commands(service, path, platform=platform))
-    sys.stdout.write(f"{path} is written; as the next:\n\n{following}\n")
+    where = ", in PowerShell as an administrator" if platform == "windows" else ""
+    sys.stdout.write(f"{path} is written; run next{where}:\n\n{following}\n")
     return 0
 
 
