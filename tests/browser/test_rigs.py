@@ -151,6 +151,40 @@ def test_what_is_filled_in_outlives_a_reload_and_becomes_a_template(page: Page, 
     assert "&" not in page.url
 
 
+def test_a_recording_waits_for_its_trigger(page: Page, rig, client) -> None:
+    page.goto(f"/rigs/{rig}/measure")
+    page.get_by_role("textbox", name="Name").fill("stays away")
+    page.get_by_role("checkbox", name="A person at the rig").uncheck()
+    page.get_by_role("combobox", name="Trigger", exact=True).select_option("leaves a window")
+    page.get_by_role("combobox", name="Channel of the trigger").select_option("position")
+    low = page.get_by_role("textbox", name="Window from")
+    low.fill("3")
+    expect(low).to_have_value("3 mm")
+    page.get_by_role("textbox", name="Window to").fill("2")
+    page.get_by_role("textbox", name="Hysteresis").fill("-1")
+    page.get_by_role("button", name="Start", exact=True).click()
+    expect(page.get_by_text("must be 0 or more, got -1")).to_be_visible()
+    page.get_by_role("textbox", name="Hysteresis").fill("0.1")
+    page.get_by_role("button", name="Start", exact=True).click()
+    # What only the service can tell stands at its field, too.
+    expect(page.get_by_text("window must be [low, high] with low < high, got [3, 2] mm")).to_be_visible()
+    assert faults(page) == []
+    page.get_by_role("combobox", name="Trigger", exact=True).select_option("rises to a level")
+    level = page.get_by_role("textbox", name="Level")
+    expect(level).to_have_value("3 mm")
+    expect(page).to_have_url(re.compile("trigger=rising"))
+    page.reload()
+    expect(level).to_have_value("3 mm")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.wait_for_url("**/acquisitions/acq_*")
+    expect(page.get_by_text("Waits for the trigger.")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("img", name="position over time")).to_be_visible(timeout=60_000)
+    asked = client.get(f"/v1/acquisitions/{page.url.rsplit('/', 1)[1]}").json()["document"]["trigger"]
+    assert asked == {"channel": "position", "edge": "rising", "level": 3, "hysteresis": 0.1, "timeout": 60}
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.get_by_role("button", name="Try again")).to_be_visible(timeout=60_000)
+
+
 def test_a_measurement_is_stopped_from_its_page(page: Page, rig, client) -> None:
     request = MEASUREMENT | {"rig": RIG_NAME, "name": "too long", "confirm": False, "duration": 90}
     made = client.post("/v1/acquisitions", json=request).json()

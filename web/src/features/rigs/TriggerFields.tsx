@@ -19,10 +19,10 @@ export function TriggerFields({ form, inputs, problem }: { form: UseFormReturn<F
   const wrong = (field: keyof Fields, ...places: string[]) => faultAt(t, form, null, field) ?? places.map((place) => problem?.at(`/trigger${place}`)).find((detail) => detail !== undefined);
   return (
     <Group grow preventGrowOverflow={false} align="flex-start">
-      <NativeSelect size="xs" label={t("rigs.trigger")} {...register("trigger")} error={wrong("trigger", "")} data={schema.shape.trigger.options.map((kind) => ({ value: kind, label: t(`rigs.triggers.${kind}`) }))} />
+      <NativeSelect size="xs" label={t("rigs.trigger")} {...register("trigger")} error={wrong("trigger")} data={schema.shape.trigger.options.map((kind) => ({ value: kind, label: t(`rigs.triggers.${kind}`) }))} />
       {waits && <NativeSelect size="xs" label={t("rigs.triggerChannel")} {...register("trigger_channel")} value={channel ?? ""} error={wrong("trigger_channel", "/channel")} data={values.channels} />}
-      {waits && <NumberField control={control} name="level" label={t(window ? "rigs.windowLow" : "rigs.level")} unit={unit} error={wrong("level", "/level", "/window", "/window/0")} />}
-      {window && <NumberField control={control} name="high" label={t("rigs.windowHigh")} unit={unit} error={wrong("high", "/window/1")} />}
+      {waits && <NumberField control={control} name="level" label={t(window ? "rigs.windowLow" : "rigs.level")} unit={unit} error={wrong("level", "/level", "/window")} />}
+      {window && <NumberField control={control} name="high" label={t("rigs.windowHigh")} unit={unit} error={wrong("high")} />}
       {waits && <NumberField control={control} name="hysteresis" label={t("rigs.hysteresis")} unit={unit} error={wrong("hysteresis", "/hysteresis")} />}
       {waits && <NumberField control={control} name="timeout" label={t("rigs.waitsAtMost")} unit="s" error={wrong("timeout", "/timeout")} />}
     </Group>
