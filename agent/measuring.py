@@ -22,6 +22,7 @@ from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import USUAL_BYTES, Recorder, Run, Spool
 from agent.triggering import Trigger, Waiting
+from agent.watching import Watch
 
 Samples = npt.NDArray[np.float64]
 
@@ -167,6 +168,7 @@ class Measurement:
         self._facts["devices"] = self._hardware.check(self._settings.devices)
         self._hardware.admit(plan.inputs, plan.output)
         self._facts["synchronisation"] = self._hardware.synchronisation(plan.inputs, plan.output).document()
+        ranges = {entry.name: entry.ranges for entry in self._hardware.channels() if entry.direction == "input"}
         self._hardware.clean()
         with self._hardware.run(plan.inputs, plan.sample_rate, seconds=plan.longest) as running:
             rate = running.rate
@@ -184,11 +186,12 @@ class Measurement:
             self._ask(plan)
             self._lease.check()
             recorder = Recorder(run, channels=len(plan.inputs), samples=self._segment(plan, rate))
+            watch = Watch(plan.inputs, rate=rate, ranges=ranges)
             try:
-                self._run(run, plan, running, recorder, waiting=waiting, samples=samples)
+                self._run(run, plan, running, recorder, watch, waiting=waiting, samples=samples)
             finally:
                 recorder.close()
-                self._facts |= {"samples": recorder.samples, "complete": recorder.samples == samples}
+                self._facts |= watch.facts() | {"samples": recorder.samples, "complete": recorder.samples == samples}
 
     def _segment(self, plan: Plan, rate: float) -> int:
         """Return the samples of a segment: small, because several copies of one are in memory; few enough for a manifest."""
@@ -218,7 +221,15 @@ class Measurement:
             raise AttemptError("not_confirmed", "the person at the rig has not agreed")
 
     def _run(
-        self, run: Run, plan: Plan, running: Running, recorder: Recorder, *, waiting: Waiting | None, samples: int
+        self,
+        run: Run,
+        plan: Plan,
+        running: Running,
+        recorder: Recorder,
+        watch: Watch,
+        *,
+        waiting: Waiting | None,
+        samples: int,
     ) -> None:
         """Let the inputs run until the recording is whole."""
         began = self._start(running)
@@ -231,7 +242,7 @@ class Measurement:
                 there = self._await(waiting, blocks, rate=running.rate, began=began)
                 first = self._facts["repeats"]["first"]
                 self._begin(run, plan, running.rate, began + timedelta(seconds=(waiting.at - first) / running.rate))
-            self._record(recorder, chain(there, blocks), samples)
+            self._record(recorder, watch, chain(there, blocks), samples)
         finally:
             self._level = running.halt()
 
@@ -281,14 +292,16 @@ class Measurement:
         }
         return waiting.recorded()
 
-    def _record(self, recorder: Recorder, blocks: Iterator[Samples], samples: int) -> None:
+    def _record(self, recorder: Recorder, watch: Watch, blocks: Iterator[Samples], samples: int) -> None:
         self._lease.tell(status="running", progress=0.0, message="recording")
         got = 0
         while got < samples:
             block = next(blocks)[:, : samples - got]  # inputs that have waited for a trigger go on beyond the end
             recorder.add(block)
+            watch.take(block)
             got += block.shape[1]
-            self._lease.tell(status="running", progress=got / samples)
+            message = "; ".join(filter(None, ["recording", watch.told()]))
+            self._lease.tell(status="running", progress=got / samples, message=message)
 
     def _show(self, inputs: Sequence[InputSettings], block: Samples, *, start: int, rate: float) -> None:
         width = max(block.shape[1] // _STRETCHES, 1)

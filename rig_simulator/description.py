@@ -104,6 +104,7 @@ class SensorTable(_Table):
     hum: float = 0.0
     mains: float = Field(default=50.0, gt=0)
     highpass: float = Field(default=0.0, ge=0)
+    breaks: float = Field(default=math.inf, ge=0)
     hidden_mode: HiddenModeTable | None = None
     teds: TedsTable | None = None
 

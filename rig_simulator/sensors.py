@@ -62,7 +62,8 @@ class Teds:
 class Sensor:
     """What is connected to one input: an output of the plant, or an output of the rig itself.
 
-    ``noise`` V rms, ``hum`` V at ``mains`` Hz, ``highpass`` Hz (0: none).
+    ``noise`` V rms, ``hum`` V at ``mains`` Hz, ``highpass`` Hz (0: none), ``breaks`` s of a run after which the cable breaks:
+    the module delivers 0 from then on.
     """
 
     output: str = ""
@@ -73,6 +74,7 @@ class Sensor:
     hum: float = 0.0
     mains: float = 50.0
     highpass: float = 0.0
+    breaks: float = math.inf
     hidden_mode: HiddenMode | None = None
     teds: Teds | None = None
 
@@ -140,8 +142,9 @@ class SensorRun:
             volts = volts + sensor.hum * np.sin(2 * np.pi * sensor.mains / self._rate * k)
         if sensor.noise:
             volts = volts + sensor.noise * self._rng.standard_normal(count)
+        broken = np.arange(self._done, self._done + count) >= sensor.breaks * self._rate
         self._done += count
-        return self._converted(volts)
+        return np.where(broken, 0.0, self._converted(volts))
 
     def _converted(self, volts: Samples) -> Samples:
         converter, late = self._converter, self._converter.delay

@@ -304,6 +304,14 @@ class AcquisitionHead(Reply):
     created_at: datetime
 
 
+class AcquisitionWarning(Reply):
+    """What a person should know before the recording is trusted (warning), or measured once more (information)."""
+
+    pointer: str
+    level: Literal["warning", "information"]
+    detail: str
+
+
 class AcquisitionReply(AcquisitionHead):
     """A measurement with its attempts, the latest one last."""
 
@@ -311,7 +319,7 @@ class AcquisitionReply(AcquisitionHead):
     job: str
     dataset: str | None
     attempts: list[AttemptReply]
-    warnings: list[dict[str, Any]]
+    warnings: list[AcquisitionWarning]
 
 
 # What an agent says

@@ -154,7 +154,7 @@ def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisitio
         "job": attempts[-1].job_id,
         "dataset": attempts[-1].dataset_id,
         "attempts": [_attempt(repository, attempt) for attempt in attempts],
-        "warnings": _warnings(document["channels"], rig.document),
+        "warnings": _due(document["channels"], rig.document) + _seen(document["channels"], attempts[-1].facts),
     }
 
 
@@ -189,7 +189,7 @@ def _attempt(repository: AcquisitionRepository, row: AcquisitionAttempt) -> dict
     }
 
 
-def _warnings(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _due(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Say which calibrations are over, and which soon will be."""
     today = utc_now().date()
     inputs = {entry["name"]: entry for entry in rig.get("inputs", ())}
@@ -199,7 +199,21 @@ def _warnings(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any
         day = _date(due)
         if day is not None and day < today + _SOON:
             was = "was" if day < today else "is"
-            found.append({"pointer": f"/channels/{i}", "detail": f"calibration of {name} {was} due on {due}"})
+            detail = f"calibration of {name} {was} due on {due}"
+            found.append({"pointer": f"/channels/{i}", "level": "warning", "detail": detail})
+    return found
+
+
+def _seen(channels: list[str], facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Say what the agent has seen of the channels that were recorded: overload, drop-out, a range that is too large."""
+    told = (facts or {}).get("warnings")
+    found = []
+    for entry in told if isinstance(told, list) else []:  # facts are an agent's own, of whatever version
+        name, level, detail = (
+            (entry if isinstance(entry, dict) else {}).get(key) for key in ("channel", "level", "detail")
+        )
+        if name in channels and level in ("warning", "information") and detail:
+            found.append({"pointer": f"/channels/{channels.index(name)}", "level": level, "detail": str(detail)})
     return found
 
 

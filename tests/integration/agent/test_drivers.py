@@ -15,6 +15,7 @@ from agent.errors import AttemptError
 from agent.settings import Settings, read
 from rig_simulator.file_writer import Writer
 from rig_simulator.opcua_server import Server
+from rig_simulator.sensors import Sensor
 from tests.integration.agent.lab import RIG, Lab, make_bench
 from tests.integration.agent.test_kills import STEP, process, recording
 from tests.integration.agent.test_triggers import WAITING, found_at_its_sample, slow_sine
@@ -84,6 +85,17 @@ def test_a_trigger_is_found_to_the_sample(other) -> None:
         found_at_its_sample(other, done)
         # The hardware is free again, although its run was left before its end.
         assert other.wait(other.ask(duration=0.2))["status"] == "done"
+
+
+def test_an_overload_is_seen(other) -> None:
+    other.bench.sensors["cDAQ1Mod1/ai1"] = Sensor(noise=1e-3, hum=6.0, mains=1.0)
+    with other.agent():
+        done = other.wait(other.ask(drive=None, duration=1))
+    values = other.samples(done["dataset"])
+    seen = done["attempts"][0]["facts"]["channels"]["position"]["overload"]
+    assert seen["count"] == (abs(values[:, 1]) >= 0.9995 * 5).sum() > 100
+    (warning,) = done["warnings"]
+    assert warning["detail"].startswith(f"position reached its range of 5 V: {seen['count']} samples, first at ")
 
 
 def test_a_measurement_that_is_cancelled_leaves_the_output_at_rest(other) -> None:

@@ -63,7 +63,7 @@ def test_a_measurement_goes_from_the_request_to_a_dataset_with_its_provenance(cl
     assert asked.headers["Location"] == f"/v1/jobs/{asked.json()['job']}"
     assert asked.json()["status"] == "queued"
     assert asked.json()["warnings"] == [
-        {"pointer": "/channels/1", "detail": "calibration of position was due on 2021-01-01"}
+        {"pointer": "/channels/1", "level": "warning", "detail": "calibration of position was due on 2021-01-01"}
     ]
     claim = _claim(client, agent)
     # 5 Hz are 10 pi rad/s; an agent is told SI and nothing else.
@@ -185,6 +185,28 @@ def test_a_signal_that_no_agent_knows_is_told_as_its_points(client, agent, reque
     assert told["kind"] == "sampled"
     assert told["values"][-1] == pytest.approx(2, rel=1e-12)  # it arrives at its distance
     assert len(told["time"]) >= 501
+
+
+def test_what_the_agent_has_seen_is_a_warning_whatever_else_it_says(client, agent, request) -> None:
+    _ask(client, request.node.name)
+    claim = _claim(client, agent)
+    seen = [
+        {"channel": "loopback", "level": "warning", "detail": "loopback reached its range"},
+        {"channel": "loopback", "level": "information", "detail": "a smaller range would do"},
+        {"channel": "other", "level": "warning", "detail": "no channel of this measurement"},
+        {"channel": ["loopback"], "level": {}, "detail": None},
+        "no document",
+    ]
+    assert deliver(client, claim, agent, samples(), facts={"warnings": seen}).json()["status"] == "done"
+    (due, *told) = client.get(f"/v1/acquisitions/{claim['acquisition']}").json()["warnings"]
+    assert due["pointer"] == "/channels/1"
+    assert told == [
+        {"pointer": "/channels/0", **{key: entry[key] for key in ("level", "detail")}} for entry in seen[:2]
+    ]
+    _ask(client, request.node.name)
+    again = _claim(client, agent)
+    assert deliver(client, again, agent, samples(), facts={"warnings": 7}).status_code == 200
+    assert len(client.get(f"/v1/acquisitions/{again['acquisition']}").json()["warnings"]) == 1
 
 
 def test_one_attempt_at_a_time_is_on_a_rig(client, agent, request) -> None:

@@ -77,15 +77,8 @@ export function AcquisitionPage() {
       </Modal>
       <Stack gap="md">
         <ProblemAlert error={act.error} />
-        {found.warnings.length > 0 && (
-          <Alert color="orange" variant="outline" title={t("rigs.warnings")}>
-            <List size="sm">
-              {found.warnings.map((warning) => (
-                <List.Item key={String(warning.pointer)}>{String(warning.detail)}</List.Item>
-              ))}
-            </List>
-          </Alert>
-        )}
+        <Remarks title={t("rigs.warnings")} color="orange" found={found.warnings.filter((warning) => warning.level !== "information")} />
+        <Remarks title={t("rigs.remarks")} color="blue" found={found.warnings.filter((warning) => warning.level === "information")} />
         {last?.error && <ProblemAlert error={new Problem({ title: "", status: 0, detail: "", ...(last.error as object) })} />}
         {found.status === "lost" && (
           <Alert color="red" variant="outline" title={t("rigs.lostTitle")}>
@@ -159,6 +152,19 @@ export function AcquisitionPage() {
         </section>
       </Stack>
     </div>
+  );
+}
+
+function Remarks({ title, color, found }: { title: string; color: string; found: Acquisition["warnings"] }) {
+  if (found.length === 0) return null;
+  return (
+    <Alert color={color} variant="outline" title={title}>
+      <List size="sm">
+        {found.map((warning) => (
+          <List.Item key={String(warning.detail)}>{String(warning.detail)}</List.Item>
+        ))}
+      </List>
+    </Alert>
   );
 }
 
