@@ -67,6 +67,7 @@ class Watch:
         self._inputs, self._rate = inputs, rate
         self._ranges = [sorted((ranges or {}).get(entry.channel, ())) for entry in inputs]
         self._limit = np.array([entry.range if entry.kind in _RANGED else math.inf for entry in inputs])
+        self._judged = np.isfinite(self._limit)[:, None]
         self._still = max(_STILL_SAMPLES, math.ceil(_STILL_SECONDS * rate))
         self._over, self._missing, self._stuck = _Tally(count), _Tally(count), _Tally(count)
         self._largest = np.zeros(count)
@@ -84,7 +85,8 @@ class Watch:
             return
         finite = np.isfinite(block)
         magnitude = np.abs(block)
-        self._over.add(magnitude >= _OVER * self._limit[:, None], self._start)
+        over = self._judged & (magnitude >= _OVER * self._limit[:, None])
+        self._over.add(over, self._start)
         self._missing.add(~finite, self._start)
         np.maximum(self._largest, magnitude.max(axis=1, where=finite, initial=0.0), out=self._largest)
         with np.errstate(invalid="ignore"):
@@ -93,20 +95,20 @@ class Watch:
         self._noise += np.count_nonzero(slopes[:, 1:] * slopes[:, :-1] < 0.0, axis=1)
         lengths = np.abs(steps)
         np.minimum(self._step, lengths.min(axis=1, where=lengths > 0.0, initial=math.inf), out=self._step)
-        self._count_still(block)
+        self._count_still(block, over)
         self._last, self._slope = block[:, -1:].copy(), slopes[:, -1:]
         self._start += block.shape[1]
 
-    def _count_still(self, block: Samples) -> None:
-        """Count the samples of stretches that are long enough; one goes on from block to block."""
-        moves = block != np.concatenate([self._last, block[:, :-1]], axis=1)
+    def _count_still(self, block: Samples, over: npt.NDArray[np.bool_]) -> None:
+        """Count the samples of stretches that are long enough; one goes on from block to block. At the end of its range a channel is still anyhow."""
+        moves = over | (block != np.concatenate([self._last, block[:, :-1]], axis=1))
         index = np.arange(1, block.shape[1] + 1)
         begun = np.maximum.accumulate(np.where(moves, index, 0), axis=1)
         run = np.where(begun > 0, index - begun + 1, index + self._run[:, None])
         self._run = run[:, -1]
-        judged = np.isfinite(self._limit)[:, None]
-        self._stuck.add((run == self._still) & judged, self._start, weight=self._still, before=self._still - 1)
-        self._stuck.add((run > self._still) & judged, self._start)
+        found, more = self._judged & (run == self._still), self._judged & (run > self._still)
+        self._stuck.add(found, self._start, weight=self._still, before=self._still - 1)
+        self._stuck.add(more, self._start)
 
     def told(self) -> str:
         """Say in short what is wrong up to now: "overload: position"; empty where nothing is."""
@@ -159,12 +161,11 @@ class Watch:
     def _remedy(self, word: str, i: int) -> str:
         if word != "overload":
             return "see to its sensor and cable"
-        larger = next((limit for limit in self._ranges[i] if limit > self._inputs[i].range * (1 + 1e-9)), None)
-        return (
-            f"set range = {larger:g}"
-            if larger
-            else "the hardware has no larger one: lower the signal, or take another sensor"
-        )
+        entry = self._inputs[i]
+        if entry.kind != "voltage" or not self._ranges[i]:  # nobody knows what the hardware has
+            return "set a larger range, or lower the signal"
+        larger = next((limit for limit in self._ranges[i] if limit > entry.range * (1 + 1e-9)), None)
+        return f"set range = {larger:g}" if larger else "the hardware has no larger one: lower the signal"
 
     def _advice(self, i: int) -> str:
         """Say which range would be finer, where the hardware has one that holds what was measured with a fifth to spare."""

@@ -49,7 +49,7 @@ def test_an_overload_and_a_broken_cable_are_told_at_once_and_kept(lab) -> None:
         (
             "/channels/0",
             "warning",
-            overload + "the hardware has no larger one: lower the signal, or take another sensor",
+            overload + "the hardware has no larger one: lower the signal",
         ),
         ("/channels/1", "warning", drop_out + "see to its sensor and cable"),
     ]

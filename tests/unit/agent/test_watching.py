@@ -46,7 +46,7 @@ def test_a_channel_that_reaches_its_range_is_overloaded() -> None:
     detail = "position reached its range of 5 V: 4 samples, first at 1.5 s; set range = 10"
     assert watch.facts()["warnings"] == [{"channel": "position", "level": "warning", "detail": detail}]
     widest = watched(values, entry(range=5.0), position=(1.0, 5.0)).facts()["warnings"][0]["detail"]
-    assert widest.endswith("the hardware has no larger one: lower the signal, or take another sensor")
+    assert widest.endswith("the hardware has no larger one: lower the signal")
 
 
 @pytest.mark.parametrize(
@@ -62,13 +62,18 @@ def test_the_range_is_that_of_what_the_hardware_measures(more, limit, unit) -> N
     assert seen(watched(np.array([0.0, 0.9994 * limit]), entry(**more))) == {}
     over = watched(np.array([0.0, -0.9996 * limit]), entry(**more))
     assert seen(over)["overload"]["count"] == 1
-    assert f"reached its range of {limit:g} {unit}:" in over.facts()["warnings"][0]["detail"]
+    (warning,) = over.facts()["warnings"]
+    assert f"reached its range of {limit:g} {unit}:" in warning["detail"]
+    assert warning["detail"].endswith("; set a larger range, or lower the signal")
 
 
 @pytest.mark.parametrize("kind", ["encoder", "digital", "thermocouple"])
 def test_what_has_no_range_and_may_stand_still_is_left_alone(kind) -> None:
     values = np.concatenate([300.0 + noise(), np.full(1000, 300.0)])
-    assert seen(watched(values, entry(kind=kind, pulses=100.0 if kind == "encoder" else 0.0))) == {}
+    values[0] = np.inf  # missing, and beyond no range
+    assert seen(watched(values, entry(kind=kind, pulses=100.0 if kind == "encoder" else 0.0))) == {
+        "missing": {"count": 1, "first": 0.0}
+    }
 
 
 @pytest.mark.parametrize("cuts", [[], [1250], [1000], [1199, 1200, 1201], range(1, 6000, 7), range(1, 6000)])
@@ -112,6 +117,11 @@ def test_stretches_are_counted_as_one_would_by_hand() -> None:
 )
 def test_what_may_stand_still_has_not_dropped_out(values) -> None:
     assert seen(watched(values)) == {}
+
+
+def test_a_channel_that_is_cut_off_at_its_range_has_not_dropped_out() -> None:
+    values = np.concatenate([noise(), np.full(500, 10.0), noise(10), np.full(500, -10.0)])
+    assert seen(watched(values, cuts=[4200])) == {"overload": {"count": 1000, "first": 4.0}}
 
 
 def test_at_a_high_rate_a_stretch_must_last() -> None:
