@@ -258,12 +258,12 @@ def test_a_device_that_goes_is_told_until_it_is_back(lab) -> None:
     with lab.agent():
         lab.until(lambda: "output valve" in told_of(lab), what=lambda: told_of(lab))
         lab.bench.unplug("cDAQ1Mod1")
-        lab.until(lambda: told_of(lab)["input position"]["result"] == "fails", what=lambda: told_of(lab))
+        lab.until(lambda: result_of(lab, "input position") == "fails", what=lambda: told_of(lab))
         gone = told_of(lab)["device cDAQ1Mod1"]
         assert (gone["result"], "must be there" in gone["told"]) == ("fails", True)
         assert "check its cable" in gone["remedy"]
         lab.bench.plug("cDAQ1Mod1")
-        lab.until(lambda: told_of(lab)["input position"]["result"] == "ok", what=lambda: told_of(lab))
+        lab.until(lambda: result_of(lab, "input position") == "ok", what=lambda: told_of(lab))
 
 
 def test_a_rig_without_hardware_is_told_as_that(lab) -> None:
@@ -273,6 +273,11 @@ def test_a_rig_without_hardware_is_told_as_that(lab) -> None:
     assert found["hardware"]["result"] == "fails"
     assert "does not answer" in found["hardware"]["told"]
     assert "start the device server" in found["hardware"]["remedy"]
+
+
+def result_of(lab: Lab, what: str) -> str | None:
+    """Return how something was found; None where nothing is said of it, as while the hardware does not answer."""
+    return told_of(lab).get(what, {}).get("result")
 
 
 def told_of(lab: Lab) -> dict[str, dict[str, str]]:
