@@ -175,12 +175,13 @@ def test_a_recording_waits_for_its_trigger(page: Page, rig, client) -> None:
     expect(page).to_have_url(re.compile("trigger=rising"))
     page.reload()
     expect(level).to_have_value("3 mm")
+    page.get_by_role("textbox", name="Waits at most").fill("600")
     page.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_url("**/acquisitions/acq_*")
     expect(page.get_by_text("Waits for the trigger.")).to_be_visible(timeout=60_000)
     expect(page.get_by_role("img", name="position over time")).to_be_visible(timeout=60_000)
     asked = client.get(f"/v1/acquisitions/{page.url.rsplit('/', 1)[1]}").json()["document"]["trigger"]
-    assert asked == {"channel": "position", "edge": "rising", "level": 3, "hysteresis": 0.1, "timeout": 60}
+    assert asked == {"channel": "position", "edge": "rising", "level": 3, "hysteresis": 0.1, "timeout": 600}
     page.get_by_role("button", name="Stop", exact=True).click()
     expect(page.get_by_role("button", name="Try again")).to_be_visible(timeout=60_000)
 

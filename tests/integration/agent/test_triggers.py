@@ -82,7 +82,7 @@ def test_without_a_trigger_the_attempt_says_what_was_seen(lab) -> None:
 def test_while_it_waits_it_says_so_and_shows_what_comes(lab) -> None:
     lab.bench.speed = 1.0
     with lab.agent():
-        asked = lab.ask(**WAITING)
+        asked = lab.ask(**WAITING | {"trigger": LEVEL | {"timeout": 600}})
         lab.until(
             lambda: lab.client.get(f"/v1/jobs/{lab.get(asked)['job']}").json()["message"] == "waits for the trigger"
         )

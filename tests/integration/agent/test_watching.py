@@ -22,7 +22,7 @@ def test_an_overload_and_a_broken_cable_are_told_at_once_and_kept(lab) -> None:
     lab.bench.sensors["cDAQ1Mod1/ai0"] = Sensor(noise=1e-3, hum=6.0, mains=1.0)  # beyond 5 V after 0.16 s
     lab.bench.sensors[POSITION] = Sensor(noise=1e-3, breaks=0.5)
     with lab.agent():
-        asked = lab.ask(**LISTEN | {"duration": 60})
+        asked = lab.ask(**LISTEN | {"duration": 600})
         job = lab.get(asked)["job"]
         lab.until(
             lambda: (
