@@ -334,8 +334,8 @@ def test_edits_outlive_a_restart_of_the_service_and_of_the_page(page: Page, syst
         expect(page.get_by_test_id("waiting")).to_be_visible()
     finally:
         service.start()
-    # Saved by itself as soon as the service is back.
-    expect(page.get_by_test_id("check")).to_have_text("saved")
+    # Saved by itself as soon as the service is back; a new one loads the engine first.
+    expect(page.get_by_test_id("check")).to_have_text("saved", timeout=120_000)
     assert client.get(f"/v1/systems/{system}").json()["document"]["parameters"]["k"] == {"value": 6}
     enter(page, "k", "11")
     expect(page.get_by_role("button", name="Save")).to_be_enabled()
