@@ -67,20 +67,18 @@ def serving(database_url: str, **settings: Any) -> Iterator[Service]:
     usual = {"wrong_keys_per_minute": 0, "secret_key": base64.b64encode(bytes(32)).decode()}
     chosen = Settings(database_url=database_url, **(usual | settings))
     app = create_app(chosen)
-    listener = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(configuration(app, grace=1, proxies=chosen.trusted_proxies))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
-    port = listener.getsockname()[1]
     while not server.started:
         assert thread.is_alive(), "the server did not start"
         time.sleep(0.01)
+    port = server.servers[0].sockets[0].getsockname()[1]
     try:
         yield Service(url=f"http://127.0.0.1:{port}", database_url=database_url, keys=make_keys(database_url), app=app)
     finally:
         server.should_exit = True
         thread.join(timeout=20)
-        listener.close()
         assert not thread.is_alive()
 
 
