@@ -106,10 +106,10 @@ format: setup  ## let ruff put the code into form
 	@$(BIN)/ruff check --fix --quiet .
 
 # Some 7,000 s of processor time, half of it the compiled kernels beside the exact path: a process on each core, sharing single
-# tests. What records half an hour beside a service wants the machine for itself.
-proof: setup  ## the random-system properties at full size (an hour on two cores, then half an hour's recording; `make test` runs them small)
+# tests. What records half an hour wants the machine for itself.
+proof: setup  ## the random-system properties at full size (an hour on two cores, then recordings of half an hour each; `make test` runs them small)
 	@$(BIN)/pytest -q tests/property tests/reference --hypothesis-profile=proof -n $$(getconf _NPROCESSORS_ONLN) --dist worksteal
-	@$(BIN)/pytest -q tests/integration/agent/test_memory.py --hypothesis-profile=proof
+	@$(BIN)/pytest -q tests/integration/agent/test_memory.py tests/integration/faults/test_long_recordings.py --hypothesis-profile=proof
 
 faults: setup  ## killed workers and services, a database that goes away or fills up, load; longer than in `make test`
 	@SERVOTUNE_FAULTS=full $(BIN)/pytest -q tests/integration/faults tests/integration/storage/test_jobs_recovery.py

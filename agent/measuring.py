@@ -190,8 +190,11 @@ class Measurement:
             try:
                 self._run(run, plan, running, recorder, watch, waiting=waiting, samples=samples)
             finally:
-                recorder.close()
-                self._facts |= watch.facts() | {"samples": recorder.samples, "complete": recorder.samples == samples}
+                try:
+                    recorder.close()  # a disk that is full takes the rest no more than what was before
+                finally:
+                    recorded = {"samples": recorder.samples, "complete": recorder.samples == samples}
+                    self._facts |= watch.facts() | recorded
 
     def _segment(self, plan: Plan, rate: float) -> int:
         """Return the samples of a segment: small, because several copies of one are in memory; few enough for a manifest."""

@@ -1,7 +1,7 @@
 """Eight channels at 51.2 kS/s, ten seconds of them (30 minutes in `make proof`): bounded memory, every sample arrives exactly once.
 
 In the long run service and worker are processes of their own. Agent, simulator and worker are held to the limit, and so is what the
-service needs on top of what it is at rest, because it has the engine in its memory before anybody measures. Each channel hears a sine of its own: the slowest rises all the time and tells where a sample belongs, the others tell it to the sample.
+service needs on top of what it is at rest, because it has the engine in its memory before anybody measures.
 """
 
 from __future__ import annotations
@@ -14,45 +14,22 @@ from dataclasses import replace
 from pathlib import Path
 from subprocess import Popen
 
-import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.integration.agent import sines
 from tests.integration.agent.lab import RIG
 from tests.integration.agent.test_kills import answers, free_port, process
 
 LONG = settings().max_examples > 1000
 SECONDS = 1800 if LONG else 10
-RATE = 51200
 MOST = 200e6
-SINES = {f"ai{i}": frequency for i, frequency in enumerate((1e-4, 37.0, 41.3, 53.9, 61.1, 71.7, 83.3, 97.9))}
-PLACES = {name: f"cDAQ1Mod{1 + 2 * (i // 4)}/ai{i % 4}" for i, name in enumerate(SINES)}
-"""Four channels of each of two modules."""
-AMPLITUDE, RANGE = 4.5, 5.0
-STEP = RANGE / 2**23
 
 
 def peak(pid: int) -> int:
     """Return the most memory (bytes) that a process has had."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM"))
-
-
-def samples_in_their_places(lab, dataset: str) -> int:
-    """Return how many samples came, each of which is the one that the rig has taken at that moment."""
-    turns = 2 * np.pi * np.array(list(SINES.values())) / RATE
-    width, count, rest = 8 * len(SINES), 0, b""
-    with lab.client.stream("GET", f"/v1/datasets/{dataset}/original", timeout=60) as reply:
-        for part in reply.iter_bytes(4 * 1024 * 1024):
-            data = rest + part
-            whole = len(data) - len(data) % width
-            values, rest = np.frombuffer(data[:whole], "<f8").reshape(-1, len(SINES)), data[whole:]
-            k = np.arange(count, count + values.shape[0])[:, None]
-            # Half a step of the converter, and what rounding makes of an angle of 10^6 rad.
-            assert np.abs(values - AMPLITUDE * np.sin(turns * k)).max(initial=0.0) < 0.5 * STEP + 1e-8
-            count += values.shape[0]
-    assert rest == b""
-    return count
 
 
 @contextmanager
@@ -80,20 +57,10 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         ("deadline = 5.0", "deadline = 60"),
     ):
         rig = rig.replace(short, usual)
-    inputs = "".join(
-        f'[[inputs]]\nname = "{name}"\nchannel = "{place}"\nrange = {RANGE}\n' for name, place in PLACES.items()
-    )
     path, port = tmp_path / "agent.toml", free_port()
-    path.write_text(rig + inputs)
+    path.write_text(rig + sines.inputs())
     description = tmp_path / "rig.toml"
-    sensors = "".join(
-        f'[[sensors]]\nchannel = "{PLACES[name]}"\nhum = {AMPLITUDE}\nmains = {frequency}\n'
-        for name, frequency in SINES.items()
-    )
-    description.write_text(
-        f'speed = 0\n[[devices]]\nname = "cDAQ1Mod1"\n[[devices]]\nname = "cDAQ1Mod3"\n'
-        f'[[devices]]\nname = "cDAQ1Mod2"\nmodel = "NI 9260"\n{sensors}'
-    )
+    description.write_text(sines.rig(speed=0.0))
     with ExitStack() as stack:
         processes = stack.enter_context(outside(lab)) if LONG else {}
         simulator = stack.enter_context(process("rig-simulator", str(description), "--port", str(port)))
@@ -107,13 +74,15 @@ def test_memory_does_not_grow_with_the_length_of_a_run(lab, tmp_path) -> None:
         lab.client.timeout = 120
         at_rest = {"service": peak(processes["service"].pid)} if LONG else {}
         began = time.monotonic()
-        asked = lab.ask(duration=SECONDS, pre_trigger=0, sample_rate=RATE, channels=list(SINES), drive=None)
+        asked = lab.ask(
+            duration=SECONDS, pre_trigger=0, sample_rate=sines.RATE, channels=list(sines.PLACES), drive=None
+        )
         done = lab.wait(asked, within=60 * SECONDS)
         took = time.monotonic() - began
         lab.until(lambda: lab.runs() == [], within=60 + SECONDS)
         used = {name: peak(started.pid) - at_rest.get(name, 0) for name, started in processes.items()}
         told = ", ".join(f"{name} {size / 1e6:.0f} MB" for name, size in used.items())
-        sys.stderr.write(f"{SECONDS} s of {len(SINES)} x {RATE}/s in {took:.0f} s: {told}\n")
+        sys.stderr.write(f"{SECONDS} s of {len(sines.PLACES)} x {sines.RATE}/s in {took:.0f} s: {told}\n")
         assert done["status"] == "done", done["error"]
-        assert samples_in_their_places(lab, done["dataset"]) == SECONDS * RATE
+        assert sines.samples_in_their_places(lab.client, done["dataset"]) == SECONDS * sines.RATE
         assert max(used.values()) < MOST, told

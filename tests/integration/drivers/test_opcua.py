@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import socket
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,55 +21,9 @@ from agent.errors import AttemptError
 from rig_simulator.devices import Device
 from rig_simulator.opcua_server import Security, Server
 from tests.integration.agent.lab import make_bench
+from tests.integration.drivers.cable import Cable
 from tests.integration.drivers.rigs import LOOPBACK, POSITION, VALVE
 from tests.integration.drivers.test_conformance import STEP_OF_CONVERTER, all_of, failure, sine, step, until
-
-
-class Cable:
-    """A TCP connection between driver and controller that can be cut."""
-
-    def __init__(self, port: int) -> None:
-        self._target, self.whole = port, True
-        self._ends: list[socket.socket] = []
-        self._door = socket.create_server(("127.0.0.1", 0))
-        self.port = self._door.getsockname()[1]
-        self.connections = 0
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def cut(self, *, for_good: bool = False) -> None:
-        self.whole = not for_good
-        for end in self._ends:
-            with contextlib.suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-            end.close()
-        self._ends.clear()
-
-    def close(self) -> None:
-        with contextlib.suppress(OSError):
-            self._door.shutdown(socket.SHUT_RDWR)
-        self._door.close()
-        self.cut()
-
-    def _listen(self) -> None:
-        with contextlib.suppress(OSError):
-            while True:
-                near, _ = self._door.accept()
-                if not self.whole:
-                    near.close()
-                    continue
-                far = socket.create_connection(("127.0.0.1", self._target))
-                self._ends += [near, far]
-                self.connections += 1
-                for pair in ((near, far), (far, near)):
-                    threading.Thread(target=self._carry, args=pair, daemon=True).start()
-
-    @staticmethod
-    def _carry(source: socket.socket, target: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            while data := source.recv(65_536):
-                target.sendall(data)
-        with contextlib.suppress(OSError):
-            target.shutdown(socket.SHUT_RDWR)
 
 
 @pytest.fixture(params=["arrays", "subscription"])
