@@ -157,7 +157,7 @@ class Measurement:
             self._facts["output_at_rest"] = True
         except AttemptError as error:
             outcome.resting = self._facts["output_at_rest"] = False
-            detail = f"the output {output.name} could not be brought to {output.safe:g} {output.unit}: {error.detail}"
+            detail = f"the output {output.name} could not be brought to {f'{output.safe:g} {output.unit}'.strip()}: {error.detail}"
             _log.error("%s", detail)
             before = f"{outcome.error.detail}; moreover " if outcome.error else ""
             outcome.error = AttemptError(outcome.error.code if outcome.error else error.code, before + detail)

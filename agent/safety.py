@@ -1,6 +1,8 @@
 """What keeps a rig from harm: every sample of a drive is judged against the limits of its output before the first is played.
 
 u(t) = safe + s(t) (d(t) - safe),   s: 0 -> 1 over soft_start, 1 -> 0 over soft_stop, half cosines
+
+A digital output is 1 where u > 0.5, else 0.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from agent.settings import OutputSettings
 Samples = npt.NDArray[np.float64]
 _BLOCK = 65_536
 _ROUNDING = 1e-9
+_HIGH = 0.5
+"""Above which a digital output is 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +45,11 @@ class Drive:
         return self.wait + self.length * self.repeats
 
     def block(self, first: int, count: int) -> Samples:
-        """Return the samples from ``first`` on, V or A."""
+        """Return the samples from ``first`` on, V or A, of a digital output 0 or 1."""
+        asked = self._asked(first, count)
+        return np.where(asked > _HIGH, 1.0, 0.0) if self.output.kind == "digital" else asked
+
+    def _asked(self, first: int, count: int) -> Samples:
         k = np.arange(first, min(first + count, self.samples)) - self.wait
         driven = self.length * self.repeats
         plain = self.signal(np.where(k >= 0, k % self.length, 0) / self.rate)
@@ -72,7 +80,8 @@ class Drive:
         if seconds > output.duration * (1 + _ROUNDING):
             raise _limit(output, "last at most", output.duration, "s", seconds)
         peak, steepest, before = 0.0, 0.0, output.safe
-        for block in self.blocks():
+        for first in range(0, self.samples, _BLOCK):
+            block = self._asked(first, _BLOCK)
             if not np.all(np.isfinite(block)):
                 raise AttemptError("drive_limit", f"drive of {output.name} must be finite, it is not")
             peak = max(peak, float(np.abs(block).max()))
@@ -89,7 +98,9 @@ def _half_cosine(x: Samples) -> Samples:
 
 
 def _limit(output: OutputSettings, rule: str, limit: float, unit: str, got: float) -> AttemptError:
-    return AttemptError("drive_limit", f"drive of {output.name} must {rule} {limit:g} {unit}, got {got:.4g}")
+    return AttemptError(
+        "drive_limit", f"drive of {output.name} must {rule} {f'{limit:g} {unit}'.strip()}, got {got:.4g}"
+    )
 
 
 def way_home(output: OutputSettings, level: float, rate: float) -> Samples:

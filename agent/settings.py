@@ -147,7 +147,7 @@ class InputSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputSettings:
-    """An output and the limits that no job can exceed: V, V/s, s; of ``kind`` current A and A/s."""
+    """An output and the limits that no job can exceed: V, V/s, s; of ``kind`` current A and A/s; of ``kind`` digital 0 or 1."""
 
     name: str
     channel: str
@@ -162,7 +162,7 @@ class OutputSettings:
     @property
     def unit(self) -> str:
         """What it gives is told in."""
-        return "A" if self.kind == "current" else "V"
+        return {"current": "A", "digital": ""}.get(self.kind, "V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -372,8 +372,8 @@ def _check_kind(entry: InputSettings, place: str) -> None:
 
 def _check_output(output: OutputSettings) -> None:
     place = f"output {output.name}"
-    if output.kind not in {"voltage", "current"}:
-        raise SettingsError(f"{place}: kind must be one of voltage, current, got {output.kind!r}")
+    if output.kind not in {"voltage", "current", "digital"}:
+        raise SettingsError(f"{place}: kind must be one of voltage, current, digital, got {output.kind!r}")
     for name in ("amplitude", "slew", "duration"):
         if not getattr(output, name) > 0.0:
             raise SettingsError(f"{place}: {name} must be > 0, got {getattr(output, name):g}")
@@ -382,3 +382,15 @@ def _check_output(output: OutputSettings) -> None:
             raise SettingsError(f"{place}: {name} must be >= 0 s, got {getattr(output, name):g}")
     if not abs(output.safe) <= output.amplitude:
         raise SettingsError(f"{place}: safe must be within {output.amplitude:g} {output.unit}, got {output.safe:g}")
+    if output.kind == "digital":
+        _check_line(output, place)
+
+
+def _check_line(output: OutputSettings, place: str) -> None:
+    rules = {"amplitude": (1.0,), "safe": (0.0, 1.0), "slew": (math.inf,), "soft_start": (0.0,), "soft_stop": (0.0,)}
+    for name, values in rules.items():
+        if getattr(output, name) not in values:
+            raise SettingsError(
+                f"{place}: {name} must be {' or '.join(f'{value:g}' for value in values)} for a digital output, got "
+                f"{getattr(output, name):g}"
+            )

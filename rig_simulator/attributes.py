@@ -22,7 +22,7 @@ _DEVICE: dict[int, Callable[[Device], Value]] = {
     0x231F: lambda d: ", ".join(f"{d.name}/ao{i}" for i in range(d.outputs)),
     0x2324: lambda d: ", ".join(f"{d.name}/ctr{i}" for i in range(_counters(d))),
     0x2320: lambda d: ", ".join(f"{d.name}/port0/line{i}" for i in range(_lines(d, "digital input"))),
-    0x2321: lambda d: ", ".join(f"{d.name}/port0/line{i}" for i in range(_lines(d, "digital output"))),
+    0x2322: lambda d: ", ".join(f"{d.name}/port0/line{i}" for i in range(_lines(d, "digital output"))),
     0x298C: lambda d: d.family.input_rate if d.family else d.max_rate,
     0x298D: lambda d: d.family.input_rate if d.family else d.max_rate,
     0x2984: lambda d: bool(d.family and d.family.analog_trigger),

@@ -13,12 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rig_simulator import checks, routing
 from rig_simulator.channels import Call, gain, steps
-from rig_simulator.devices import FINITE, Channel, Device, Task, expand
+from rig_simulator.devices import FINITE, Channel, Device, Task, expand, written
 from rig_simulator.faults import DriverError
-from rig_simulator.flow import INPUTS, Flow, Samples
+from rig_simulator.flow import FOLLOWERS, INPUTS, OUTPUTS, Flow, Samples
 from rig_simulator.plant import Plant
 from rig_simulator.sensors import Sensor
 
@@ -118,7 +119,7 @@ class Bench(Flow):
     def create_channels(self, task: Task, call: Call, given: Mapping[str, Any]) -> None:
         """Add the channels that a call of the driver asks for; ``given`` are its arguments by name."""
         sensitivity = given.get("sensitivity")
-        low, high = given.get("min_val", 0.0), given.get("max_val", 0.0)
+        low, high = given.get("min_val", 0.0), given.get("max_val", 1.0 if call.subsystem == "DO" else 0.0)
         step, per_unit = steps(given) if call.what == "encoder" else (0.0, 1.0)
         factor = gain(
             units=given.get("units", 0), sensitivity=sensitivity, sensitivity_units=given.get("sensitivity_units", 0)
@@ -240,12 +241,12 @@ class Bench(Flow):
                 if other is not task and busy and other.uses & task.uses:
                     raise DriverError(-50103, f"Task Name: {task.name}")
             routing.reserve(self.devices, self.tasks, task)
-            if task.kind == "AO" and not task.written.size:
+            if task.kind in OUTPUTS and task.mode is not None and not task.written.size:
                 raise DriverError(-200462, f"Task Name: {task.name}")
             task.read, task.made, task.queue, task.fault = 0, 0, [], None
             if task.kind in INPUTS:
                 task.sensors = self._sensors(task)
-            if task.trigger or (task.kind in {"CI", "DI"} and task.mode is not None):
+            if task.trigger or (task.kind in FOLLOWERS and task.mode is not None):
                 task.state = "armed"
                 return
             task.state, task.started = "running", self._now()
@@ -291,8 +292,9 @@ class Bench(Flow):
             raise DriverError(-200278, f"Task Name: {task.name}", read=0)
         return have, wanted
 
-    def write(self, task: Task, data: Samples, *, auto_start: bool) -> int:
+    def write(self, task: Task, given: npt.NDArray[Any], *, auto_start: bool) -> int:
         """Put samples of shape (channels, n) into the buffer of an output task; without a clock, on the output."""
+        data = written(task, given)
         with self.lock:
             self.awake.wait()
             for channel, row in zip(task.channels, data, strict=True):
@@ -307,7 +309,7 @@ class Bench(Flow):
             elif task.written.size and task.state in {"armed", "running"}:
                 task.written = np.concatenate([task.written, data], axis=1)
             else:
-                task.written, task.first = data.copy(), 0
+                task.written, task.first = data, 0
             if auto_start and task.mode is not None:
                 self.start(task)
             return int(data.shape[1])
@@ -325,7 +327,7 @@ class Bench(Flow):
     def stop(self, task: Task) -> None:
         """Stop a task; an output stays where it is."""
         with self.lock:
-            if task.kind == "AO" and task.state == "running" and task.written.size:
+            if task.kind in OUTPUTS and task.state == "running" and task.written.size:
                 played = self.acquired(task)
                 for row, channel in enumerate(task.channels):
                     if played > 0:

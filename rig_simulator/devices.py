@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -171,6 +172,14 @@ class Task:
     def total(self) -> int:
         """How many samples of each channel have been written."""
         return self.first + (self.written.shape[1] if self.written.size else 0)
+
+
+def written(task: Task, data: npt.NDArray[Any]) -> Samples:
+    """Return what a client has written, shape (channels, n), as levels: the value of a line is in the bit of its number."""
+    if task.kind != "DO":
+        return np.array(data, dtype=np.float64)
+    lines = np.array([[channel.line] for channel in task.channels], dtype=np.uint32)
+    return np.asarray((data.astype(np.uint32) >> lines) & 1, dtype=np.float64)
 
 
 def expand(physical: str) -> list[str]:

@@ -36,6 +36,7 @@ FUNCTIONS = {
     "ReadCounterF64Ex": "tidipupp",
     "ReadDigitalU32": "tidipupp",
     "WriteAnalogF64": "tiudippp",
+    "WriteDigitalU32": "tiudippp",
     "ConfigureTEDS": "ss",
     "GetErrorString": "ipu",
     "GetExtendedErrorInfo": "pu",
@@ -187,8 +188,8 @@ class Library:
         match name:
             case "CreateTask":
                 return self._create_task(a)
-            case "WriteAnalogF64":
-                return self._write(a)
+            case "WriteAnalogF64" | "WriteDigitalU32":
+                return self._write(a, ctypes.c_uint32 if name == "WriteDigitalU32" else ctypes.c_double)
             case "GetErrorString" | "GetExtendedErrorInfo":
                 known = name == "GetErrorString"
                 text = MESSAGES.get(a[0], "Unknown.") if known else self._last
@@ -241,13 +242,13 @@ class Library:
         _put(ctypes.c_int32, a[6], count)
         return status
 
-    def _write(self, a: Sequence[Any]) -> int:
+    def _write(self, a: Sequence[Any], kind: Any) -> int:
         task = self._bench.task(a[0])
         count = ctypes.c_int32(a[1]).value
-        values = np.ctypeslib.as_array((ctypes.c_double * (count * len(task.channels))).from_address(a[5]))
+        values = np.ctypeslib.as_array((kind * (count * len(task.channels))).from_address(a[5]))
         shape = (len(task.channels), count)
         data = values.reshape(shape) if a[4] == 0 else values.reshape(shape[::-1]).T
-        return _put(ctypes.c_int32, a[6], self._bench.write(task, data.copy(), auto_start=bool(a[2])))
+        return _put(ctypes.c_int32, a[6], self._bench.write(task, data, auto_start=bool(a[2])))
 
     def _attribute(self, name: str, a: Sequence[Any]) -> int:
         family = name[3 : -len("Attribute")]

@@ -18,7 +18,9 @@ from rig_simulator.sensors import Converter, EncoderRun, InputRun, LineRun, Sens
 Samples = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
-INPUTS = frozenset({"AI", "CI", "DI"})
+INPUTS, OUTPUTS = frozenset({"AI", "CI", "DI"}), frozenset({"AO", "DO"})
+FOLLOWERS = frozenset({"CI", "DI", "DO"})
+"""What begins with the sample clock that it follows."""
 _LONGEST_STEP = 20_000
 """Samples that are computed in one go, so that a fault on command is seen soon."""
 _SLIP, _DRIFT = 3, 20e-6
@@ -107,7 +109,7 @@ class Flow:
 
     def _start_input(self, task: Task) -> None:
         for other in self.tasks.values():
-            follows = other.kind in {"CI", "DI"} and self._leader(other) is task
+            follows = other.kind in FOLLOWERS and self._leader(other) is task
             if other.state == "armed" and (follows or routing.started_by(self.devices, other, task)):
                 other.state, other.started = "running", task.started
         task.run = None
@@ -133,7 +135,7 @@ class Flow:
     def _played(self, physical: str, first: int, count: int) -> Samples:
         """Return what an output plays at samples of the inputs' clock; it holds its last value before and after."""
         for task in self.tasks.values():
-            if task.kind != "AO" or task.state != "running":
+            if task.kind not in OUTPUTS or task.state != "running":
                 continue
             for row, channel in enumerate(task.channels):
                 if channel.physical == physical and task.mode is not None:
@@ -208,7 +210,7 @@ class Flow:
     def _forget_played(self, clock: Task) -> None:
         """Let go of output samples that have been played, but for the last one."""
         for task in self.tasks.values():
-            streaming = task.kind == "AO" and (task.mode == FINITE or not task.regenerates)
+            streaming = task.kind in OUTPUTS and (task.mode == FINITE or not task.regenerates)
             if streaming and task.state == "running" and self._clock(task) is clock:
                 over = min(clock.made, task.total) - 2 * _SLIP - 1 - task.first
                 if over > 200_000:

@@ -134,12 +134,18 @@ class Driver(service.NiDAQmxServicer):
 
     def WriteAnalogF64(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Write samples."""
+        return messages.WriteAnalogF64Response(samps_per_chan_written=self._write(request))
+
+    def WriteDigitalU32(self, request: Any, _: Context) -> Any:  # noqa: N802
+        """Write lines."""
+        return messages.WriteDigitalU32Response(samps_per_chan_written=self._write(request))
+
+    def _write(self, request: Any) -> int:
         task = self._bench.task(request.task.name)
-        values = np.array(request.write_array, dtype=np.float64)
+        values = np.array(request.write_array)
         shape = (len(task.channels), request.num_samps_per_chan)
         data = values.reshape(shape) if request.data_layout_raw == 0 else values.reshape(shape[::-1]).T
-        written = self._bench.write(task, data, auto_start=request.auto_start)
-        return messages.WriteAnalogF64Response(samps_per_chan_written=written)
+        return self._bench.write(task, data, auto_start=request.auto_start)
 
     def ConfigureTEDS(self, request: Any, _: Context) -> Any:  # noqa: N802
         """Look for a sensor with a data sheet."""

@@ -12,7 +12,6 @@ from typing import Any
 import nidaqmx
 from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqError
-from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from agent.data_sheets import DataSheet
 from agent.drivers.interface import Channel, Driver, Running
@@ -20,7 +19,7 @@ from agent.drivers.nidaqmx.deadline import channel
 from agent.drivers.nidaqmx.errors import WITHOUT_SHEET, translated
 from agent.drivers.nidaqmx.followers import MOST, Follower, groups
 from agent.drivers.nidaqmx.inputs import FOLLOWERS, IEPE, KINDS, add_input
-from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand
+from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand, write
 from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.drivers.nidaqmx.sharing import one_clock, synchronised
@@ -84,7 +83,8 @@ class Nidaqmx(Driver):
                 inputs = device.ai_physical_chans.channel_names
                 ranges = tuple(sorted({abs(limit) for limit in device.ai_voltage_rngs})) if inputs else ()
                 found += [Channel(name=name, direction="input", ranges=ranges) for name in inputs]
-                found += [Channel(name=name, direction="output") for name in device.ao_physical_chans.channel_names]
+                outputs = [*device.ao_physical_chans.channel_names, *device.do_lines.channel_names]
+                found += [Channel(name=name, direction="output") for name in outputs]
                 others = [*device.ci_physical_chans.channel_names, *device.di_lines.channel_names]
                 found += [Channel(name=name, direction="input") for name in others]
         return found
@@ -108,13 +108,13 @@ class Nidaqmx(Driver):
         with translated(), self._task(self._output) as task:
             device = self.device_of(output.channel)
             add_output(task, output, device)
-            if not device.ao_samp_clk_supported:
-                rest_by_hand(task, output, start)
+            if output.kind == "digital" or not device.ao_samp_clk_supported:
+                rest_by_hand(task, output, start, timeout=self._settings.deadline)
                 return
             task.timing.cfg_samp_clk_timing(_HOME_RATE, sample_mode=AcquisitionType.FINITE, samps_per_chan=4)
             way = way_home(output, start, float(task.timing.samp_clk_rate))
             task.timing.cfg_samp_clk_timing(_HOME_RATE, sample_mode=AcquisitionType.FINITE, samps_per_chan=way.size)
-            AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(way[None, :])
+            write(task, output, way, now=False, timeout=self._settings.deadline)
             task.start()
             task.wait_until_done(way.size / _HOME_RATE + self._settings.deadline)
             task.stop()

@@ -6,8 +6,10 @@ import time
 from typing import Any
 
 import numpy as np
-from nidaqmx.constants import TaskMode
+import numpy.typing as npt
+from nidaqmx.constants import LineGrouping, TaskMode
 from nidaqmx.errors import DaqError
+from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChannelWriter
 
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.errors import AttemptError
@@ -39,6 +41,9 @@ def span(device: Any, output: OutputSettings) -> tuple[float, float]:
 
 def add_output(task: Any, output: OutputSettings, device: Any) -> None:
     """Add an output within its limits and those of its device: many give no negative values."""
+    if output.kind == "digital":
+        task.do_channels.add_do_chan(output.channel, line_grouping=LineGrouping.CHAN_PER_LINE)
+        return
     low, high = span(device, output)
     limits = {"min_val": max(-output.amplitude, low), "max_val": min(output.amplitude, high)}
     if output.kind == "current":
@@ -47,8 +52,22 @@ def add_output(task: Any, output: OutputSettings, device: Any) -> None:
         task.ao_channels.add_ao_voltage_chan(output.channel, **limits)
 
 
-def follow(task: Any, inputs: Any, settings: NidaqmxSettings, rate: float, timing: dict[str, Any]) -> None:
+def write(task: Any, output: OutputSettings, values: npt.NDArray[np.float64], *, now: bool, timeout: float) -> None:
+    """Give an output its next values, shape (n,): into the buffer of a task, or at once where it has no clock."""
+    if output.kind == "digital":  # the value of a line is in the bit of its number
+        bits = values.astype(np.uint32) << np.uint32(int(output.channel.rpartition("line")[2]))
+        DigitalSingleChannelWriter(task.out_stream, auto_start=now).write_many_sample_port_uint32(bits, timeout=timeout)
+    else:
+        data = np.ascontiguousarray(values[None, :])
+        AnalogMultiChannelWriter(task.out_stream, auto_start=now).write_many_sample(data, timeout=timeout)
+
+
+def follow(
+    task: Any, inputs: Any, *, output: OutputSettings, settings: NidaqmxSettings, rate: float, timing: dict[str, Any]
+) -> None:
     """Let an output run sample for sample with the inputs.
+
+    Lines take the inputs' sample clock, and begin with its first edge; few devices have a start trigger for them.
 
     A converter of delta-sigma kind takes no sample clock of another one: it divides their timebase, from their sync pulse on.
 
@@ -60,12 +79,11 @@ def follow(task: Any, inputs: Any, settings: NidaqmxSettings, rate: float, timin
     # A chassis with several timing engines names its terminals when one of them is reserved.
     inputs.control(TaskMode.TASK_RESERVE)
     clock = settings.clock or inputs.timing.samp_clk_term
-    start = settings.trigger or inputs.triggers.start_trigger.term
     try:
         task.timing.cfg_samp_clk_timing(rate, source=clock, **timing)
         task.control(TaskMode.TASK_VERIFY)
     except DaqError as refused:
-        if settings.clock or int(refused.error_code) not in _NOT_SHARED:
+        if output.kind == "digital" or settings.clock or int(refused.error_code) not in _NOT_SHARED:
             raise
         try:
             timebase, pulse = inputs.timing.samp_clk_timebase_term, inputs.timing.sync_pulse_term
@@ -73,8 +91,10 @@ def follow(task: Any, inputs: Any, settings: NidaqmxSettings, rate: float, timin
             raise refused from None
         task.timing.cfg_samp_clk_timing(rate, **timing)
         task.timing.samp_clk_timebase_src, task.timing.sync_pulse_src = timebase, pulse
-    task.triggers.start_trigger.cfg_dig_edge_start_trig(start)
-    task.control(TaskMode.TASK_VERIFY)
+    if output.kind != "digital":
+        start = settings.trigger or inputs.triggers.start_trigger.term
+        task.triggers.start_trigger.cfg_dig_edge_start_trig(start)
+        task.control(TaskMode.TASK_VERIFY)
     got = float(task.timing.samp_clk_rate)
     if not np.isclose(got, rate, rtol=1e-9):
         raise AttemptError(
@@ -83,10 +103,10 @@ def follow(task: Any, inputs: Any, settings: NidaqmxSettings, rate: float, timin
         )
 
 
-def rest_by_hand(task: Any, output: OutputSettings, level: float) -> None:
+def rest_by_hand(task: Any, output: OutputSettings, level: float, *, timeout: float) -> None:
     """Bring an output without a clock to its safe value, one value after the other."""
     way = way_home(output, level, _BY_HAND) if level != output.safe else np.array([output.safe])
     for k, value in enumerate(way):
         if k:
             time.sleep(1.0 / _BY_HAND)
-        task.write(float(value), auto_start=True)
+        write(task, output, np.array([value]), now=True, timeout=timeout)

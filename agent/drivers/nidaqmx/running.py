@@ -11,12 +11,11 @@ import numpy as np
 from nidaqmx.constants import AcquisitionType, RegenerationMode, TaskMode
 from nidaqmx.errors import Error
 from nidaqmx.stream_readers import AnalogMultiChannelReader
-from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from agent.drivers.interface import Running, Samples
 from agent.drivers.nidaqmx.errors import translated
 from agent.drivers.nidaqmx.followers import Follower
-from agent.drivers.nidaqmx.outputs import add_output, follow
+from agent.drivers.nidaqmx.outputs import add_output, follow, write
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.drivers.nidaqmx.sharing import one_clock
 from agent.errors import AttemptError
@@ -59,7 +58,6 @@ class NidaqmxRunning(Running):
         self.rate = rate
         """samples/s, as the hardware has it."""
         self._drive: Drive | None = None
-        self._writer: Any = None
         self._output: Any = None
         self._written = self._read = 0
         self._reader: Any = None
@@ -100,14 +98,13 @@ class NidaqmxRunning(Running):
         task = self._output = self._follow(drive.output, timing)
         if not self._finite:
             task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
-        self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=False)
         self._write(ahead)
         task.start()
 
     def _follow(self, output: OutputSettings, timing: dict[str, Any]) -> Any:
         """Return a task of the output that runs with the inputs."""
         device = self._hardware.device_of(output.channel)
-        if not device.ao_samp_clk_supported:
+        if output.kind != "digital" and not device.ao_samp_clk_supported:
             raise AttemptError(
                 "unsupported_setting",
                 f"output {output.name} must have a sample clock to play a drive, {device.product_type} sets its values by "
@@ -115,7 +112,7 @@ class NidaqmxRunning(Running):
             )
         task = self._stack.enter_context(closing(self._hardware.output_task()))
         add_output(task, output, device)
-        follow(task, self._task, self._settings, self.rate, timing)
+        follow(task, self._task, output=output, settings=self._settings, rate=self.rate, timing=timing)
         return task
 
     def _write(self, count: int) -> None:
@@ -123,7 +120,7 @@ class NidaqmxRunning(Running):
         block = self._drive.block(self._written, count)
         if block.size < count:  # after its end the drive rests, until the inputs have all their samples
             block = np.concatenate([block, np.full(count - block.size, self._drive.output.safe)])
-        self._writer.write_many_sample(np.ascontiguousarray(block[None, :]), timeout=self._settings.deadline)
+        write(self._output, self._drive.output, block, now=False, timeout=self._settings.deadline)
         self._written += count
 
     def start(self) -> None:

@@ -113,6 +113,52 @@ def test_current_goes_out_and_comes_in() -> None:
             hardware.rest(wrong)
 
 
+@pytest.mark.parametrize("safe", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("devices", "given", "line"),
+    [
+        ({"cDAQ1Mod1": "NI 9215", "cDAQ1Mod2": "NI 9401"}, "cDAQ1Mod1/ai0", "cDAQ1Mod2/port0/line3"),
+        ({"Dev1": "PCIe-6321"}, "Dev1/ai0", "Dev1/port0/line7"),
+    ],
+)
+def test_a_line_goes_out_sample_for_sample_and_is_at_its_safe_value_afterwards(devices, given, line, safe) -> None:
+    with rig(devices, **{given.replace("/", "_"): Sensor(loopback=line)}) as (bench, hardware):
+        output = OutputSettings(name="shut", channel=line, kind="digital", amplitude=1.0, safe=safe)
+        hardware.rest(output)
+        assert bench.levels[line] == safe
+        entry = InputSettings(name="in", channel=given, range=5.0)
+        hardware.admit([entry], output)
+        assert hardware.synchronisation([entry], output).following == ("shut",)
+        with hardware.run([entry], 2000.0, seconds=0.2) as running:
+            length = round(0.2 * running.rate)
+            square = lambda t: (t * 40.0 % 1.0 < 0.3).astype(float)  # noqa: E731
+            drive = Drive(signal=square, output=output, rate=running.rate, wait=10, length=length - 10, repeats=1)
+            drive.check()
+            running.prepare(length, drive)
+            running.start()
+            blocks = []
+            while (block := running.read()).shape[1]:
+                blocks.append(block)
+            assert running.halt() == safe
+        played = drive.block(0, length)
+        assert set(played) == {0.0, 1.0}
+        assert np.array_equal(np.round(np.concatenate(blocks, axis=1)[0], 2), played)
+        bench.levels[line] = 1.0 - safe
+        hardware.rest(output)
+        assert bench.levels[line] == safe
+        assert not bench.tasks
+
+
+def test_a_line_that_software_sets_plays_no_drive() -> None:
+    with rig({"Dev1": "USB-6008"}) as (bench, hardware):
+        output = OutputSettings(name="shut", channel="Dev1/port0/line0", kind="digital", amplitude=1.0)
+        hardware.rest(output)
+        assert bench.levels["Dev1/port0/line0"] == 0.0
+        with pytest.raises(AttemptError, match="On Demand") as refused:
+            measured(hardware, [InputSettings(name="in", channel="Dev1/ai0", wiring="rse")], output)
+        assert refused.value.code == "unsupported_setting"
+
+
 def test_encoder_and_line_are_sampled_with_the_analog_inputs() -> None:
     devices = {"Dev1": "PCIe-6363"}
     sensors = {
