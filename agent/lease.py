@@ -14,8 +14,8 @@ from agent.errors import AttemptError
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
 
 _log = logging.getLogger(__name__)
-_PREVIEW = 1.0
-"""s between two previews."""
+_PREVIEW, _LIVE = 1.0, 0.25
+"""s between two previews, of a recording and of what is shown only."""
 _MARGIN = 0.2
 """Share of a lease that is left when the rig must begin to come to rest."""
 _STEP = sum(time.get_clock_info(name).resolution for name in ("time", "monotonic"))
@@ -35,6 +35,7 @@ class Lease:
     def __init__(self, service: Service, agent: str, claim: Mapping[str, Any]) -> None:
         self._service, self._agent, self._claim = service, agent, claim
         self._seconds = float(claim["lease_seconds"])
+        self._pause = _PREVIEW if claim["request"].get("record", True) else _LIVE
         self._until = time.monotonic() + self._seconds
         self._lost: str | None = None
         self._told: dict[str, Any] = {"status": "claimed"}
@@ -96,7 +97,7 @@ class Lease:
     def _keep(self) -> None:
         beaten = time.monotonic()
         while not self._over.is_set():
-            self._news.wait(min(_PREVIEW, self._seconds / 3))
+            self._news.wait(min(self._pause, self._seconds / 3))
             urgent = self._news.is_set()
             self._news.clear()
             due = time.monotonic() - beaten > self._seconds / 3

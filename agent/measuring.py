@@ -21,6 +21,7 @@ from agent.lease import Lease
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import USUAL_BYTES, Recorder, Run, Spool
+from agent.sweeping import preview, sweeps
 from agent.triggering import Trigger, Waiting
 from agent.watching import Watch
 
@@ -28,8 +29,15 @@ Samples = npt.NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
 _MOST_SEGMENTS = 10_000
-_STRETCHES = 20
-"""Of one preview."""
+_STRETCHES, _OF_SWEEP = 20, 200
+"""Of one preview, and of one sweep."""
+_LONGEST_LIVE = 600.0
+"""s for which sweeps are shown: other measurements of the rig wait for their end."""
+_OFF = 1e-4
+"""Share by which the sample clock of hardware may be off: NI states 50 ppm for most, crystals of controllers have 100."""
+UNDERSTOOD = ("trigger", "record")
+"""What this agent knows beyond the first measurements; it tells the service."""
+_FIRST = frozenset({"channels", "sample_rate", "duration", "pre_trigger", "averages", "drive", "confirm"})
 
 
 @dataclass(slots=True, kw_only=True)
@@ -53,6 +61,7 @@ class Plan:
     signal: Mapping[str, Any] | None
     trigger: Trigger | None
     confirm: bool
+    record: bool
 
     @property
     def seconds(self) -> float:
@@ -62,6 +71,8 @@ class Plan:
     @property
     def longest(self) -> float:
         """Longest time, s, that the inputs run."""
+        if not self.record:
+            return _LONGEST_LIVE
         return self.seconds + (self.trigger.timeout if self.trigger else 0.0)
 
 
@@ -74,6 +85,11 @@ def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
         `unknown_channel`, `unsupported_setting`.
     """
     request = claim["request"]
+    for name, value in request.items():
+        if value is not None and name not in _FIRST and name not in UNDERSTOOD:
+            raise AttemptError(
+                "unsupported_setting", f"{name} must be known to this agent, it is not: update the agent"
+            )
     inputs = {entry.name: entry for entry in settings.inputs}
     outputs = {entry.name: entry for entry in settings.outputs}
     drive = request["drive"]
@@ -95,6 +111,7 @@ def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
         signal=drive["signal"] if drive else None,
         trigger=Trigger.of(trigger, measured) if trigger else None,
         confirm=bool(request["confirm"]) or (drive is not None and settings.rig.confirm),
+        record=bool(request.get("record", True)),
     )
 
 
@@ -163,8 +180,8 @@ class Measurement:
             outcome.error = AttemptError(outcome.error.code if outcome.error else error.code, before + detail)
 
     def _measure(self, run: Run, plan: Plan) -> None:
-        size = int(plan.seconds * plan.sample_rate * 1.1) * len(plan.inputs) * 8
-        self._spool.admit(size)
+        if plan.record:
+            self._spool.admit(int(plan.seconds * plan.sample_rate * 1.1) * len(plan.inputs) * 8)
         self._facts["devices"] = self._hardware.check(self._settings.devices)
         self._hardware.admit(plan.inputs, plan.output)
         self._facts["synchronisation"] = self._hardware.synchronisation(plan.inputs, plan.output).document()
@@ -174,6 +191,10 @@ class Measurement:
             rate = running.rate
             wait, length = round(plan.pre_trigger * rate), max(round(plan.duration * rate), 1)
             samples = wait + length * plan.averages
+            watch = Watch(plan.inputs, rate=rate, ranges=ranges)
+            if not plan.record:
+                self._show_sweeps(plan, running, watch, samples=samples, before=wait)
+                return
             drive = self._drive(plan, rate=rate, wait=wait, length=length)
             waiting = Waiting(plan.trigger, plan.inputs, rate=rate, before=wait) if plan.trigger else None
             running.prepare(samples + (waiting.most - wait if waiting else 0), drive)
@@ -186,7 +207,6 @@ class Measurement:
             self._ask(plan)
             self._lease.check()
             recorder = Recorder(run, channels=len(plan.inputs), samples=self._segment(plan, rate))
-            watch = Watch(plan.inputs, rate=rate, ranges=ranges)
             try:
                 self._run(run, plan, running, recorder, watch, waiting=waiting, samples=samples)
             finally:
@@ -195,6 +215,34 @@ class Measurement:
                 finally:
                     recorded = {"samples": recorder.samples, "complete": recorder.samples == samples}
                     self._facts |= watch.facts() | recorded
+
+    def _show_sweeps(self, plan: Plan, running: Running, watch: Watch, *, samples: int, before: int) -> None:
+        """Show sweep after sweep and keep nothing, until it is cancelled or has lasted for long enough."""
+        rate = running.rate
+        self._facts |= {"requested_rate": plan.sample_rate, "actual_rate": rate, "sweeps": 0}
+        width = max(-(-samples // _OF_SWEEP), 1)
+        running.prepare(round(_LONGEST_LIVE * rate), None)
+        self._lease.check()
+        self._start(running)
+
+        def watched() -> Iterator[Samples]:
+            for block in self._blocks(running):
+                watch.take(block)
+                message = "; ".join(filter(None, ["live, nothing is recorded", watch.told()]))
+                self._lease.tell(status="running", message=message)
+                yield block
+
+        def waiting() -> Waiting | None:
+            return Waiting(plan.trigger, plan.inputs, rate=rate, before=before) if plan.trigger else None
+
+        try:
+            for number, sweep in sweeps(watched(), samples=samples, waiting=waiting):
+                self._facts["sweeps"] = number
+                start = -before / rate
+                self._show(preview(plan.inputs, sweep, start=start, rate=rate, width=width, sweep=number))
+        finally:
+            running.halt()
+            self._facts |= watch.facts()
 
     def _segment(self, plan: Plan, rate: float) -> int:
         """Return the samples of a segment: small, because several copies of one are in memory; few enough for a manifest."""
@@ -238,7 +286,7 @@ class Measurement:
         began = self._start(running)
         there: Iterable[Samples] = ()
         try:
-            blocks = self._blocks(plan, running)
+            blocks = self._shown(plan.inputs, self._blocks(running), rate=running.rate)
             if waiting is None:
                 self._begin(run, plan, running.rate, began)
             else:
@@ -271,17 +319,29 @@ class Measurement:
         }
         run.write("begin", document)
 
-    def _blocks(self, plan: Plan, running: Running) -> Iterator[Samples]:
-        """Read as long as somebody wants samples and the rig may run."""
-        got = 0
+    def _blocks(self, running: Running) -> Iterator[Samples]:
+        """Read as long as somebody wants samples, there are any, and the rig may run."""
         while True:
             if self._stop.is_set():
                 raise AttemptError("stopped", "the agent was stopped")
             self._lease.check()
             block = running.read()
-            self._show(plan.inputs, block, start=got, rate=running.rate)
+            if not block.shape[1]:
+                return
+            yield block
+
+    def _shown(self, inputs: Sequence[InputSettings], blocks: Iterator[Samples], *, rate: float) -> Iterator[Samples]:
+        """Show each block on its way."""
+        got = 0
+        for block in blocks:
+            width = max(block.shape[1] // _STRETCHES, 1)
+            self._show(preview(inputs, block, start=got / rate, rate=rate, width=width))
             got += block.shape[1]
             yield block
+
+    def _show(self, told: dict[str, Any] | None) -> None:
+        if told is not None:
+            self._lease.show(told)
 
     def _await(self, waiting: Waiting, blocks: Iterator[Samples], *, rate: float, began: datetime) -> Iterator[Samples]:
         """Wait for the trigger, and return what is there of the recording."""
@@ -293,6 +353,8 @@ class Measurement:
             "time": (began + timedelta(seconds=waiting.at / rate)).isoformat(),
             "waited": waiting.at / rate,
         }
+        known = self._facts["start_time_uncertainty"]
+        self._facts["start_time_uncertainty"] = None if known is None else known + _OFF * waiting.at / rate
         return waiting.recorded()
 
     def _record(self, recorder: Recorder, watch: Watch, blocks: Iterator[Samples], samples: int) -> None:
@@ -305,19 +367,6 @@ class Measurement:
             got += block.shape[1]
             message = "; ".join(filter(None, ["recording", watch.told()]))
             self._lease.tell(status="running", progress=got / samples, message=message)
-
-    def _show(self, inputs: Sequence[InputSettings], block: Samples, *, start: int, rate: float) -> None:
-        width = max(block.shape[1] // _STRETCHES, 1)
-        count = block.shape[1] // width
-        if not count:
-            return
-        stretches = block[:, : count * width].reshape(len(inputs), count, width)
-        low, high = stretches.min(axis=2), stretches.max(axis=2)
-        channels = {}
-        for entry, a, b in zip(inputs, low, high, strict=True):
-            ends = np.sort(np.stack([a, b]) / entry.sensitivity + entry.offset, axis=0)
-            channels[entry.name] = ends.T.tolist()
-        self._lease.show({"start": start / rate, "step": width / rate, "channels": channels})
 
 
 def described(entry: InputSettings) -> dict[str, Any]:

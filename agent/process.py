@@ -18,7 +18,7 @@ from agent.checking import Finding, failed, tried
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
 from agent.lease import Lease
-from agent.measuring import Measurement
+from agent.measuring import UNDERSTOOD, Measurement
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
 from agent.settings import Settings
 from agent.spool import Spool
@@ -174,6 +174,7 @@ class Agent:
                 "inputs": [_told(entry, leave=("excitation",)) for entry in settings.inputs],
                 "outputs": [_told(entry) for entry in settings.outputs],
                 "daq": self._hardware.description,
+                "understands": list(UNDERSTOOD),
                 **self._found,
             },
         }

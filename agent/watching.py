@@ -3,6 +3,7 @@
 overload   |x| >= 0.9995 range
 drop-out   the same value to the last bit for 0.2 s and 200 samples, in a channel that has noise otherwise (its slope changes
            sign 200 times, its smallest step is at most range / 2^14): one of few digits may rest
+still      the same value from the first sample to the last: told as information, because nobody knows what it is
 
 Only analog kinds with a range are judged: an encoder, a digital line or a thermocouple may stand still. The work for a block
 is a few passes over it, whatever it holds.
@@ -137,7 +138,7 @@ class Watch:
                 warnings.append(
                     {"channel": entry.name, "level": "warning", "detail": f"{told}; {self._remedy(word, i)}"}
                 )
-            advice = "" if counted else self._advice(i)
+            advice = "" if counted else self._told_still(i) or self._advice(i)
             if advice:
                 warnings.append({"channel": entry.name, "level": "information", "detail": advice})
         return {"channels": channels, "warnings": warnings}
@@ -166,6 +167,14 @@ class Watch:
             return "set a larger range, or lower the signal"
         larger = next((limit for limit in self._ranges[i] if limit > entry.range * (1 + 1e-9)), None)
         return f"set range = {larger:g}" if larger else "the hardware has no larger one: lower the signal"
+
+    def _told_still(self, i: int) -> str:
+        """Say so where a channel had one value only: a cable that is off from the beginning looks so."""
+        if not self._judged[i, 0] or self._run[i] < max(self._start, self._still):
+            return ""
+        entry = self._inputs[i]
+        value = f"{float(self._last[i, 0]):.6g} {_UNITS.get(entry.kind, 'V')}"
+        return f"{entry.name} was {value} from the beginning to the end; so are a sensor or a cable that are off"
 
     def _advice(self, i: int) -> str:
         """Say which range would be finer, where the hardware has one that holds what was measured with a fifth to spare."""

@@ -73,6 +73,7 @@ class Acquisitions:
         trigger: Mapping[str, Any] | None = None,
         averages: int | None = None,
         confirm: bool | None = None,
+        record: bool | None = None,
         then: Sequence[Mapping[str, Any]] | None = None,
     ) -> Acquisition:
         """Ask for a measurement; the rig's agent makes it as soon as it can.
@@ -86,6 +87,9 @@ class Acquisitions:
         trigger : mapping, optional
             What the recording waits for: `{"channel": "position", "edge": "rising", "level": 2}`, in the unit of the channel,
             or `{"channel": "position", "window": [1, 3], "when": "leaves"}`. It begins `pre_trigger` before.
+        record : bool, optional
+            False: nothing is kept. Sweeps of `pre_trigger` and `duration` are shown in the events of the job until it is
+            cancelled, for 10 minutes at most.
         then : sequence of mappings, optional
             Steps that follow: `{"kind": "identification", "body": {...}}`, without `dataset`.
         """
@@ -101,6 +105,7 @@ class Acquisitions:
             "trigger": trigger,
             "averages": averages,
             "confirm": confirm,
+            "record": record,
             "then": None if then is None else [dict(step) for step in then],
         }
         document = {key: value for key, value in given.items() if value is not None}

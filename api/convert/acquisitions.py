@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,14 @@ from engine.signals import Signal
 AGENT_SIGNALS = frozenset({"step", "sine", "chirp", "multisine", "trapezoid", "sampled"})
 """Signals of the engine that an agent computes from their numbers, at the rate that the hardware really has."""
 
+UNITS: Mapping[str, str] = {"voltage": "V", "current": "A", "digital": ""}
+"""Kind of an output -> what it gives is told in."""
 MOST_SAMPLES = 10**10
 """Of one measurement, all channels together: 80 GB."""
+MOST_OF_SWEEP = 2_000_000
+"""Samples of a sweep that is not recorded, of all channels together: the agent has them in memory, 16 MB."""
+_ADDED: Mapping[str, Any] = {"trigger": None, "record": True}
+"""What a request has had since later versions of the agent, and what it is where nothing is asked for."""
 _MOST_POINTS = 100_000
 
 
@@ -39,6 +46,8 @@ def agent_request(body: AcquisitionBody, *, read_channel: ReadChannel) -> dict[s
         raise invalid(f"duration must hold at least 2 samples, got {samples:g}", "duration")
     if samples * len(body.channels) > MOST_SAMPLES:
         raise invalid(f"samples of all channels must be at most {MOST_SAMPLES:g}, got {samples:g} each", "duration")
+    if not body.record:
+        _check_unrecorded(body, samples)
     drive = None
     if body.drive is not None:
         drive = {"output": body.drive.output, "signal": _signal(body, duration, read_channel)}
@@ -50,7 +59,32 @@ def agent_request(body: AcquisitionBody, *, read_channel: ReadChannel) -> dict[s
         "averages": body.averages,
         "drive": drive,
         "confirm": body.confirm,
+        "record": body.record,
     }
+
+
+def _check_unrecorded(body: AcquisitionBody, samples: float) -> None:
+    """Refuse what only a recording can have."""
+    for name, value, usual in (
+        ("drive", body.drive, None),
+        ("averages", body.averages, 1),
+        ("then", body.then, []),
+        ("confirm", body.confirm, False),
+    ):
+        if value != usual:
+            raise invalid(f"{name} must be left out where nothing is recorded: set record", name)
+    if samples * len(body.channels) > MOST_OF_SWEEP:
+        raise invalid(
+            f"pre_trigger and duration must hold at most {MOST_OF_SWEEP:g} samples of all channels where nothing is "
+            f"recorded, got {samples * len(body.channels):g}",
+            "duration",
+        )
+
+
+def unknown_to_agent(request: Mapping[str, Any], rig: Mapping[str, Any]) -> list[str]:
+    """Name what of a request the agent of a rig does not know: it would pass over it without a word."""
+    needed = [name for name, usual in _ADDED.items() if request.get(name, usual) != usual]
+    return [name for name in needed if name not in rig.get("understands", ())]
 
 
 def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -> dict[str, Any]:
@@ -142,8 +176,9 @@ def check_against_rig(body: AcquisitionBody, request: dict[str, Any], rig: dict[
         )
     peak = _peak(request["drive"]["signal"])
     if peak is not None and peak > output["amplitude"] * (1 + 1e-9):
+        limit = f"{output['amplitude']:g} {UNITS[output.get('kind', 'voltage')]}".strip()
         raise invalid(
-            f"drive must stay within {output['amplitude']:g} V, the limit of {output['name']}, got {peak:g}",
+            f"drive must stay within {limit}, the limit of {output['name']}, got {peak:g}",
             "drive",
             "signal",
         )

@@ -66,13 +66,13 @@ class RigOutputDocument(Document):
 
     name: Name
     channel: Label
-    kind: Literal["voltage", "current"] = "voltage"
-    amplitude: float = Field(gt=0.0, description="largest magnitude, V, of a current A")
+    kind: Literal["voltage", "current", "digital"] = "voltage"
+    amplitude: float = Field(gt=0.0, description="largest magnitude, V, of a current A, of a digital output 1")
     slew: float | None = Field(default=None, gt=0.0, description="largest rate of change, V/s or A/s")
     duration: float | None = Field(default=None, gt=0.0, description="longest drive, s")
     soft_start: float = Field(default=0.0, ge=0.0, description="s")
     soft_stop: float = Field(default=0.0, ge=0.0, description="s")
-    safe: float = Field(default=0.0, description="V or A, when nothing is driven")
+    safe: float = Field(default=0.0, description="V or A, of a digital output 0 or 1, when nothing is driven")
 
 
 class RigDeviceDocument(Document):
@@ -102,6 +102,12 @@ class RigDocument(Document):
     daq: str = Field(default="", max_length=200, description="how the hardware is reached")
     findings: list[RigFindingDocument] = Field(default_factory=list, max_length=1000)
     checked_at: AwareDatetime | None = Field(default=None, strict=False, description="when the findings were made")
+    understands: list[Label] = Field(
+        default_factory=list,
+        max_length=100,
+        description="what of a measurement the agent knows beyond the first ones: what it does not name here is not asked of it",
+        examples=[["trigger", "record"]],
+    )
 
 
 class AgentRequest(Document):
@@ -165,7 +171,7 @@ DriveSignal = Annotated[
 
 
 class DriveDocument(Document):
-    """What an output of the rig plays, in V, or in A where its kind is current."""
+    """What an output of the rig plays, in V, or in A where its kind is current; a digital one is 1 where the signal is above 0.5."""
 
     output: Name
     signal: DriveSignal
@@ -236,11 +242,16 @@ class AcquisitionBody(Document):
     trigger: TriggerDocument | None = None
     averages: int = Field(default=1, ge=1, le=1000, description="repetitions, back to back on one clock")
     confirm: bool = Field(default=False, description="a person at the rig has to agree first")
+    record: bool = Field(
+        default=True,
+        description="false: nothing is kept. Sweeps of pre_trigger and duration are shown one after the other, each from its "
+        "trigger on where there is one, until it is cancelled or 10 minutes are over",
+    )
     then: list[FollowUpDocument] = Field(default_factory=list, max_length=20)
 
 
 class AcquisitionRequest(Document):
-    """A measurement, or a template with what is different this time."""
+    """A measurement, or a template with what is different this time; null takes a drive or a trigger of the template away."""
 
     template: Identifier | None = None
     name: Label | None = None
@@ -253,6 +264,7 @@ class AcquisitionRequest(Document):
     trigger: TriggerDocument | None = None
     averages: int | None = Field(default=None, ge=1, le=1000)
     confirm: bool | None = None
+    record: bool | None = None
     then: list[FollowUpDocument] | None = Field(default=None, max_length=20)
 
 
@@ -340,7 +352,8 @@ class ClaimReply(Reply):
 class PreviewDocument(Document):
     """Smallest and largest values of stretches of the channels, in their units."""
 
-    start: float = Field(description="s since the inputs have begun")
+    start: float = Field(description="s since the inputs have begun; of a sweep, since its trigger, or since it began")
+    sweep: int | None = Field(default=None, ge=1, description="number of a sweep, which this is all of up to now")
     step: float = Field(gt=0.0, description="s of one stretch")
     channels: dict[
         Name, Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(max_length=200)]

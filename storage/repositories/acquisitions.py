@@ -15,14 +15,14 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import select, update
+from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
 from storage.audit import record
 from storage.clock import jumps, shared_now
 from storage.errors import LeaseLostError, NotFoundError, StateError
 from storage.ids import new_id
-from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, FollowUp, Job, JobStatus, Rig
+from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, FollowUp, Job, JobEvent, JobStatus, Rig
 from storage.models.acquisition import ON_THE_RIG
 from storage.models.base import Document
 from storage.pagination import Page, paginate
@@ -166,8 +166,9 @@ class AcquisitionRepository:
         progress: float | None,
         message: str | None,
         preview: Document | None,
+        keep: bool,
     ) -> None:
-        """Prolong the lease of an attempt and write down how far it is.
+        """Prolong the lease of an attempt and write down how far it is; previews before the last one are forgotten unless ``keep``.
 
         Raises
         ------
@@ -187,6 +188,9 @@ class AcquisitionRepository:
         if progress is not None or message is not None:
             jobs.report(self._session, row.job_id, attempt=1, progress=progress, message=message)
         if preview is not None:
+            if not keep:
+                shown = (JobEvent.job_id == row.job_id, JobEvent.type == "preview")
+                self._session.execute(delete(JobEvent).where(*shown))
             jobs.append_event(self._session, row.job_id, "preview", preview)
 
     def set_dataset(self, row: AcquisitionAttempt, dataset_id: str) -> None:

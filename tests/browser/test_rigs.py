@@ -230,3 +230,21 @@ def test_an_agent_that_is_lost_and_comes_back_is_shown(page: Page, service, clie
     assert client.post("/v1/agents", json=registered).json()["id"] == agent
     page.go_back()
     expect(page.get_by_text("ready", exact=True)).to_be_visible(timeout=60_000)
+
+
+def test_sweeps_are_shown_live_and_lead_back_to_the_form(page: Page, rig, client) -> None:
+    page.goto(f"/rigs/{rig}/measure?channels=%5B%22loopback%22%5D&duration=0.3&output=valve&averages=2")
+    page.get_by_role("button", name="Show live, record nothing").click()
+    page.wait_for_url("**/acquisitions/acq_*")
+    expect(page.get_by_role("img", name="loopback over time")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("nothing is recorded")).to_be_visible()
+    page.wait_for_function(
+        "Number(document.querySelector('[data-testid=live]')?.dataset.samples) > 100", timeout=60_000
+    )
+    assert faults(page) == []
+    page.get_by_role("button", name="Stop").click()
+    expect(page.get_by_role("button", name="Stop")).to_be_hidden()
+    page.get_by_role("link", name="Record, or change").click()
+    expect(page.get_by_role("textbox", name="Name")).to_have_value("Live")
+    expect(page.get_by_role("textbox", name="Duration")).to_have_value("0.3 s")
+    expect(page.get_by_role("checkbox", name="position")).not_to_be_checked()

@@ -24,6 +24,8 @@ from agent.settings import InputSettings, OutputSettings
 
 _AHEAD = 4.0
 """s of a longer drive that are written ahead of what is played."""
+_BEHIND, _MOST_BEHIND = 20.0, 16_000_000
+"""s, and samples of all channels, that a driver keeps while a disk or another program holds this one up; at least ``_AHEAD`` s."""
 
 
 class Hardware(Protocol):
@@ -67,7 +69,8 @@ class NidaqmxRunning(Running):
         """Set the length of the run, and arm its drive: it begins with the inputs."""
         self._samples, self._drive = samples, drive
         with self._judged(drive.output if drive is not None else None):
-            buffer = samples if self._finite else int(self.rate * _AHEAD) + 10_000
+            behind = max(min(_BEHIND * self.rate, _MOST_BEHIND / len(self._inputs)), _AHEAD * self.rate + 10_000)
+            buffer = samples if self._finite else int(behind)
             timing = {"sample_mode": mode(finite=self._finite), "samps_per_chan": buffer}
             self._task.timing.cfg_samp_clk_timing(self._asked, **timing)
             self._task.control(TaskMode.TASK_RESERVE)

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from api.convert.acquisitions import agent_request, check_against_rig
+from api.convert.acquisitions import agent_request, check_against_rig, unknown_to_agent
 from api.convert.triggers import agent_trigger
 from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
@@ -27,6 +27,8 @@ from storage.repositories import (
 )
 from storage.repositories.acquisitions import end_leases
 
+_MAY_BE_NONE = frozenset({"drive", "trigger"})
+"""Of a template, what null takes away."""
 _SOON = timedelta(days=30)
 """Before a calibration is due, measurements say so."""
 
@@ -63,13 +65,15 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
     told = agent_request(body, read_channel=channel_reader(service, caller))
     check_against_rig(body, told, rig.document)
     told["trigger"] = agent_trigger(body, told, rig.document)
+    for name in unknown_to_agent(told, rig.document):
+        raise invalid(f"{name} must be known to the agent of {rig.name}, it is not: update the agent", name)
     _check_chain(body)
     return Prepared(body=body, document=document, request=told, rig=rig)
 
 
 def _complete(session: Session, caller: Caller, request: AcquisitionRequest) -> dict[str, Any]:
     given = request.model_dump(by_alias=True, exclude_unset=True, exclude={"template"}, mode="json")
-    given = {key: value for key, value in given.items() if value is not None}
+    given = {key: value for key, value in given.items() if value is not None or key in _MAY_BE_NONE}
     if request.template is None:
         return given
     try:

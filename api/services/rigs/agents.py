@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from api.convert.acquisitions import UNITS
 from api.convert.values import check_unit
 from api.problems.documents import invalid
 from api.problems.pointers import Place
@@ -19,7 +20,7 @@ from storage.repositories import AgentRepository
 
 LEASE = timedelta(seconds=30)
 """How long a rig may move without a word from its agent."""
-_UNITS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s", "thermocouple": "K"}
+_SENSORS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s", "thermocouple": "K"}
 """Kind of an input -> the SI unit of what its sensor measures; a voltage, a current or a bridge may stand for anything."""
 
 
@@ -49,17 +50,17 @@ def _check(request: AgentRequest) -> None:
         if entry.sensitivity == 0.0:
             raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
     for i, output in enumerate(rig.outputs):
-        unit = "A" if output.kind == "current" else "V"
         if abs(output.safe) > output.amplitude:
+            limit = f"{output.amplitude:g} {UNITS[output.kind]}".strip()
             raise invalid(
-                f"safe of {output.name} must be within its amplitude of {output.amplitude:g} {unit}, got {output.safe:g}",
+                f"safe of {output.name} must be within its amplitude of {limit}, got {output.safe:g}",
                 *("document", "outputs", i, "safe"),
             )
 
 
 def _check_kind(entry: RigInputDocument, *, place: Place) -> None:
     """Refuse a sensor in a unit of something else; volts are what is left of one that nobody has calibrated."""
-    expected = _UNITS.get(entry.kind)
+    expected = _SENSORS.get(entry.kind)
     if expected is None or entry.unit == "V":
         return
     try:

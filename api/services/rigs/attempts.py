@@ -6,8 +6,9 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from api.convert.acquisitions import unknown_to_agent
 from api.problems.documents import Problem
-from api.schemas.acquisitions import AttemptDatasetRequest, FinishRequest, HeartbeatRequest
+from api.schemas.acquisitions import AttemptDatasetRequest, AttemptFault, FinishRequest, HeartbeatRequest
 from api.schemas.datasets import DatasetRequest
 from api.services.operation.app_context import Caller
 from api.services.recordings import datasets
@@ -30,13 +31,19 @@ def claim(session: Session, caller: Caller, agent_id: str) -> dict[str, Any] | N
     if row is None:
         return None
     acquisition = repository.get(row.acquisition_id)
+    told = acquisition.document["told"]
+    unknown = unknown_to_agent(told, rig.document)
+    if unknown:  # it was asked for when the rig had a newer agent
+        detail = f"{', '.join(unknown)} must be known to the agent of {rig.name}, this one is older: update it"
+        repository.finish(row, facts={}, error=_problem(AttemptFault(code="agent_too_old", detail=detail)))
+        return None
     return {
         "acquisition": row.acquisition_id,
         "attempt": row.number,
         "job": row.job_id,
         "name": acquisition.name,
         **_lease(),
-        "request": acquisition.document["told"],
+        "request": told,
     }
 
 
@@ -53,7 +60,8 @@ def heartbeat(
         status=AcquisitionStatus(request.status),
         progress=request.progress,
         message=request.message,
-        preview=None if request.preview is None else request.preview.model_dump(mode="json"),
+        preview=None if request.preview is None else request.preview.model_dump(mode="json", exclude_none=True),
+        keep=_recorded(repository, identifier),
     )
     return _lease()
 
@@ -102,21 +110,25 @@ def finish(session: Session, caller: Caller, identifier: str, number: int, reque
             raise Problem(409, "conflict", f"dataset {dataset.id!r} must be ready first, it is {dataset.status}")
         dataset.origin = {**(dataset.origin or {}), "facts": request.facts}
         session.flush()
-    elif request.error is None:
+    elif request.error is None and _recorded(repository, identifier):
         raise Problem(
             409, "conflict", f"attempt {number} of {identifier!r} must have a dataset to be done, it has none"
         )
-    row = repository.finish(row, facts=request.facts, error=_problem(request))
+    error = None if request.error is None else _problem(request.error)
+    row = repository.finish(row, facts=request.facts, error=error)
     return {"status": str(row.status), "dataset": row.dataset_id, "late": row.late}
 
 
-def _problem(request: FinishRequest) -> dict[str, Any] | None:
-    if request.error is None:
-        return None
+def _recorded(repository: AcquisitionRepository, identifier: str) -> bool:
+    """Say whether the samples of a measurement are kept; older ones are."""
+    return bool(repository.get(identifier).document["told"].get("record", True))
+
+
+def _problem(fault: AttemptFault) -> dict[str, Any]:
     return {
-        "type": f"urn:servotune:problem:{request.error.code}",
-        "title": request.error.code.replace("_", " ").capitalize(),
-        "detail": request.error.detail,
+        "type": f"urn:servotune:problem:{fault.code}",
+        "title": fault.code.replace("_", " ").capitalize(),
+        "detail": fault.detail,
     }
 
 

@@ -25,6 +25,7 @@ RIG: dict[str, Any] = {
         },
     ],
     "outputs": [{"name": "valve", "channel": "cDAQ1Mod2/ao0", "amplitude": 5, "slew": 1000, "duration": 60}],
+    "understands": ["trigger", "record"],
 }
 AGENT = {"rig": "bench-1", "instance": "0123456789abcdef", "name": "lab PC 1", "version": "0.1.0", "document": RIG}
 MEASUREMENT: dict[str, Any] = {

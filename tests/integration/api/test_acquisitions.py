@@ -348,3 +348,59 @@ def test_a_template_is_asked_for_with_what_differs(client, agent, request) -> No
     assert wrong.status_code == 422
     assert client.delete(where, headers={"If-Match": "*"}).status_code == 204
     assert client.get(where).status_code == 404
+
+
+TRIGGER = {"channel": "position", "edge": "rising", "level": 2}
+
+
+def test_an_older_agent_is_not_asked_for_what_it_would_pass_over(client, request) -> None:
+    """It says of itself what it understands; one that took the rig over in between fails what was asked of the newer one."""
+    rig = request.node.name
+    older = {key: value for key, value in RIG.items() if key != "understands"}
+    old = _register(client, rig=rig, document=older)
+    body = MEASUREMENT | {"rig": rig, "drive": None}
+    for more, named in (({"trigger": TRIGGER}, "trigger"), ({"record": False}, "record")):
+        refused = client.post("/v1/acquisitions", json=body | more)
+        assert refused.status_code == 422
+        assert refused.json()["errors"][0]["pointer"] == f"/{named}"
+        assert f"{named} must be known to the agent of {rig}, it is not: update the agent" in refused.json()["detail"]
+    _register(client, rig=rig)
+    asked = _ask(client, rig, drive=None, trigger=TRIGGER)
+    _register(client, rig=rig, document=older)
+    assert client.post(f"/v1/agents/{old}/claim").status_code == 204
+    failed = client.get(f"/v1/acquisitions/{asked['id']}").json()
+    assert failed["status"] == "failed"
+    assert failed["attempts"][0]["error"]["type"] == "urn:servotune:problem:agent_too_old"
+    assert "trigger must be known to the agent" in failed["attempts"][0]["error"]["detail"]
+    _ask(client, rig)
+    assert _claim(client, old)["request"]["trigger"] is None  # what it knows goes on
+
+
+def test_null_takes_a_trigger_or_a_drive_of_a_template_away(client, request) -> None:
+    rig = request.node.name
+    _register(client, rig=rig)
+    waiting = {key: value for key, value in MEASUREMENT.items() if key != "drive"} | {"rig": rig, "trigger": TRIGGER}
+    for kept, taken in ((waiting, "trigger"), (MEASUREMENT | {"rig": rig}, "drive")):
+        template = client.post("/v1/acquisition-templates", json=kept)
+        assert template.status_code == 201, template.text
+        asked = client.post("/v1/acquisitions", json={"template": template.json()["id"], taken: None})
+        assert asked.status_code == 202, asked.text
+        assert asked.json()["document"].get(taken) is None
+        same = client.post("/v1/acquisitions", json={"template": template.json()["id"], "channels": None})
+        assert same.json()["document"][taken] == kept[taken]
+
+
+def test_what_is_shown_only_ends_without_a_dataset_and_keeps_its_newest_preview_alone(client, request) -> None:
+    rig = request.node.name
+    agent = _register(client, rig=rig)
+    asked = _ask(client, rig, drive=None, record=False)
+    claim = _claim(client, agent)
+    assert claim["request"]["record"] is False
+    for sweep in (1, 2, 3):
+        preview = {"start": -0.1, "step": 0.01, "channels": {"position": [[0, sweep]]}, "sweep": sweep}
+        assert _heartbeat(client, claim, agent, preview=preview).status_code == 200
+    done = client.post(f"{_where(claim)}/finish", json={"agent": agent, "facts": {"sweeps": 3}})
+    assert done.json() == {"status": "done", "dataset": None, "late": False}
+    events = client.get(f"/v1/jobs/{asked['job']}/events").text
+    assert events.count('"sweep"') == 1
+    assert '"sweep":3' in events.replace(" ", "")

@@ -11,7 +11,7 @@ class Cable:
     """Leads connections from a port of its own to another one, until it is cut."""
 
     def __init__(self, port: int) -> None:
-        self._target, self.whole = port, True
+        self.target, self.whole = port, True
         self._ends: list[socket.socket] = []
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
@@ -50,7 +50,7 @@ class Cable:
         if not self.whole:
             return None
         try:
-            return socket.create_connection(("127.0.0.1", self._target))
+            return socket.create_connection(("127.0.0.1", self.target))
         except OSError:
             return None
 

@@ -17,6 +17,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from hypothesis import settings
 
@@ -59,10 +60,8 @@ class Setting:
     def __init__(self, folder: Path, database_url: str, driver: str, stack: ExitStack) -> None:
         self._driver, self._url, self._stack = driver, database_url, stack
         self.spool = folder / "spool"
-        self.service = Service(database_url, folder / "service.log")
-        self.service.start()
-        stack.callback(self.service.kill)
-        self.client = stack.enter_context(self.service.client())
+        self._log = folder / "service.log"
+        self.service, self.client = self._service()
         self.worker = self._process("worker", SERVOTUNE_DATABASE_URL=database_url)
         port = free_port()
         (folder / "rig.toml").write_text(sines.rig(speed=1.0))
@@ -82,6 +81,12 @@ class Setting:
 
     def _process(self, *command: str, **environment: str) -> Any:
         return self._stack.enter_context(process(*command, **environment))
+
+    def _service(self) -> tuple[Service, httpx.Client]:
+        service = Service(self._url, self._log)
+        service.start()
+        self._stack.callback(service.kill)
+        return service, self._stack.enter_context(service.client())
 
     def start_agent(self) -> None:
         self.agent = self._process(
@@ -131,9 +136,11 @@ class Setting:
         self.network.whole = True
 
     def service_is_killed(self) -> None:
+        """Another one takes its place: it is ready before, so that a slow machine does not make the gap longer than a lease."""
+        service, client = self._service()
         self.service.kill()
         self.grow()
-        self.service.start()
+        self.service, self.client, self.network.target = service, client, service.port
 
     def service_is_frozen(self) -> None:
         self.service.process.send_signal(signal.SIGSTOP)

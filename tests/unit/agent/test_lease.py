@@ -11,7 +11,7 @@ from agent.errors import AttemptError
 from agent.lease import Lease
 from agent.service import Service
 
-CLAIM = {"acquisition": "acq_1", "attempt": 1, "lease_seconds": 30.0}
+CLAIM = {"acquisition": "acq_1", "attempt": 1, "lease_seconds": 30.0, "request": {}}
 
 
 class Clock:

@@ -6,6 +6,7 @@ import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { Problem } from "@/shared/api/problem";
+import { writeFields } from "@/shared/forms/address";
 import { stroke } from "@/shared/plots/palette";
 import { Plot } from "@/shared/plots/Plot";
 import type { Curve, PlotSpec } from "@/shared/plots/types";
@@ -14,11 +15,12 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { When } from "@/shared/ui/When";
 import { prettyUnit, words } from "@/shared/units/format";
-import { acquisitionQuery, rigsQuery, settled, type Acquisition } from "./api";
+import { acquisitionQuery, rigsQuery, settled, type Acquisition, type AcquisitionRequest } from "./api";
 import { useMeasurement, type Live } from "./live";
+import { fieldsOf } from "./request";
 
 /** What an agent says when it waits, and how the page says it. */
-const WAITS: Record<string, string> = { "waits for the person at the rig": "rigs.waitsForPerson", "waits for the trigger": "rigs.waitsForTrigger" };
+const WAITS: Record<string, string> = { "waits for the person at the rig": "rigs.waitsForPerson", "waits for the trigger": "rigs.waitsForTrigger", "live, nothing is recorded": "rigs.nothingRecorded" };
 
 /** A measurement while it goes on: its samples as they come, its attempts, what follows it. */
 export function AcquisitionPage() {
@@ -41,10 +43,12 @@ export function AcquisitionPage() {
   if (measurement.isError) return <ProblemAlert error={measurement.error} m="md" onRetry={() => void measurement.refetch()} />;
   if (!measurement.data) return null;
   const found = measurement.data;
-  const units = new Map(rigs.data?.find((rig) => rig.name === found.rig)?.document.inputs?.map((input) => [input.name, input.unit]));
+  const units = new Map(rigs.data?.find((one) => one.name === found.rig)?.document.inputs?.map((input) => [input.name, input.unit]));
   const last = found.attempts.at(-1);
   // Samples that are on their way have their place before they are there: nothing jumps.
   const awaited: Live = { time: [], channels: Object.fromEntries(((found.document.channels ?? []) as string[]).map((name) => [name, { low: [], high: [] }])) };
+  const scope = found.document.record === false;
+  const rig = rigs.data?.find((one) => one.name === found.rig);
   const drawn = followed.live !== null || (found.attempt > 0 && !followed.ended && !["failed", "lost", "cancelled"].includes(found.status));
   return (
     <div className="page">
@@ -53,6 +57,11 @@ export function AcquisitionPage() {
         {!over && (
           <Button variant="default" color="red" onClick={() => act.mutate("cancel")} loading={act.isPending}>
             {t("rigs.stop")}
+          </Button>
+        )}
+        {scope && rig && (
+          <Button variant="default" component={Link} to={{ pathname: `/rigs/${rig.id}/measure`, search: new URLSearchParams(written(found)).toString() }}>
+            {t("rigs.toForm")}
           </Button>
         )}
         {["failed", "lost", "cancelled"].includes(found.status) && <Button onClick={open}>{t("rigs.retry")}</Button>}
@@ -87,13 +96,13 @@ export function AcquisitionPage() {
         )}
         {!over && (
           <section aria-live="polite">
-            <Progress value={100 * (followed.progress ?? 0)} size="lg" aria-label={t("jobs.progress")} animated />
+            {!scope && <Progress value={100 * (followed.progress ?? 0)} size="lg" aria-label={t("jobs.progress")} animated />}
             <Text fz="sm" mt={4}>
               {WAITS[followed.message] ? t(WAITS[followed.message]!) : followed.message || t(`rigs.now.${found.status}`, "")}
             </Text>
           </section>
         )}
-        {drawn && <LivePlots live={followed.live ?? awaited} units={units} />}
+        {drawn && <LivePlots live={followed.live ?? awaited} units={units} time={t(!scope ? "panel.time" : found.document.trigger ? "rigs.sinceTrigger" : "rigs.inSweep")} />}
         {last && last.then.length > 0 && (
           <section>
             <Title order={2} mb="xs">
@@ -155,6 +164,13 @@ export function AcquisitionPage() {
   );
 }
 
+/** The form of a measurement as this one was asked for, in the parameters of its address. */
+function written(found: Acquisition): Record<string, string> {
+  const { name, channels } = found.document as { name: string; channels: string[] };
+  const fields = { ...fieldsOf(found.document as AcquisitionRequest, channels), name };
+  return Object.fromEntries(Object.entries(writeFields(fields, fieldsOf(undefined, []))).filter((entry): entry is [string, string] => entry[1] !== null));
+}
+
 function Remarks({ title, color, found }: { title: string; color: string; found: Acquisition["warnings"] }) {
   if (found.length === 0) return null;
   return (
@@ -171,18 +187,18 @@ function Remarks({ title, color, found }: { title: string; color: string; found:
 /** Clocks and rates with the digits that mean something. */
 const rounded = (_key: string, value: unknown): unknown => (typeof value === "number" ? Number(value.toPrecision(7)) : value);
 
-function LivePlots({ live, units }: { live: Live; units: Map<string, string> }) {
+function LivePlots({ live, units, time }: { live: Live; units: Map<string, string>; time: string }) {
   const names = Object.keys(live.channels);
   return (
     <SimpleGrid cols={{ base: 1, lg: 2 }} data-testid="live" data-samples={live.time.length}>
       {names.map((name, i) => (
-        <LivePlot key={name} name={name} unit={units.get(name) ?? ""} index={i} live={live} />
+        <LivePlot key={name} name={name} unit={units.get(name) ?? ""} time={time} index={i} live={live} />
       ))}
     </SimpleGrid>
   );
 }
 
-function LivePlot({ name, unit, index, live }: { name: string; unit: string; index: number; live: Live }) {
+function LivePlot({ name, unit, time, index, live }: { name: string; unit: string; time: string; index: number; live: Live }) {
   const { t } = useTranslation();
   const dark = useComputedColorScheme("light") === "dark";
   const spec = useMemo<PlotSpec>(() => {
@@ -191,8 +207,8 @@ function LivePlot({ name, unit, index, live }: { name: string; unit: string; ind
       { label: t("datasets.lowest"), color, dash: [] },
       { label: t("datasets.highest"), color, dash: [5, 2] },
     ];
-    return { title: words(name), x: { label: t("panel.time"), unit: "s" }, y: { label: words(name), unit: prettyUnit(unit) }, series, dark };
-  }, [name, unit, index, dark, t]);
+    return { title: words(name), x: { label: time, unit: "s" }, y: { label: words(name), unit: prettyUnit(unit) }, series, dark };
+  }, [name, unit, time, index, dark, t]);
   const curve = live.channels[name]!;
   const curves: Curve[] = [
     { x: live.time, y: curve.low },

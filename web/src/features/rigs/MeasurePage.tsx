@@ -15,7 +15,8 @@ import { PageHead } from "@/shared/ui/PageHead";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { formatNumber, withUnit } from "@/shared/units/format";
 import { agentsQuery, presence, rigQuery, templatesQuery, type AcquisitionRequest, type Rig, type Template } from "./api";
-import { driveFaults, editable, fieldsOf, plainTrigger, requestOf, resolver, schema, type Fields } from "./request";
+import { delivered } from "./devices";
+import { driveFaults, editable, fieldsOf, liveOf, plainTrigger, requestOf, resolver, schema, type Fields } from "./request";
 import { TriggerFields } from "./TriggerFields";
 
 /** The form of a measurement, filled from a template when the address names one. */
@@ -91,6 +92,10 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
     if (body.drive) setAsked(body);
     else start.mutate(body);
   });
+  const show = () => {
+    if (!values.name.trim()) form.setValue("name", t("rigs.liveName"));
+    void handleSubmit((fields) => start.mutate({ ...liveOf(fields, rig.name), ...(waitsAsIs ? { trigger: template.document.trigger! } : {}) }))();
+  };
   return (
     <form onSubmit={(event) => void measure(event)} noValidate>
       <Stack gap="sm">
@@ -126,13 +131,13 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
             <Group grow preventGrowOverflow={false} align="flex-start">
               <NativeSelect size="xs" label={t("rigs.drives")} {...register("output")} error={wrongDrive("output")} data={[{ value: "", label: t("rigs.nothing") }, ...outputs.map((one) => ({ value: one.name, label: one.name }))]} />
               {values.output && <NativeSelect size="xs" label={t("rigs.signal")} {...register("signal")} data={(["step", "sine", "chirp"] as const).map((kind) => ({ value: kind, label: t(`rigs.signals.${kind}`) }))} />}
-              {values.output && <NumberField control={control} name="amplitude" label={t("rigs.amplitude")} unit="V" error={wrongDrive("amplitude")} />}
+              {values.output && <NumberField control={control} name="amplitude" label={t("rigs.amplitude")} unit={output ? delivered(output) : "V"} error={wrongDrive("amplitude")} />}
               {values.output && values.signal !== "step" && <NumberField control={control} name="frequency" label={t(values.signal === "chirp" ? "rigs.fromFrequency" : "rigs.frequency")} unit="Hz" error={wrongDrive("frequency")} />}
               {values.output && values.signal === "chirp" && <NumberField control={control} name="end" label={t("rigs.toFrequency")} unit="Hz" error={wrongDrive("end")} />}
             </Group>
             {output && (
               <Text fz="xs" c="dimmed">
-                {t("rigs.allowed", { name: output.name, amplitude: formatNumber(output.amplitude), slew: formatNumber(output.slew), duration: formatNumber(output.duration) })}
+                {output.kind === "digital" ? t("rigs.allowedLine", { name: output.name, safe: output.safe }) : t("rigs.allowed", { name: output.name, unit: delivered(output), amplitude: formatNumber(output.amplitude), slew: formatNumber(output.slew ?? Infinity), duration: formatNumber(output.duration ?? Infinity) })}
               </Text>
             )}
           </>
@@ -149,6 +154,9 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
           <Button type="submit" loading={start.isPending && asked === null}>
             {t("rigs.start")}
           </Button>
+          <Button variant="default" onClick={show}>
+            {t("rigs.live")}
+          </Button>
           <Button variant="default" onClick={() => void handleSubmit((fields) => keep.mutate(request(fields)))()} loading={keep.isPending}>
             {t("rigs.keep")}
           </Button>
@@ -162,7 +170,7 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
       </Stack>
       <Modal opened={asked !== null} onClose={() => setAsked(null)} title={t("rigs.askTitle", { name: rig.name })} closeButtonProps={{ "aria-label": t("datasets.close") }}>
         <Stack gap="sm">
-          <Text fz="sm">{asked?.drive && t("rigs.ask", { output: asked.drive.output, level: asIs ? "" : withUnit(Math.abs(values.amplitude), "V"), duration: formatNumber(values.duration * values.averages) })}</Text>
+          <Text fz="sm">{asked?.drive && t("rigs.ask", { output: asked.drive.output, level: asIs ? "" : withUnit(Math.abs(values.amplitude), output ? delivered(output) : "V"), duration: formatNumber(values.duration * values.averages) })}</Text>
           <Text fz="sm">{t(values.confirm ? "rigs.askConfirmed" : "rigs.askAlone")}</Text>
           <Group>
             <Button onClick={() => asked && start.mutate(asked)} loading={start.isPending} data-autofocus>

@@ -81,9 +81,9 @@ export function RigPage() {
             columns={[
               { title: t("rigs.output"), strong: true, cell: (output) => output.name },
               { title: t("rigs.terminal"), cell: (output) => <span className="numbers">{output.channel}</span> },
-              { title: t("rigs.amplitude"), numeric: true, cell: (output) => `±${withUnit(output.amplitude, delivered(output))}` },
-              { title: t("rigs.slew"), numeric: true, cell: (output) => `${formatNumber(output.slew)} ${delivered(output)}/s` },
-              { title: t("rigs.longest"), numeric: true, cell: (output) => withUnit(output.duration, "s") },
+              { title: t("rigs.amplitude"), numeric: true, cell: (output) => (output.kind === "digital" ? t("rigs.zeroOrOne") : `±${withUnit(output.amplitude, delivered(output))}`) },
+              { title: t("rigs.slew"), numeric: true, cell: (output) => (output.slew == null ? "–" : `${formatNumber(output.slew)} ${delivered(output)}/s`) },
+              { title: t("rigs.longest"), numeric: true, cell: (output) => (output.duration == null ? "–" : withUnit(output.duration, "s")) },
               { title: t("rigs.safe"), numeric: true, cell: (output) => withUnit(output.safe, delivered(output)) },
             ]}
           />

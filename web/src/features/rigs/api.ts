@@ -34,8 +34,8 @@ export interface RigOutput {
   channel: string;
   kind: string;
   amplitude: number;
-  slew: number;
-  duration: number;
+  slew: number | null;
+  duration: number | null;
   safe: number;
   soft_start: number;
   soft_stop: number;

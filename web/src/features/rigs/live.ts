@@ -5,6 +5,8 @@ import { useEffect, useState } from "react";
 export interface Preview {
   start: number;
   step: number;
+  /** Number of a sweep that is shown and not recorded: the piece is all of it up to now. */
+  sweep?: number;
   channels: Record<string, [number | null, number | null][]>;
 }
 
@@ -16,8 +18,9 @@ export interface Live {
 /** The longest picture that is kept: older samples are in the recording. */
 const MOST = 6000;
 
-/** Puts a piece behind what was shown before; where one got lost, the gap stays one. */
-export function joined(before: Live | null, piece: Preview): Live {
+/** Puts a piece behind what was shown before; where one got lost, the gap stays one. A sweep takes the place of what was there. */
+export function joined(shown: Live | null, piece: Preview): Live {
+  const before = piece.sweep === undefined ? shown : null;
   const count = Math.max(...Object.values(piece.channels).map((pairs) => pairs.length), 0);
   const time = before ? [...before.time] : [];
   const channels: Live["channels"] = {};

@@ -72,6 +72,12 @@ export function requestOf(fields: Fields, rig: string): AcquisitionRequest {
   } as AcquisitionRequest;
 }
 
+/** The request of the same channels, shown and not recorded: nothing is driven, repeated or asked of a person. */
+export function liveOf(fields: Fields, rig: string): AcquisitionRequest {
+  const { averages: _, confirm: __, ...rest } = requestOf({ ...fields, output: "" }, rig);
+  return { ...rest, record: false };
+}
+
 function number(value: unknown, otherwise: number): number {
   if (typeof value === "number") return value;
   if (typeof value === "object" && value !== null && "value" in value && typeof value.value === "number") return value.value;

@@ -3,7 +3,7 @@ import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
 import { hardwareOf, worst } from "./devices";
 import { joined } from "./live";
-import { driveFaults, fieldsOf, plainTrigger, requestOf, resolver } from "./request";
+import { driveFaults, fieldsOf, liveOf, plainTrigger, requestOf, resolver } from "./request";
 
 const agent = (seen_at: string, has_rig = true) => ({ seen_at, has_rig, time: "2026-11-22T10:01:00Z", lease_seconds: 30 }) as AgentReply;
 
@@ -28,6 +28,11 @@ describe("live samples", () => {
     expect(both.channels.p!.low).toEqual([0, 1, NaN, 4]);
     expect(both.channels.p!.high).toEqual([1, 2, NaN, 5]);
   });
+
+  it("of a sweep take the place of what was there", () => {
+    const first = joined(null, { start: -0.1, step: 0.1, sweep: 1, channels: { p: [[0, 1], [1, 2]] } });
+    expect(joined(first, { start: -0.1, step: 0.1, sweep: 2, channels: { p: [[4, 5]] } })).toEqual({ time: [-0.1], channels: { p: { low: [4], high: [5] } } });
+  });
 });
 
 it("asks for what the form says, in SI", () => {
@@ -37,6 +42,11 @@ it("asks for what the form says, in SI", () => {
     drive: { output: "valve", signal: { kind: "chirp", amplitude: 2, start_frequency: { value: 5, unit: "Hz" }, end_frequency: { value: 50, unit: "Hz" }, duration: 2 } },
   });
   expect(requestOf({ ...fields, output: "" }, "bench")).not.toHaveProperty("drive");
+});
+
+it("shows the same channels without a drive, repetitions or a question", () => {
+  const begin = { ...fieldsOf(undefined, ["p"]), name: "run", output: "valve", averages: 3, trigger: "rising" as const, trigger_channel: "p", level: 2 };
+  expect(liveOf(begin, "bench")).toEqual({ name: "run", rig: "bench", channels: ["p"], sample_rate: 1000, duration: 1, pre_trigger: 0, record: false, trigger: { channel: "p", edge: "rising", level: 2, hysteresis: 0, timeout: 60 } });
 });
 
 describe("a trigger", () => {
