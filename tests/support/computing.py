@@ -46,6 +46,13 @@ def spin(body: dict[str, Any], reporter: Reporter) -> NoReturn:
         pass
 
 
+def linger(body: dict[str, Any], reporter: Reporter) -> NoReturn:
+    """Tell the process id, then be in hand for ever and leave the processor to others."""
+    reporter.message(str(os.getpid()))
+    while True:
+        time.sleep(3600)
+
+
 def refuse(body: dict[str, Any], reporter: Reporter) -> NoReturn:
     raise Refusal(type="urn:test:refused", title="Refused", detail="gain must be > 0, got -1", at=["gain"])
 

@@ -47,7 +47,7 @@ class Desk:
         return job
 
     def process_of(self, job_id: str) -> int:
-        """Wait for the message in which ``spin`` tells its process id."""
+        """Wait for the message in which ``spin`` or ``linger`` tells its process id."""
         give_up_at = time.monotonic() + 30
         while not (told := [payload for _id, type_, payload in self.events(job_id) if type_ == "message"]):
             assert time.monotonic() < give_up_at

@@ -87,7 +87,7 @@ def test_a_workspace_computes_as_many_jobs_at_a_time_as_it_may(desk, database_ur
         session.execute(update(Workspace).values(limits={"running_jobs": 2}))
     worker = Worker(database_url, compute=COMPUTE, slots=4, heartbeat=0.2)
     worker.start()
-    jobs = [desk.ask("spin") for _ in range(4)]
+    jobs = [desk.ask("linger") for _ in range(4)]
 
     def states() -> list[str]:
         return sorted(desk.get(job).status for job in jobs)
@@ -137,9 +137,9 @@ def test_a_job_out_of_time_fails_and_its_process_is_gone(desk, worker):
     assert (job.status, job.error["type"]) == ("failed", "urn:servotune:problem:overdue")
     assert "within its time_limit of 0.8 s" in job.error["detail"]
     wait_until_gone(process, timeout=1.0)
-    blocker = desk.ask("spin")
+    blocker = desk.ask("linger")
     desk.wait(blocker, "running")
-    late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "spin", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))
+    late = desk.wait(desk.ask_in(DEFAULT_WORKSPACE, "linger", queue={"deadline": utc_now() + timedelta(seconds=0.3)}))
     assert (late.status, late.attempts) == ("failed", 0)
     assert "before its deadline" in late.error["detail"]
 
@@ -217,7 +217,7 @@ def test_workers_take_as_many_jobs_as_they_have_slots(desk, database_url):
     other = subprocess.Popen([sys.executable, "-c", code, database_url, COMPUTE])
     with desk.database.session() as session:
         wait_for(lambda: len(session.execute(text("SELECT id FROM worker")).all()) == 2, "the second worker")
-    jobs = [desk.ask("spin") for _ in range(6)]
+    jobs = [desk.ask("linger") for _ in range(6)]
     wait_for(lambda: [desk.get(job).status for job in jobs].count("running") == 4, "four run")
     with desk.database.session() as session:
         held = dict(

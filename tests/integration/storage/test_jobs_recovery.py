@@ -132,7 +132,7 @@ def hanging(database_url) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, hanging):
-    job_id = desk.ask("spin")
+    job_id = desk.ask("linger")
     first = desk.process_of(job_id)
     dead_name = desk.get(job_id).worker
     # slower hearts than elsewhere: on a busy machine the living one must not be taken for dead when the other comes back
@@ -158,7 +158,7 @@ def test_a_living_worker_takes_over_from_a_dead_one(desk: Desk, database_url, ha
         job = desk.get(job_id)
         assert (job.status, job.attempts, job.worker) == ("running", 2, heir.name)
         # It has lost its name, and works on under another one; what it takes before it notices, it gives back.
-        other = desk.ask("spin")
+        other = desk.ask("linger")
         wait_for(lambda: desk.get(other).worker not in {None, heir.name, dead_name}, "another name", timeout=15)
     finally:
         heir.stop()
@@ -172,7 +172,7 @@ def test_a_job_that_the_engine_claimed_and_never_began_is_begun(desk: Desk, data
         claimed = _claimed_by(desk, worker.name)
         job = desk.wait(claimed)
         assert (job.status, job.attempts, job.worker) == ("succeeded", 1, worker.name)
-        running = desk.ask("spin")  # one that is in hand stays there, however long it takes
+        running = desk.ask("linger")  # one that is in hand stays there, however long it takes
         desk.process_of(running)
         ticket, beats = desk.get(running).ticket, set()
         wait_for(lambda: beats.add(_seen(desk, worker.name)) or len(beats) > 10, "ten heartbeats")
