@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.exact.frequency.response import squared_magnitude
+from engine.exact.frequency.shapes import squared_magnitude
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,7 +17,8 @@ from engine.model.masks import FrequencyBounds, Magnitude
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.exact.frequency.response import FrequencyResponse, Shape
+    from engine.exact.frequency.response import FrequencyResponse
+    from engine.exact.frequency.shapes import Shape
     from engine.metrics._base import Finding, LoopSubject, PathSubject
     from engine.model.linear_system import Array
     from engine.model.masks import Real

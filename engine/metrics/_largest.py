@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.exact.frequency import touching
-from engine.exact.frequency.response import squared_magnitude
+from engine.exact.frequency.shapes import squared_magnitude
 from engine.metrics._base import TOUCHES, Absent, Found, unsettled
 from engine.model.tangent import parted
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from engine.exact.frequency.response import FrequencyResponse, Shape
+    from engine.exact.frequency.response import FrequencyResponse
+    from engine.exact.frequency.shapes import Shape
     from engine.exact.time.curve import Curve
     from engine.metrics._base import Finding, PathSubject, TimeSubject
     from engine.model.linear_system import Array

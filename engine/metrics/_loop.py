@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from engine.exact.frequency.response import SMALLEST_LOOP_GAIN, imaginary_part, squared_magnitude
+from engine.exact.frequency.response import SMALLEST_LOOP_GAIN
+from engine.exact.frequency.shapes import imaginary_part, squared_magnitude
 from engine.exact.frequency.touching import touches
 from engine.exact.sampled_data.response import SampledResponse
 from engine.metrics._base import TOUCHES

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.exact.frequency.response import squared_magnitude
+from engine.exact.frequency.shapes import squared_magnitude
 from engine.exact.frequency.touching import touches
 from engine.metrics._base import NEGLIGIBLE, TOUCHES, Absent, Found, PathMetric, unsettled
 from engine.model.verdicts import Verdict

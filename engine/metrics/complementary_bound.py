@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.exact.frequency.response import squared_complementary
+from engine.exact.frequency.shapes import squared_complementary
 from engine.metrics._base import LoopMetric
 from engine.metrics._bounded import loop_ratio
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.exact.frequency.response import SMALLEST_LOOP_GAIN, squared_balanced_sensitivity
+from engine.exact.frequency.response import SMALLEST_LOOP_GAIN
+from engine.exact.frequency.shapes import squared_balanced_sensitivity
 from engine.metrics._base import Absent, Found, LoopMetric, unclosed
 from engine.metrics._largest import highest
 from engine.model.verdicts import Verdict

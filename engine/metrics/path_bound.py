@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal, final
 
-from engine.exact.frequency.response import squared_magnitude
+from engine.exact.frequency.shapes import squared_magnitude
 from engine.metrics._base import PathMetric
 from engine.metrics._bounded import path_ratio
 

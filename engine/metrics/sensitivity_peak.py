@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.exact.frequency.response import squared_sensitivity
+from engine.exact.frequency.shapes import squared_sensitivity
 from engine.metrics._base import Absent, LoopMetric, unclosed
 from engine.metrics._largest import highest
 from engine.model.verdicts import Verdict

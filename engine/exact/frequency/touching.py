@@ -15,7 +15,8 @@ from engine.model.tangent import parted
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from engine.exact.frequency.response import FrequencyResponse, Shape
+    from engine.exact.frequency.response import FrequencyResponse
+    from engine.exact.frequency.shapes import Shape
     from engine.model.linear_system import Array
 
 _NEAR = 0.03

@@ -19,7 +19,7 @@ from engine.exact.sampled_data.poles import autonomous
 from engine.model.tangent import INFINITESIMAL
 
 if TYPE_CHECKING:
-    from engine.exact.frequency.response import Shape
+    from engine.exact.frequency.shapes import Shape
     from engine.exact.sampled_data.loop import Margin, SampledLoop
     from engine.exact.sampled_data.system import SampledSystem
     from engine.model.linear_system import Array

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.exact.frequency.response import FrequencyResponse, imaginary_part, squared_magnitude, squared_sensitivity
+from engine.exact.frequency.response import FrequencyResponse
+from engine.exact.frequency.shapes import imaginary_part, squared_magnitude, squared_sensitivity
 from engine.metrics._loop import delay_margins
 from engine.model.linear_system import LaneSystem
 from engine.model.tangent import INFINITESIMAL, slopes
