@@ -21,7 +21,8 @@ from storage.jobs.claims import Claims
 from storage.jobs.liveness import Pulse
 from storage.jobs.private_calls import recover
 from storage.jobs.queue import JobQueue
-from storage.jobs.supervision import Supervisor, overdue_detail
+from storage.jobs.supervision import Supervisor
+from storage.jobs.time_limits import overdue_detail
 from storage.repositories import jobs
 from storage.repositories.workers import PATIENCE, WorkerRepository
 from storage.session import Database

@@ -8,7 +8,7 @@ from opentelemetry.proto.trace.v1.trace_pb2 import Span, Status
 
 from api.settings import Settings
 from api.telemetry.tracing import traceparent, traces_of
-from storage.jobs.supervision import Stopped
+from storage.jobs.outcomes import Stopped
 from storage.models import Job, Schedule
 from tests.support.collecting import collector, spans_of
 

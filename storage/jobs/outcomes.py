@@ -1,0 +1,191 @@
+"""What is written down of a job while it is computed, and how it ends: each in one transaction, for which a database that is away is waited."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NoReturn, TypeVar
+
+from sqlalchemy.orm import Session
+
+from storage.errors import UNAVAILABLE
+from storage.jobs.compute import Parts
+from storage.jobs.queue import JobQueue
+from storage.jobs.time_limits import with_deadline
+from storage.models import Job, JobStatus
+from storage.models.base import Document
+from storage.repositories import jobs, parts
+from storage.repositories.results import ResultRepository
+from storage.session import Database
+
+#: How often (s) a part tells its parent how far it is.
+_PART_INTERVAL = 1.0
+#: The pauses (s) between two tries to write while the database is away, and the longest of them.
+_PAUSE, _LONGEST_PAUSE = 0.5, 5.0
+
+_log = logging.getLogger(__name__)
+
+Value = TypeVar("Value")
+
+
+class Stopped(BaseException):
+    """The worker stops: the job engine must keep the job for the next one, so this is no outcome of the job."""
+
+
+class Outcomes:
+    """Writes down what becomes of jobs.
+
+    Every method raises `Stopped` when ``stopping`` is set while the database is away.
+    """
+
+    def __init__(self, database: Database, queue: JobQueue, stopping: threading.Event) -> None:
+        self._database = database
+        self._queue = queue
+        self._stopping = stopping
+        self._told: dict[str, float] = {}
+
+    def write(self, work: Callable[[Session], Value]) -> Value:
+        """Do some work in a transaction; wait for a database that is away, for there is nothing else to do."""
+        pause = _PAUSE
+        while True:
+            try:
+                with self._database.session() as session:
+                    return work(session)
+            except UNAVAILABLE as error:
+                if self._stopping.wait(pause):
+                    raise Stopped from error
+                _log.warning("the database is away: %s", error)
+                pause = min(2 * pause, _LONGEST_PAUSE)
+
+    def let_go(self, job: Job) -> str:
+        """Give what was put aside its turn; return the status in which the job is left."""
+        self._told.pop(job.id, None)
+
+        def release(session: Session) -> str:
+            self._queue.release(session, job.workspace_id)
+            left = session.get(Job, job.id, populate_existing=True)
+            return "deleted" if left is None else left.status
+
+        return self.write(release)
+
+    def keep_best(self, job: Job, result: Mapping[str, Any]) -> None:
+        """Store what a cancelled computation has handed over."""
+
+        def keep(session: Session) -> None:
+            if jobs.is_cancelled(session, job.id, attempt=job.attempts):
+                jobs.attach(session, job.id, self._result(session, job, result))
+
+        self.write(keep)
+
+    def progress(self, job: Job, fraction: float, message: str | None) -> None:
+        """Say how far a job is; of a part it shows in the whole."""
+        if job.parent_id is None:
+            self._report(job, fraction, message)
+        else:
+            self._report_part(job, job.parent_id, fraction)
+
+    def message(self, job: Job, text: str) -> None:
+        """Add a line to what a job tells; of a part nobody reads the lines."""
+        if job.parent_id is None:
+            self._report(job, None, text)
+
+    def _report(self, job: Job, progress: float | None, message: str | None) -> None:
+        self.write(
+            lambda session: jobs.report(session, job.id, attempt=job.attempts, progress=progress, message=message)
+        )
+
+    def _report_part(self, job: Job, parent_id: str, fraction: float) -> None:
+        """Let the parent's progress be the mean of its parts', now and then."""
+        now = time.monotonic()
+        if now < self._told.get(job.id, 0.0):
+            return
+        self._told[job.id] = now + _PART_INTERVAL
+
+        def tell(session: Session) -> None:
+            if jobs.lock(session, parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
+                jobs.set_progress(session, job.id, fraction)
+                _, mean = parts.progress(session, parent_id)
+                jobs.append_event(session, parent_id, "progress", {"progress": mean}, progress=mean)
+
+        self.write(tell)
+
+    def keep_state(self, job: Job, state: dict[str, Any]) -> None:
+        """Keep from where the next worker goes on if this one dies."""
+        self.write(lambda session: jobs.keep_state(session, job.id, attempt=job.attempts, state=state))
+
+    def cut(self, job: Job, wanted: Parts) -> None:
+        """Put the parts of a job into the queue; the last of them to end brings the job back there."""
+
+        def cut(session: Session) -> None:
+            if jobs.lock(session, job.id, attempt=job.attempts):
+                rows = parts.create(session, with_deadline(session, job), wanted.documents, wanted.known)
+                text = f"cut into {len(rows)} parts"
+                jobs.append_event(session, job.id, "message", {"message": text}, message=text, ticket=None, worker=None)
+                self._queue.carry(session, rows)
+
+        self.write(cut)
+
+    def succeed(self, job: Job, result: Mapping[str, Any]) -> None:
+        """End a job with its result; the last part to end brings the whole back into the queue."""
+
+        def keep(session: Session) -> None:
+            parent = job.parent_id
+            if parent is not None and not jobs.lock(session, parent, attempt=None):
+                return
+            if not jobs.lock(session, job.id, attempt=job.attempts):
+                return
+            kept = self._result(session, job, result)
+            jobs.finish(session, job.id, status=JobStatus.SUCCEEDED, attempt=job.attempts, result_id=kept)
+            if parent is None:
+                return
+            left, mean = parts.progress(session, parent)
+            if left == 0:
+                self._queue.carry(session, [session.get_one(Job, parent, populate_existing=True)])
+            else:  # a part may be over before it has told anything
+                jobs.append_event(session, parent, "progress", {"progress": mean}, progress=mean)
+
+        self.write(keep)
+
+    def _result(self, session: Session, job: Job, result: Mapping[str, Any]) -> str:
+        """Store a result and return its id."""
+        system = result.get("system")
+        system = system if isinstance(system, Mapping) else {}
+        versions = result.get("versions")
+        row = ResultRepository(session, job.workspace_id).create(
+            kind=job.kind,
+            body=result,
+            request=job.body if job.parent_id is None else None,
+            system_id=system.get("id"),
+            system_revision=system.get("revision"),
+            versions=versions if isinstance(versions, Mapping) else None,
+            within_quota=False,
+        )
+        return row.id
+
+    def internal_error(self, job: Job, kind: str) -> None:
+        """End a job that met an exception of this kind."""
+        detail = f"the computation met an internal error ({kind}); the service's log tells more under {job.id}"
+        self.fail(job, "internal", "Internal error", detail)
+
+    def fail(self, job: Job, slug: str, title: str, detail: str) -> None:
+        """End a job with a problem of ours."""
+        self.refuse(job, {"type": f"urn:servotune:problem:{slug}", "title": title, "detail": detail})
+
+    def refuse(self, job: Job, problem: Document) -> None:
+        """End a job with the problem that its computation told."""
+
+        def fail(session: Session) -> None:
+            if job.parent_id is None:
+                jobs.finish(session, job.id, status=JobStatus.FAILED, attempt=job.attempts, error=problem)
+            elif jobs.lock(session, job.parent_id, attempt=None) and jobs.lock(session, job.id, attempt=job.attempts):
+                # The whole fails with its part, and takes all the others with it.
+                jobs.finish(session, job.parent_id, status=JobStatus.FAILED, error=problem)
+
+        self.write(fail)
+
+    def give_back(self, job: Job) -> NoReturn:
+        """Let another worker begin it anew, because this one stops."""
+        self.write(lambda session: jobs.give_back(session, job.id, attempt=job.attempts))
+        raise Stopped
