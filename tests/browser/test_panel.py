@@ -12,6 +12,7 @@ from playwright.sync_api import Page, Route, WebSocketRoute, expect
 
 import servotune
 from tests.browser.driving import KEY, PAGES, faults
+from tests.browser.test_matching import LAG
 
 #: Turns a slider by one step on every frame of the screen; collects, for each, when its picture was painted.
 DRAG = """async ({count}) => {
@@ -184,6 +185,20 @@ def test_what_is_touched_at_once_counts_each_time(page: Page, motor) -> None:
     }""")
     expect(page.get_by_test_id("chip")).to_have_text("500 mΩ")
     expect(page).to_have_url(re.compile(r"cmp=motor\.resistance%3A0\.5(&|$)"))
+
+
+def test_a_nichols_chart_has_the_phase_beside_the_magnitude(page: Page, client) -> None:
+    system = client.post("/v1/systems", json=LAG).json()["id"]
+    opened(page, system, "s=k&path=u,y&v=nichols")
+    page.get_by_role("button", name="Export Nichols").click()
+    with page.expect_download() as table:
+        page.get_by_role("menuitem", name="Table").click()
+    head, *lines = table.value.path().read_text().splitlines()
+    assert head == '"now: phase [°]","now: magnitude [dB]"'
+    phase, magnitude = np.array([line.split(",") for line in lines], dtype=float).T
+    # Of k/(tau s + 1): |G| = k cos(arg G).
+    assert magnitude == pytest.approx(20 * np.log10(1.5 * np.cos(np.radians(phase))), abs=1e-3)
+    assert phase.min() < -80
 
 
 def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:

@@ -4,7 +4,7 @@ import { useTranslation } from "react-i18next";
 import type { LiveParameter } from "@/shared/live/protocol";
 import { withUnit } from "@/shared/units/format";
 import { readEntry } from "@/shared/units/number";
-import classes from "./CompareBar.module.css";
+import classes from "@/shared/ui/Chip.module.css";
 import type { PanelState } from "./state";
 
 interface Props {

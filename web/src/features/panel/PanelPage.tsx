@@ -17,7 +17,8 @@ import { PanelSetup } from "./PanelSetup";
 import { ParamSlider } from "./ParamSlider";
 import { GoalBar } from "./GoalBar";
 import type { PanelGoal } from "@/shared/responses/goals";
-import { MeasuredSetup } from "./MeasuredSetup";
+import { MeasuredSetup } from "@/shared/responses/MeasuredSetup";
+import { firstPlots, mainOutput, usualMetrics } from "@/shared/responses/view";
 import { travelOf, type Scale } from "./scale";
 import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
@@ -25,7 +26,7 @@ import { searchAt, type ProblemForm } from "@/shared/systems/search";
 import { keepLast, lastOf, type Last } from "@/shared/systems/last";
 import { firstSliders } from "@/shared/systems/movable";
 import { useQueryText } from "@/shared/ui/useQueryText";
-import { mainOutput, pathsOf, readState, usualMetrics, variantsOf, writeState, type PanelState } from "./state";
+import { pathsOf, readState, variantsOf, writeState, type PanelState } from "./state";
 import { useLive } from "@/shared/responses/useLive";
 
 const NONE: Record<string, number | null> = {};
@@ -264,9 +265,4 @@ export function PanelPage() {
       </Stack>
     </div>
   );
-}
-
-function firstPlots(curves: string[], output: string, loop: boolean): string[] {
-  const others = curves.filter((name) => name !== output).slice(0, loop ? 1 : 2);
-  return [`step:${output}`, ...others.map((name) => `step:${name}`), "bode", "phase", ...(loop ? ["nyquist"] : []), "poles"];
 }

@@ -1,10 +1,10 @@
-import { Button, Group, MultiSelect, Popover, Select, Stack } from "@mantine/core";
+import { Button, MultiSelect, Popover, Stack } from "@mantine/core";
 import { useTranslation } from "react-i18next";
 import type { Opened } from "@/shared/live/protocol";
-import { ruleAndValue } from "@/shared/forms/faults";
-import { PlainEntry } from "@/shared/ui/PlainEntry";
+import { MEASURABLE, usualMetrics } from "@/shared/responses/view";
+import { PlotChoice, ViewSetup } from "@/shared/responses/ViewSetup";
 import { words } from "@/shared/units/format";
-import { mainOutput, MEASURABLE, usualMetrics, type PanelState } from "./state";
+import type { PanelState } from "./state";
 
 interface Props {
   state: PanelState;
@@ -14,41 +14,18 @@ interface Props {
   onChange(change: Partial<PanelState>): void;
 }
 
-const CLOSED = "path";
-
 /** What is commanded, looked at and drawn. */
 export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
   const { t } = useTranslation();
-  const output = mainOutput(state, opened);
-  const input = state.input ?? opened.inputs[0] ?? "";
-  const choices = [
-    ...opened.curves.map((name) => ({ value: `step:${name}`, label: t("panel.stepOf", { output: words(name) }) })),
-    ...opened.curves.map((name) => ({ value: `spectrum:${name}`, label: t("panel.spectrumOf", { output: words(name) }) })),
-    { value: "bode", label: t("panel.magnitude") },
-    { value: "phase", label: t("panel.phase") },
-    { value: "nyquist", label: t("panel.nyquist") },
-    { value: "poles", label: t("panel.poles") },
-  ];
   return (
-    <Group gap="xs" align="flex-end">
-      <Select label={t("panel.input")} data={opened.inputs} value={input} onChange={(value) => onChange({ input: value })} w={130} />
-      <PlainEntry label={t("panel.amplitude")} value={state.amplitude} refuse={(value) => (value === 0 ? ruleAndValue(t, "forms.notZero", value) : undefined)} onCommit={(value) => value !== undefined && onChange({ amplitude: value })} w={90} />
-      <Select label={t("panel.output")} data={opened.outputs.map((o) => ({ value: o.name, label: words(o.name) }))} value={output} onChange={(value) => onChange({ output: value })} w={150} />
-      <Select
-        label={t("panel.frequency")}
-        data={[{ value: CLOSED, label: t("panel.pathOf", { input, output: words(output) }) }, ...loops.map((loop) => ({ value: loop, label: t("panel.loopAt", { loop }) }))]}
-        value={state.loop ?? CLOSED}
-        onChange={(value) => onChange(value === CLOSED ? { loop: null, path: [input, output] } : { loop: value, path: null })}
-        w={210}
-      />
-      <PlainEntry label={t("panel.duration")} unit="s" value={state.duration ?? undefined} optional placeholder={t("panel.auto")} refuse={(value) => (value > 0 ? undefined : ruleAndValue(t, "forms.positive", value))} onCommit={(value) => onChange({ duration: value ?? null })} w={90} />
+    <ViewSetup view={state} opened={opened} loops={loops} onChange={onChange}>
       <Popover width={320} position="bottom-start" withinPortal>
         <Popover.Target>
           <Button variant="default">{t("panel.arrange")}</Button>
         </Popover.Target>
         <Popover.Dropdown>
           <Stack gap="sm">
-            <MultiSelect label={t("panel.plots")} data={choices} value={plots} onChange={(value) => onChange({ plots: value })} comboboxProps={{ withinPortal: false }} />
+            <PlotChoice inside curves={opened.curves} plots={plots} onChange={(value) => onChange({ plots: value })} />
             <MultiSelect label={t("panel.metrics")} data={MEASURABLE.map((name) => ({ value: name, label: t(`metrics.${name}`, words(name)) }))} value={state.metrics ?? usualMetrics(loops)} onChange={(value) => onChange({ metrics: value })} comboboxProps={{ withinPortal: false }} />
             <MultiSelect
               label={t("panel.sliders")}
@@ -62,6 +39,6 @@ export function PanelSetup({ state, opened, loops, plots, onChange }: Props) {
           </Stack>
         </Popover.Dropdown>
       </Popover>
-    </Group>
+    </ViewSetup>
   );
 }

@@ -6,7 +6,7 @@ import type { Metric } from "@/shared/api/types";
 import { MetricValue } from "@/shared/ui/MetricValue";
 import { withUnit, words } from "@/shared/units/format";
 import type { Snapshot } from "./state";
-import classes from "./CompareBar.module.css";
+import classes from "@/shared/ui/Chip.module.css";
 
 interface Props {
   snapshots: Snapshot[];

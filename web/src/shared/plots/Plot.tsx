@@ -103,8 +103,8 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, sh
       <div className={classes.legend}>
         {named.length > 1 && (
           <ul>
-            {named.map((s) => (
-              <li key={s.label}>
+            {named.map((s, i) => (
+              <li key={i}>
                 <svg width="26" height="8" aria-hidden>
                   {s.marks ? <path d="M9 0l8 8M17 0l-8 8" stroke={s.color} strokeWidth="1.500" /> : <line x1="0" x2="26" y1="4" y2="4" stroke={s.color} strokeWidth={s.width ?? 1.5} strokeDasharray={s.dash.join(" ")} />}
                 </svg>

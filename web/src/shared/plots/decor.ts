@@ -1,4 +1,6 @@
 import type uPlot from "uplot";
+import { drawPath } from "./lines";
+import { positions } from "./paths";
 import type { Band, Decor, Mark, PlotSpec, Shape } from "./types";
 
 const FONT_SIZE = 11;
@@ -11,6 +13,7 @@ export function paintBehind(u: uPlot, spec: PlotSpec, decor: Decor): void {
     ctx.strokeStyle = spec.dark ? "#ff9d5c" : "#b84a00";
     ctx.lineWidth = devicePixelRatio;
     for (const zone of decor.zones) for (const shape of zone.shapes) paintShape(u, ctx, shape);
+    if (spec.chart) paintChart(u, ctx, spec);
     ctx.strokeStyle = spec.dark ? "#9aa1a8" : "#6a7178";
     ctx.setLineDash([4 * devicePixelRatio, 3 * devicePixelRatio]);
     const { left, top, width, height } = u.bbox;
@@ -70,6 +73,33 @@ export function paintMarks(u: uPlot, spec: PlotSpec, marks: Mark[]): void {
       ctx.fillText(mark.text, x, y);
     }
   });
+}
+
+/** The lines of a chart, thin, each with its text. */
+function paintChart(u: uPlot, ctx: CanvasRenderingContext2D, spec: PlotSpec): void {
+  const { x, y } = u.scales;
+  const unit = devicePixelRatio;
+  const lines = spec.chart!([x!.min!, x!.max!], [y!.min!, y!.max!]);
+  ctx.save();
+  ctx.strokeStyle = spec.dark ? "#5d656d" : "#c3c9cf";
+  ctx.lineWidth = unit;
+  for (const line of lines) {
+    ctx.beginPath();
+    drawPath(ctx, positions(u, "x", line.x), positions(u, "y", line.y), unit);
+    ctx.stroke();
+  }
+  ctx.font = `${(FONT_SIZE - 1) * unit}px system-ui, sans-serif`;
+  ctx.textAlign = "center";
+  ctx.fillStyle = spec.dark ? "#aeb5bc" : "#5b6269";
+  const written: { x: number; y: number; width: number }[] = [];
+  for (const { text, at } of lines) {
+    const here = { x: u.valToPos(at[0], "x", true), y: u.valToPos(at[1], "y", true) - 3 * unit, width: ctx.measureText(text).width };
+    // Of texts that would lie over each other the first is written.
+    if (written.some((other) => Math.abs(here.x - other.x) < (here.width + other.width) / 2 + 2 * unit && Math.abs(here.y - other.y) < FONT_SIZE * unit)) continue;
+    written.push(here);
+    ctx.fillText(text, here.x, here.y);
+  }
+  ctx.restore();
 }
 
 function within(u: uPlot, paint: (ctx: CanvasRenderingContext2D) => void): void {

@@ -8,7 +8,8 @@ export interface Stroke {
   dash: number[];
 }
 
+/** Each colour comes with another dash in every round, so that 36 curves differ. */
 export function stroke(index: number, dark: boolean): Stroke {
   const colors = dark ? DARK : LIGHT;
-  return { color: colors[index % colors.length]!, dash: DASHES[index % DASHES.length]! };
+  return { color: colors[index % colors.length]!, dash: DASHES[(index + Math.floor(index / colors.length)) % DASHES.length]! };
 }

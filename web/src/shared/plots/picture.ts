@@ -125,7 +125,7 @@ function paintCurves(u: uPlot, spec: PlotSpec, curves: readonly Curve[]): void {
   const { left, top, width, height } = u.bbox;
   const unit = devicePixelRatio;
   // Of a plane, a series has its own x, and is painted by itself.
-  if (spec.equal) return spec.series.forEach((series, i) => void (curves[i] && drawFree(series)(u, i + 1, 0, 0)));
+  if (spec.equal || spec.free) return spec.series.forEach((series, i) => void (curves[i] && drawFree(series)(u, i + 1, 0, 0)));
   ctx.save();
   ctx.beginPath();
   ctx.rect(left, top, width, height);

@@ -56,12 +56,14 @@ export function equalRanges(x: Range, y: Range, width: number, height: number): 
   return { x: about(x, width), y: about(y, height) };
 }
 
-/** The part of the plane that a Nyquist diagram shows: the curves, but not their way to infinity. */
-export function planeOf(curves: Curve[], keep: [number, number][], limits?: Range): { x: Range; y: Range } {
-  const clip = (range: Range | null): Range => clamped(padded(range, 0.08), limits);
+/** The part of the plane that is shown: the curves where they lie within the limits of y, but not their way to infinity. */
+export function planeOf(curves: Curve[], keep: [number, number][], limits?: Range, limitsX = limits): { x: Range; y: Range } {
+  const clip = (range: Range | null, to?: Range): Range => clamped(padded(range, 0.08), to);
+  // Where both axes mean the same, what leaves the limits of one comes back within those of the other.
+  const seen = limitsX === limits ? curves.map((c) => c.x) : curves.map(({ x, y }) => Array.from(x).filter((_, i) => y[i]! >= limits![0] && y[i]! <= limits![1]));
   return {
-    x: clip(extent([...curves.map((c) => c.x), keep.map((p) => p[0])])),
-    y: clip(extent([...curves.map((c) => c.y), keep.map((p) => p[1])])),
+    x: clip(extent([...seen, keep.map((p) => p[0])]), limitsX),
+    y: clip(extent([...curves.map((c) => c.y), keep.map((p) => p[1])]), limits),
   };
 }
 

@@ -25,6 +25,8 @@ export interface PlotSpec {
   dark: boolean;
   /** Same pixels per unit on both axes: Nyquist diagrams, pole maps. */
   equal?: boolean;
+  /** Each curve has its own x, as in a plane, but the axes have units of their own: Nichols charts. */
+  free?: boolean;
   /** Lowest and highest y that matters, whatever the curves do. */
   clamp?: [number, number];
   /** The most of y that is shown, from the highest value down: spectra. */
@@ -33,8 +35,18 @@ export interface PlotSpec {
   lines?: { x?: number; y?: number }[];
   /** Points of the plane that must be in sight, the critical point say. */
   keep?: [number, number][];
+  /** Lowest and highest x of curves that have their own; that of y where it is left out. */
+  clampX?: [number, number];
+  /** Lines of a chart behind the curves, for the ranges that are seen. */
+  chart?: (x: [number, number], y: [number, number]) => ChartLine[];
   /** A circle about the origin: where a loop's gain is 1. */
   circle?: number;
+}
+
+/** A line of a chart, with what it stands for written at one of its points. */
+export interface ChartLine extends Curve {
+  text: string;
+  at: Point;
 }
 
 export type Point = [number, number];

@@ -18,6 +18,8 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   let decor = NOTHING;
   let handles: Handles | null = null;
   let lastY: Range | null = null;
+  /** Curves with their own x each, which uPlot (mode 2) draws by our own paths. */
+  const free = spec.equal || spec.free;
   let plane: { x: Range; y: Range } | null = null;
   const label = (axis: { label: string; unit: string }) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
   // What stands at the axes, for the picture that is taken away.
@@ -50,26 +52,26 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
     return lastY;
   };
   const aligned = drawAligned();
-  const series: unknown[] = spec.equal
+  const series: unknown[] = free
     ? [null, ...spec.series.map((s) => ({ label: s.label, stroke: s.color, paths: drawFree(s), facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))]
     : [
         { label: spec.x.label },
         ...spec.series.map((s) => ({ label: s.label, stroke: s.color, ...(s.marks ? {} : { paths: aligned }), alpha: s.faint ? 0.4 : 1, width: s.marks ? 0 : (s.width ?? 1.5), dash: s.dash, points: s.marks ? { show: true, size: 5, stroke: s.color } : { show: false } })),
       ];
-  const empty: unknown[] = spec.equal ? [null, ...spec.series.map(() => [[NaN, NaN], [NaN, NaN]])] : [[1, 2], ...spec.series.map(() => [null, null])];
+  const empty: unknown[] = free ? [null, ...spec.series.map(() => [[NaN, NaN], [NaN, NaN]])] : [[1, 2], ...spec.series.map(() => [null, null])];
   const decimals = (value: number) => Number(value.toPrecision(4)).toString();
   const options: uPlot.Options = {
     width: Math.max(element.clientWidth, 60),
     height: Math.max(element.clientHeight, 60),
-    mode: spec.equal ? 2 : 1,
+    mode: free ? 2 : 1,
     legend: { show: false },
     padding: [8, 20, 0, 0],
-    cursor: { show: true, x: true, y: true, points: { show: !spec.equal }, drag: { x: !spec.equal, y: false, setScale: onZoom === undefined } },
-    scales: spec.equal
+    cursor: { show: true, x: true, y: true, points: { show: !free }, drag: { x: !free, y: false, setScale: onZoom === undefined } },
+    scales: free
       ? { x: { time: false, range: () => plane?.x ?? [-1, 1] }, y: { range: () => plane?.y ?? [-1, 1] } }
       : { x: { time: false, distr: spec.x.log ? 3 : 1 }, y: { range: yRange } },
     // Both axes of a plane are alike by their sizes, which therefore stay.
-    axes: [axis("x", spec.x, 34), axis("y", spec.y, spec.equal ? 58 : (_u, texts) => axisWidth(texts, 58))],
+    axes: [axis("x", spec.x, 34), axis("y", spec.y, free ? 58 : (_u, texts) => axisWidth(texts, 58))],
     series: series as uPlot.Series[],
     hooks: {
       drawAxes: [(u) => paintBehind(u, spec, decor)],
@@ -101,19 +103,19 @@ export function createUPlot(element: HTMLElement, spec: PlotSpec, onCursor: (tex
   const findPlane = () => {
     if (plane && handles?.held) return;
     const edges = decor.zones.flatMap((zone) => (zone.handle ? [zone.handle.at] : []));
-    const seen = planeOf(counting(), [...(spec.keep ?? []), ...edges], spec.clamp);
-    plane = equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height);
+    const seen = planeOf(counting(), [...(spec.keep ?? []), ...edges], spec.clamp, spec.clampX);
+    plane = spec.equal ? equalRanges(seen.x, seen.y, plot.bbox.width, plot.bbox.height) : seen;
   };
   const draw = () => {
-    if (spec.equal) findPlane();
-    const data = spec.equal ? [null, ...current.map((c) => [c.x, c.y])] : [current[0]?.x ?? [0, 1], ...current.map((c) => c.y)];
+    if (free) findPlane();
+    const data = free ? [null, ...current.map((c) => [c.x, c.y])] : [current[0]?.x ?? [0, 1], ...current.map((c) => c.y)];
     // batch() commits at its end, so that the picture is drawn before this returns.
     plot.batch(() => plot.setData(data as unknown as uPlot.AlignedData));
   };
   const observer = new ResizeObserver(() => {
     plot.setSize({ width: element.clientWidth, height: element.clientHeight });
     // Only new data are asked for both ranges anew: redraw() would keep that of x, and a circle would become an ellipse.
-    if (spec.equal && current.length > 0) draw();
+    if (free && current.length > 0) draw();
   });
   observer.observe(element);
   return {

@@ -8,6 +8,7 @@ import { NOTHING, type Band, type Curve, type Decor, type Mark, type PlotSpec, t
 import { formatMetric, formatNumber, prettyUnit, withUnit, words } from "@/shared/units/format";
 import { boundAt, factsOf, WANTED, zoneOf, type Facts, type PanelGoal } from "./goals";
 import { marginsOf, type Margins } from "./margins";
+import { nicholsChart } from "./nichols";
 import classes from "./ResponsePlots.module.css";
 import { frequenciesOf, spectrumOf } from "./spectrum";
 
@@ -84,6 +85,7 @@ export const ResponsePlots = memo(
         else if (what === "bode") found.set(kind, { ...common, title: t("panel.magnitude"), x: frequency, y: { label: t("panel.magnitudeShort"), unit: "dB" }, clamp: [-80, 120], lines: [{ y: 0 }] });
         else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, clamp: [-720, 360], lines: [{ y: -180 }] });
         else if (what === "nyquist") found.set(kind, { ...common, title: t("panel.nyquist"), x: { label: "Re", unit: "" }, y: { label: "Im", unit: "" }, equal: true, clamp: [-3, 3], keep: [[-1, 0], [0, 0]], lines: [{ x: -1 }, { y: 0 }], ...(loop ? { circle: 1 } : {}) });
+        else if (what === "nichols") found.set(kind, { ...common, title: t("panel.nichols"), x: { label: t("panel.phaseShort"), unit: "°" }, y: { label: t("panel.magnitudeShort"), unit: "dB" }, free: true, clamp: [-40, 60], clampX: [-720, 360], keep: [[-210, -12], [-90, 12]], lines: [{ x: -180 }, { x: -540 }, { x: 180 }, { y: 0 }], ...(loop ? { chart: nicholsChart } : {}) });
         else if (what === "poles") found.set(kind, { ...common, series: series.map((s) => ({ ...s, marks: "cross" as const })), title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
       }
       return found;
@@ -102,7 +104,7 @@ export const ResponsePlots = memo(
         responses.set(k, made);
         return made;
       };
-      const margins = loop && next.frequency.length > 1 ? marginsOf(next.frequency, bodeOf(0).magnitude, bodeOf(0).phase) : null;
+      const margins = loop && variants[0]?.kind === "current" && next.frequency.length > 1 ? marginsOf(next.frequency, bodeOf(0).magnitude, bodeOf(0).phase) : null;
       const seen = goals.length > 0 ? factsOf(next, opened.curves.indexOf(output), margins, next.frequency.length > 1 ? bodeOf(0).magnitude : null) : null;
       facts.current = seen;
       const step = (next.time[next.time.length - 1]! - next.time[0]!) / Math.max(1, next.time.length - 1);
@@ -118,6 +120,7 @@ export const ResponsePlots = memo(
             const { re, im } = what === "nyquist" ? from.response(index) : from.poles(index);
             return { x: re, y: im };
           }
+          if (what === "nichols") return index < 0 ? EMPTY : { x: bodeOf(k).phase, y: bodeOf(k).magnitude };
           if (index < 0) return { x, y: new Float32Array(x.length).fill(NaN) };
           if (what === "step") return { x, y: from.outputs(index, place) };
           if (what === "spectrum") return { x, y: spectrumOf(from.outputs(index, place)) };
@@ -229,6 +232,10 @@ function marksOf(what: string, { phase, gain }: Margins): Mark[] {
   const decibel = gain ? `gm ${formatNumber(-gain.magnitude, 3)} dB` : "";
   if (what === "phase" && phase) found.push({ from: [phase.frequency, phase.turn], to: [phase.frequency, phase.at], text: degrees });
   if (what === "bode" && gain) found.push({ from: [gain.frequency, 0], to: [gain.frequency, gain.magnitude], text: decibel });
+  if (what === "nichols") {
+    if (phase) found.push({ from: [phase.turn, 0], to: [phase.at, 0], text: degrees });
+    if (gain) found.push({ from: [gain.turn, 0], to: [gain.turn, gain.magnitude], text: decibel });
+  }
   if (what === "nyquist") {
     if (phase) found.push({ from: [-1, 0], to: [Math.cos((phase.at * Math.PI) / 180), Math.sin((phase.at * Math.PI) / 180)], text: degrees });
     if (gain) found.push({ from: [-1, 0], to: [-(10 ** (gain.magnitude / 20)), 0], text: decibel });

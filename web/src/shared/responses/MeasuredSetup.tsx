@@ -6,8 +6,8 @@ import { api, must } from "@/shared/api/client";
 import type { Opened } from "@/shared/live/protocol";
 import { PlainEntry } from "@/shared/ui/PlainEntry";
 import { words } from "@/shared/units/format";
-import classes from "./CompareBar.module.css";
-import type { Overlay } from "./state";
+import classes from "@/shared/ui/Chip.module.css";
+import type { Overlay } from "./view";
 
 interface Props {
   measured: Overlay[];
