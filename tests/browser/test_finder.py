@@ -57,6 +57,33 @@ def test_a_system_its_optimum_and_a_chapter_are_found_by_keyboard(page: Page, cl
     expect(page).to_have_url(re.compile(r"/docs/coming-from\.html"))
 
 
+def test_letters_typed_before_the_search_has_loaded_are_in_its_field(page: Page) -> None:
+    page.goto("/systems")
+    page.get_by_role("heading", name="Systems", exact=True).wait_for()
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/assets/Finder-*.js", hold)
+    with page.expect_request("**/assets/Finder-*.js"):
+        page.keyboard.press("Control+k")
+    page.keyboard.type("aboux")
+    page.keyboard.press("Backspace")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    held[0].continue_()
+    field = page.get_by_role("combobox", name="Search everything")
+    expect(field).to_be_focused()
+    expect(field).to_have_value("abou")
+    page.keyboard.type("t")
+    expect(page.get_by_role("option", name="About", exact=True)).to_be_visible()
+    # The next search begins empty.
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.keyboard.press("Control+k")
+    expect(field).to_have_value("")
+
+
 def test_what_does_not_answer_is_told_and_hides_nothing_else(page: Page, client: httpx.Client) -> None:
     client.post("/v1/systems", json={**LOOP, "name": "seen without rigs"}).raise_for_status()
 

@@ -8,11 +8,10 @@ import { found, indexOf, type Entry } from "./match";
 import { sourceQuery, SOURCES } from "./sources";
 
 /** Looks through everything that can be opened; the focus stays in the field, arrow keys walk through what was found. */
-export function Finder({ onClose }: { onClose(): void }) {
+export function Finder({ text, onText, onClose }: { text: string; onText(text: string): void; onClose(): void }) {
   const { t, i18n } = useTranslation();
   const navigate = useNavigate();
   const own = useId();
-  const [text, setText] = useState("");
   const [at, setAt] = useState(0);
   const sources = useQueries({ queries: SOURCES.map((kind) => sourceQuery(kind, t, i18n.language)) });
   const states = sources.map(({ dataUpdatedAt, status }) => `${dataUpdatedAt}${status}`).join();
@@ -58,7 +57,7 @@ export function Finder({ onClose }: { onClose(): void }) {
         size="sm"
         value={text}
         onChange={(event) => {
-          setText(event.currentTarget.value);
+          onText(event.currentTarget.value);
           setAt(0);
         }}
         onKeyDown={press}
