@@ -144,6 +144,8 @@ def of_models(client: httpx.Client) -> Places:
     mass = Mistake(fill={"At least, goal 5": "3 kg"}, press=("Start",), at="At least, goal 5", said="kg")
     of.add("optimise", search, "form button[type=submit]", mass)
     of.add("revisions", f"/systems/{motor}/revisions", "[data-testid=difference]")
+    both = f"/compare?d={motor}@1&d={motor}@2"
+    of.add("compare", both, "[data-testid=plots][data-frame]")
     of.add("jobs", "/jobs", "[data-testid=jobs]")
     past = Mistake(fill={"Name": "late", "Until": "2001-01-01"}, press=("Make a key",), at="Until", said="must")
     less = Mistake(fill={"Limit: Systems": "-3"}, press=("Keep the limits",), at="Limit: Systems", said="must be >= 0")

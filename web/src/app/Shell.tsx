@@ -11,7 +11,7 @@ import classes from "./Shell.module.css";
 
 const PLACES = ["systems", "datasets", "jobs", "schedules", "rigs", "access", "about"] as const;
 /** Pages below no place of their own, and the place they belong to. */
-const BELONGS: Record<string, (typeof PLACES)[number]> = { acquisitions: "rigs", identify: "datasets", lineage: "datasets", validate: "datasets" };
+const BELONGS: Record<string, (typeof PLACES)[number]> = { acquisitions: "rigs", compare: "systems", identify: "datasets", lineage: "datasets", validate: "datasets" };
 
 export function Shell() {
   const { t } = useTranslation();

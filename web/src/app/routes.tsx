@@ -24,6 +24,7 @@ export const router = createBrowserRouter([
           { path: "revisions", lazy: async () => ({ Component: (await import("@/features/systems/RevisionsPage")).RevisionsPage }) },
         ],
       },
+      { path: "compare", lazy: async () => ({ Component: (await import("@/features/compare/ComparePage")).ComparePage }) },
       { path: "jobs", lazy: async () => ({ Component: (await import("@/features/jobs/JobsPage")).JobsPage }) },
       { path: "jobs/:id", lazy: async () => ({ Component: (await import("@/features/jobs/JobPage")).JobPage }) },
       { path: "datasets", lazy: async () => ({ Component: (await import("@/features/datasets/DatasetsPage")).DatasetsPage }) },

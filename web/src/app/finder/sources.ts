@@ -59,6 +59,7 @@ const PAGES: [to: string, key: string][] = [
   ["/access", "nav.access"],
   ["/about", "nav.about"],
   ["/systems#templates", "systems.templates"],
+  ["/compare", "compare.title"],
   ["/identify", "matching.identify"],
   ["/validate", "matching.validate"],
   ["/schedules/new", "schedules.new"],

@@ -1,9 +1,12 @@
-import { Button, Group, NativeSelect, Progress, Text } from "@mantine/core";
+import { Button, Checkbox, Group, NativeSelect, Progress, Text, VisuallyHidden } from "@mantine/core";
 import { useInfiniteQuery, useMutation, useQueryClient } from "@tanstack/react-query";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Link } from "react-router";
 import { api, must } from "@/shared/api/client";
 import { ENDED, jobsQuery } from "@/shared/api/jobs";
+import type { JobReply } from "@/shared/api/types";
+import { compareAt, MOST_DESIGNS } from "@/shared/systems/compared";
 import { DataTable, NameLink } from "@/shared/ui/DataTable";
 import { Empty } from "@/shared/ui/Empty";
 import { PageHead } from "@/shared/ui/PageHead";
@@ -16,9 +19,13 @@ import { useQueryText } from "@/shared/ui/useQueryText";
 const KINDS = ["optimization", "identification", "validation", "import", "preview", "processing", "average", "acquisition"];
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 
+/** A search that has found something, which can be compared with others. */
+const isDesign = (job: JobReply) => job.kind === "optimization" && job.result !== null;
+
 export function JobsPage() {
   const { t } = useTranslation();
   const [query, setQuery] = useQueryText();
+  const [chosen, setChosen] = useState<string[]>([]);
   const kind = query.get("kind") ?? "";
   const status = query.get("status") ?? "";
   const jobs = useInfiniteQuery(jobsQuery({ ...(kind ? { kind } : {}), ...(status ? { status } : {}) }));
@@ -42,6 +49,11 @@ export function JobsPage() {
       <Group mb="sm" align="flex-end">
         <NativeSelect size="xs" label={t("jobs.kind")} value={kind} onChange={(event) => choose("kind", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...KINDS.map((k) => ({ value: k, label: t(`jobs.kinds.${k}`, k) }))]} />
         <NativeSelect size="xs" label={t("jobs.status")} value={status} onChange={(event) => choose("status", event.currentTarget.value)} data={[{ value: "", label: t("jobs.all") }, ...STATES.map((s) => ({ value: s, label: t(`status.${s}`) }))]} />
+        {rows.some(isDesign) && (
+          <Button component={Link} to={compareAt(chosen.map((id) => ({ kind: "search", id })))} variant="default">
+            {t("compare.chosen", { count: chosen.length })}
+          </Button>
+        )}
       </Group>
       {jobs.isSuccess && rows.length === 0 && (kind || status ? (
           <Empty title={t("jobs.noneSuch")} action={<Button onClick={() => setQuery(() => new URLSearchParams(), {})}>{t("jobs.showAll")}</Button>}>
@@ -66,6 +78,18 @@ export function JobsPage() {
           rows={rows}
           keyOf={(job) => job.id}
           columns={[
+            ...(rows.some(isDesign)
+              ? [
+                  {
+                    title: <VisuallyHidden>{t("compare.choose")}</VisuallyHidden>,
+                    width: 40,
+                    cell: (job: JobReply) =>
+                      isDesign(job) && (
+                        <Checkbox size="xs" aria-label={t("compare.chooseOne", { name: job.id })} checked={chosen.includes(job.id)} disabled={chosen.length >= MOST_DESIGNS && !chosen.includes(job.id)} onChange={(event) => setChosen(event.currentTarget.checked ? [...chosen, job.id] : chosen.filter((id) => id !== job.id))} />
+                      ),
+                  },
+                ]
+              : []),
             { title: t("jobs.kind"), cell: (job) => <NameLink to={`/jobs/${job.id}`}>{t(`jobs.kinds.${job.kind}`, words(job.kind))}</NameLink> },
             { title: t("jobs.status"), cell: (job) => <StatusBadge status={job.status} /> },
             {

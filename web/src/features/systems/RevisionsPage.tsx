@@ -1,10 +1,12 @@
-import { Badge, Button, Group, Select, Stack, Table, Text } from "@mantine/core";
+import { Badge, Button, Checkbox, Group, Select, Stack, Table, Text } from "@mantine/core";
 import { useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { useParams, useSearchParams } from "react-router";
+import { Link, useParams, useSearchParams } from "react-router";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
 import { revisionQuery, revisionsQuery, saveSystem, systemQuery } from "@/shared/api/systems";
+import { compareAt, MOST_DESIGNS } from "@/shared/systems/compared";
 import { differences } from "@/shared/systems/difference";
 
 const COLORS = { added: "green", removed: "red", changed: "blue" } as const;
@@ -15,6 +17,7 @@ export function RevisionsPage() {
   const { id = "" } = useParams();
   const queries = useQueryClient();
   const [query, setQuery] = useSearchParams();
+  const [chosen, setChosen] = useState<number[]>([]);
   const current = useQuery(systemQuery(id)).data!;
   const revisions = useQuery(revisionsQuery(id));
   const after = Number(query.get("to") ?? current.revision);
@@ -65,10 +68,14 @@ export function RevisionsPage() {
             </Table.Tbody>
           </Table>
         )}
+        <Button component={Link} to={compareAt(chosen.toSorted((a, b) => a - b).map((revision) => ({ kind: "revision", id, revision })))} variant="default" style={{ alignSelf: "flex-start" }}>
+          {t("compare.chosen", { count: chosen.length })}
+        </Button>
         <Table>
           <Table.Caption>{t("revisions.all")}</Table.Caption>
           <Table.Thead>
             <Table.Tr>
+              <Table.Th w={40} aria-label={t("compare.choose")} />
               <Table.Th>{t("systems.revision")}</Table.Th>
               <Table.Th>{t("revisions.made")}</Table.Th>
             </Table.Tr>
@@ -76,6 +83,9 @@ export function RevisionsPage() {
           <Table.Tbody>
             {(revisions.data?.items ?? []).map((row) => (
               <Table.Tr key={row.revision}>
+                <Table.Td>
+                  <Checkbox size="xs" aria-label={t("compare.chooseOne", { name: t("system.revision", { number: row.revision }) })} checked={chosen.includes(row.revision)} disabled={chosen.length >= MOST_DESIGNS && !chosen.includes(row.revision)} onChange={(event) => setChosen(event.currentTarget.checked ? [...chosen, row.revision] : chosen.filter((one) => one !== row.revision))} />
+                </Table.Td>
                 <Table.Td className="numbers">{row.revision}</Table.Td>
                 <Table.Td>
                   <When at={row.created_at} />

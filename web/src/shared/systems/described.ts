@@ -9,7 +9,10 @@ export const describedQuery = (id: string, revision: number) => queryOptions({ q
 /** The same of a document that need not be stored. */
 export const describedDocument = (document: SystemDocument) => queryOptions({ queryKey: ["described", JSON.stringify(document)], staleTime: Infinity, retry: false, queryFn: () => described(document) });
 
-const described = (system: string | SystemDocument) =>
+const described = (system: string | SystemDocument) => openedOnce({ system, samples: 2 });
+
+/** What the live channel tells of a system that is opened once: nothing is drawn. */
+export const openedOnce = (request: object) =>
   new Promise<Opened>((resolve, reject) => {
     const done = () => socket.close();
     const socket = new LiveSocket({
@@ -25,5 +28,5 @@ const described = (system: string | SystemDocument) =>
         reject(problem);
       },
     });
-    socket.open({ system, samples: 2 });
+    socket.open(request);
   });
