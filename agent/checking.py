@@ -230,10 +230,13 @@ def _sensors(settings: Settings, hardware: Driver) -> Iterator[Finding]:
 
 def _calibrations(settings: Settings, today: date) -> Iterator[Finding]:
     for entry in settings.inputs:
-        if not entry.calibration.due:
-            continue
-        due = date.fromisoformat(entry.calibration.due)
-        if due < today + _SOON:
-            told = f"its calibration {'was' if due < today else 'is'} due on {due}"
-            remedy = "have the sensor calibrated, then write certificate, sensitivity and due into its entry"
-            yield Finding(result="note", what=f"input {entry.name}", told=told, remedy=remedy)
+        parts = [("its calibration", entry.calibration, "the sensor", "sensitivity")]
+        parts += [(f"the calibration of {s.model or 'its chain'}", s.calibration, "it", "gain") for s in entry.chain]
+        for whose, calibration, what, number in parts:
+            if not calibration.due:
+                continue
+            due = date.fromisoformat(calibration.due)
+            if due < today + _SOON:
+                told = f"{whose} {'was' if due < today else 'is'} due on {due}"
+                remedy = f"have {what} calibrated, then write certificate, {number} and due into its entry"
+                yield Finding(result="note", what=f"input {entry.name}", told=told, remedy=remedy)

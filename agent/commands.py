@@ -66,7 +66,7 @@ def agent(argv: Sequence[str]) -> int:
 
     from agent.errors import SettingsError
     from agent.process import Agent, Terminal
-    from agent.settings import read
+    from agent.settings_file import read
     from agent.spool import held
 
     logging.basicConfig(

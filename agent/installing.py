@@ -18,7 +18,8 @@ from typing import Any, Literal
 from xml.etree import ElementTree as ET
 
 from agent.errors import SettingsError
-from agent.settings import Settings, read
+from agent.settings import Settings
+from agent.settings_file import read
 
 Platform = Literal["linux", "windows"]
 HERE: Platform = "windows" if sys.platform == "win32" else "linux"

@@ -375,12 +375,23 @@ def described(entry: InputSettings) -> dict[str, Any]:
         "name": entry.name,
         "quantity": entry.quantity or ("" if entry.kind == "voltage" else entry.kind),
         "unit": entry.unit,
-        "scale": 1.0 / entry.sensitivity,
+        "scale": 1.0 / entry.overall_sensitivity,
         "offset": entry.offset,
         "sensor": {
             "model": entry.model,
             "serial": entry.serial,
             "calibrated_on": entry.calibration.calibrated_on,
             "certificate": entry.calibration.certificate,
+            "uncertainty_percent": entry.uncertainty_percent,
+            "chain": [
+                {
+                    "model": stage.model,
+                    "serial": stage.serial,
+                    "gain": stage.gain,
+                    "calibrated_on": stage.calibration.calibrated_on,
+                    "certificate": stage.calibration.certificate,
+                }
+                for stage in entry.chain
+            ],
         },
     }

@@ -31,6 +31,8 @@ _FINE = 2.0**-14
 """Share of the range that the smallest step of a channel with noise may be."""
 _SPARE = 1.2
 """Times what was measured that a range must hold to be advised."""
+_VOLTS = frozenset({"voltage", "acceleration", "force", "velocity"})
+"""Kinds that are measured in V: the ranges that a driver tells are theirs."""
 _UNITS = {"current": "A", "bridge": "V/V"}
 """Of what the hardware measures, where it is not V."""
 
@@ -163,7 +165,7 @@ class Watch:
         if word != "overload":
             return "see to its sensor and cable"
         entry = self._inputs[i]
-        if entry.kind != "voltage" or not self._ranges[i]:  # nobody knows what the hardware has
+        if entry.kind not in _VOLTS or not self._ranges[i]:  # nobody knows what the hardware has
             return "set a larger range, or lower the signal"
         larger = next((limit for limit in self._ranges[i] if limit > entry.range * (1 + 1e-9)), None)
         return f"set range = {larger:g}" if larger else "the hardware has no larger one: lower the signal"
@@ -179,7 +181,7 @@ class Watch:
     def _advice(self, i: int) -> str:
         """Say which range would be finer, where the hardware has one that holds what was measured with a fifth to spare."""
         entry, largest = self._inputs[i], float(self._largest[i])
-        if entry.kind != "voltage" or not largest:
+        if entry.kind not in _VOLTS or not largest:
             return ""
         used = min((limit for limit in self._ranges[i] if limit >= entry.range * (1 - 1e-9)), default=entry.range)
         finer = next((limit for limit in self._ranges[i] if limit >= _SPARE * largest), used)

@@ -31,8 +31,17 @@ class CalibrationDocument(Document):
     reference_frequency: float | None = Field(default=None, ge=0.0, description="Hz")
 
 
+class StageDocument(Document):
+    """What is between a sensor and its input, an amplifier say."""
+
+    model: str = Field(default="", max_length=200)
+    serial: str = Field(default="", max_length=200)
+    gain: float = Field(default=1.0, description="what it delivers for one that it is given")
+    calibration: CalibrationDocument = Field(default_factory=CalibrationDocument)
+
+
 class RigInputDocument(Document):
-    """An input channel with its sensor: physical value = measured / sensitivity + offset, in `unit`.
+    """An input channel with its sensor: physical value = measured / (sensitivity x gains of the chain) + offset, in `unit`.
 
     Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with `distance`, m; of a digital
     line 0 or 1.
@@ -59,6 +68,7 @@ class RigInputDocument(Document):
     model: str = Field(default="", max_length=200)
     serial: str = Field(default="", max_length=200)
     calibration: CalibrationDocument = Field(default_factory=CalibrationDocument)
+    chain: list[StageDocument] = Field(default_factory=list, max_length=20, description="from the sensor to the input")
 
 
 class RigOutputDocument(Document):

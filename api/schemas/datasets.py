@@ -13,6 +13,16 @@ Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 ChannelName = Annotated[str, Field(min_length=1, max_length=200)]
 
 
+class StageOfChannel(Document):
+    """What was between a sensor and its input; its gain is in the scale of the channel."""
+
+    model: str = Field(default="", max_length=200)
+    serial: str = Field(default="", max_length=200)
+    gain: float = 1.0
+    calibrated_on: str = Field(default="", max_length=40)
+    certificate: str = Field(default="", max_length=200)
+
+
 class SensorDocument(Document):
     """The instrument behind a channel."""
 
@@ -20,6 +30,10 @@ class SensorDocument(Document):
     serial: str = Field(default="", max_length=200)
     calibrated_on: str = Field(default="", max_length=40)
     certificate: str = Field(default="", max_length=200)
+    uncertainty_percent: float | None = Field(
+        default=None, ge=0.0, description="of sensor and chain together, where each certificate says its own"
+    )
+    chain: list[StageOfChannel] = Field(default_factory=list, max_length=20, description="from the sensor to the input")
 
 
 class ChannelDocument(Document):

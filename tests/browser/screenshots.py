@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
 from agent.process import Agent
-from agent.settings import read
+from agent.settings_file import read
 from rig_simulator.grpc_server import Server
 from tests.browser.driving import KEY, ROOT, Running, launched, running, signed_in
 from tests.browser.places import (

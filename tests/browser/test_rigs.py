@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from agent.process import Agent
-from agent.settings import read
+from agent.settings_file import read
 from rig_simulator.grpc_server import Server
 from storage import open_database
 from storage.models import AcquisitionAttempt

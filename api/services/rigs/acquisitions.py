@@ -199,12 +199,15 @@ def _due(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:
     inputs = {entry["name"]: entry for entry in rig.get("inputs", ())}
     found = []
     for i, name in enumerate(channels):
-        due = inputs.get(name, {}).get("calibration", {}).get("due", "")
-        day = _date(due)
-        if day is not None and day < today + _SOON:
-            was = "was" if day < today else "is"
-            detail = f"calibration of {name} {was} due on {due}"
-            found.append({"pointer": f"/channels/{i}", "level": "warning", "detail": detail})
+        entry = inputs.get(name, {})
+        parts = [(name, entry)] + [(f"{s['model'] or 'a stage'} behind {name}", s) for s in entry.get("chain", ())]
+        for what, part in parts:
+            due = part.get("calibration", {}).get("due", "")
+            day = _date(due)
+            if day is not None and day < today + _SOON:
+                was = "was" if day < today else "is"
+                detail = f"calibration of {what} {was} due on {due}"
+                found.append({"pointer": f"/channels/{i}", "level": "warning", "detail": detail})
     return found
 
 

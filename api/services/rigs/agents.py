@@ -49,6 +49,9 @@ def _check(request: AgentRequest) -> None:
         _check_kind(entry, place=(*place, "unit"))
         if entry.sensitivity == 0.0:
             raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
+        for k, stage in enumerate(entry.chain):
+            if stage.gain == 0.0:
+                raise invalid(f"gain in the chain of {entry.name} must not be 0, got 0", *place, "chain", k, "gain")
     for i, output in enumerate(rig.outputs):
         if abs(output.safe) > output.amplitude:
             limit = f"{output.amplitude:g} {UNITS[output.kind]}".strip()

@@ -16,7 +16,8 @@ import httpx
 import numpy as np
 
 from agent.process import Agent
-from agent.settings import Settings, read
+from agent.settings import Settings
+from agent.settings_file import read
 from api.convert.systems import diagram_from_wire
 from api.schemas.systems import SystemDocument
 from rig_simulator.bench import Bench

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from agent import checking
-from agent.settings import Settings, read
+from agent.settings import Settings
+from agent.settings_file import read
 from agent.spool import held
 from rig_simulator.opcua_server import Server as Controller
 from rig_simulator.sensors import Sensor, Teds
@@ -55,6 +56,7 @@ channel = "cDAQ1Mod4/ai0"
 kind = "bridge"
 range = 0.025
 calibration = {due = "2026-12-01"}
+chain = [{model = "amplifier", gain = 10.0, calibration = {due = "2026-11-01"}}]
 [[outputs]]
 name = "beyond"
 channel = "cDAQ1Mod2/ao1"
@@ -118,12 +120,14 @@ def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
     for what, (told, remedy) in TOLD.items():
         assert told in failed[what].told, what
         assert remedy in failed[what].remedy, what
-    assert of(found, "note")["input load_cell"].told == "its calibration is due on 2026-12-01"
+    due = [entry.told for entry in found if entry.result == "note" and entry.what == "input load_cell"]
+    was = "was" if date(2026, 11, 1) < TODAY else "is"
+    assert due == ["its calibration is due on 2026-12-01", f"the calibration of amplifier {was} due on 2026-11-01"]
     assert {"input loopback", "input position", "input load_cell", "output valve", "all inputs"} <= set(of(found, "ok"))
     assert lab.bench.levels == {"cDAQ1Mod2/ao0": 1.25}
     assert lab.bench.tasks == {}
     shown = checking.table(found)
-    assert shown.splitlines()[-1].endswith(f"5 to be known, {len(TOLD)} fail")
+    assert shown.splitlines()[-1].endswith(f"6 to be known, {len(TOLD)} fail")
     assert all(any(line.startswith(f"FAILS {what}") for line in shown.splitlines()) for what in TOLD)
 
 

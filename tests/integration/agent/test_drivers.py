@@ -12,7 +12,8 @@ import pytest
 
 from agent import spool
 from agent.errors import AttemptError
-from agent.settings import Settings, read
+from agent.settings import Settings
+from agent.settings_file import read
 from rig_simulator.file_writer import Writer
 from rig_simulator.opcua_server import Server
 from rig_simulator.sensors import Sensor

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from agent.settings import CalibrationSettings, StageSettings
 
 
 def test_a_driven_measurement_arrives_whole(lab) -> None:
@@ -38,6 +41,23 @@ def test_a_driven_measurement_arrives_whole(lab) -> None:
     assert lab.runs() == []  # nothing is left on the disk of the lab PC
     assert lab.level() == 0.0
     assert not lab.bench.tasks
+
+
+def test_a_chain_is_in_the_scale_of_its_channel_with_its_certificates(lab) -> None:
+    settings = lab.settings()
+    (loopback, position) = settings.inputs
+    known = CalibrationSettings(certificate="C-18", calibrated_on="2026-03-02", uncertainty_percent=4.0)
+    amplifier = StageSettings(model="amplifier", serial="7", gain=4.0, calibration=known)
+    sensor = replace(position.calibration, uncertainty_percent=3.0)
+    inputs = (loopback, replace(position, calibration=sensor, chain=(amplifier,)))
+    with lab.agent(replace(settings, inputs=inputs)):
+        done = lab.wait(lab.ask())
+    channel = lab.client.get(f"/v1/datasets/{done['dataset']}").json()["channels"][1]
+    assert channel["scale"] == 0.5  # 0.5 V for a mm, times 4
+    assert channel["sensor"]["uncertainty_percent"] == pytest.approx(5.0)
+    assert channel["sensor"]["chain"] == [
+        {"model": "amplifier", "serial": "7", "gain": 4.0, "calibrated_on": "2026-03-02", "certificate": "C-18"}
+    ]
 
 
 def test_repetitions_follow_each_other_without_a_gap_and_are_averaged(lab) -> None:

@@ -404,3 +404,16 @@ def test_what_is_shown_only_ends_without_a_dataset_and_keeps_its_newest_preview_
     events = client.get(f"/v1/jobs/{asked['job']}/events").text
     assert events.count('"sweep"') == 1
     assert '"sweep":3' in events.replace(" ", "")
+
+
+def test_a_stage_whose_calibration_is_over_is_told_and_one_without_gain_refused(client, request) -> None:
+    rig = request.node.name
+    stage = {"model": "amplifier", "gain": 10, "calibration": {"due": "2021-02-03"}}
+    inputs = [RIG["inputs"][0] | {"chain": [stage]}, RIG["inputs"][1]]
+    _register(client, rig=rig, document=RIG | {"inputs": inputs})
+    told = [warning["detail"] for warning in _ask(client, rig)["warnings"]]
+    assert told[0] == "calibration of amplifier behind loopback was due on 2021-02-03"
+    inputs = [RIG["inputs"][0] | {"chain": [stage | {"gain": 0}]}, RIG["inputs"][1]]
+    refused = client.post("/v1/agents", json=AGENT | {"rig": rig, "document": RIG | {"inputs": inputs}})
+    assert refused.status_code == 422
+    assert refused.json()["errors"][0]["pointer"] == "/document/inputs/0/chain/0/gain"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from agent.errors import SettingsError
-from agent.settings import read
+from agent.settings_file import read
 
 GOOD = """
 [service]
@@ -24,6 +24,19 @@ name = "valve"
 channel = "Dev1/ao0"
 amplitude = 5.0
 """
+CHAIN = GOOD.replace(
+    "[[outputs]]",
+    """calibration = {uncertainty_percent = 3}
+[[inputs.chain]]
+model = "charge amplifier"
+gain = 10
+calibration = {certificate = "C-18", due = "2027-03-02", uncertainty_percent = 4}
+[[inputs.chain]]
+gain = -0.5
+calibration = {uncertainty_percent = 12}
+[[outputs]]""",
+)
+LINE = GOOD.replace("amplitude = 5.0", 'amplitude = 1\nkind = "digital"')
 CALIBRATED = GOOD.replace("sensitivity = 2", 'calibration = {due = "2027-03-02", uncertainty_percent = 1}')
 
 
@@ -55,6 +68,14 @@ def test_the_later_one_counts(tmp_path) -> None:
         (GOOD.replace("5.0", "5.0\nsafe = 6"), "output valve: safe must be within 5 V, got 6"),
         (GOOD.replace("sensitivity = 2", "sensitivity = 0"), "input position: sensitivity must be finite and not 0"),
         (GOOD.replace("sensitivity = 2", 'kind = "magic"'), "input position: kind must be one of voltage, "),
+        (CHAIN.replace("gain = 10", "gain = 0"), r"position: chain\[0\].gain must be finite and not 0, got 0"),
+        (CHAIN.replace("gain = 10", "gian = 10"), r"chain\[0\]: setting must be one of model, .* got 'gian'"),
+        (CHAIN.replace("2027-03-02", "soon"), r"position: chain\[0\]: calibration.due must be a day"),
+        (GOOD.replace("sensitivity = 2", "chain = 2"), r"chain must be written as \[\[inputs.chain\]\], got 2"),
+        (CALIBRATED.replace("percent = 1", "percent = -1"), "uncertainty_percent must be finite and >= 0, got -1"),
+        (LINE.replace("amplitude = 1", "amplitude = 5"), "valve: amplitude must be 1 for a digital output, got 5"),
+        (LINE + "safe = 0.5", "valve: safe must be 0 or 1 for a digital output, got 0.5"),
+        (LINE + "soft_stop = 0.5", "valve: soft_stop must be 0 for a digital output, got 0.5"),
         (
             CALIBRATED.replace("2027-03-02", "soon"),
             "position: calibration.due must be a day such as 2027-03-02, got 'soon'",
@@ -78,6 +99,17 @@ def test_the_later_one_counts(tmp_path) -> None:
 def test_what_is_wrong_is_named(tmp_path, text, says) -> None:
     with pytest.raises(SettingsError, match=says):
         settings(tmp_path, text)
+
+
+def test_a_chain_multiplies_and_its_uncertainties_add_up_as_independent_ones(tmp_path) -> None:
+    (position,) = settings(tmp_path, CHAIN).inputs
+    assert [stage.gain for stage in position.chain] == [10.0, -0.5]
+    assert position.chain[0].calibration.certificate == "C-18"
+    assert position.overall_sensitivity == -10.0  # 2 V for one unit, times 10, times -0.5
+    assert position.uncertainty_percent == pytest.approx(13.0)  # 3, 4 and 12
+    (alone,) = settings(tmp_path, CHAIN.replace("calibration = {uncertainty_percent = 12}", "")).inputs
+    assert alone.uncertainty_percent is None
+    assert settings(tmp_path, LINE).outputs[0].unit == ""
 
 
 def test_a_key_is_read_anew_each_time(tmp_path) -> None:

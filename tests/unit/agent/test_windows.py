@@ -9,7 +9,7 @@ import pytest
 
 from agent import spool as spooling
 from agent.errors import AttemptError, SettingsError
-from agent.settings import read
+from agent.settings_file import read
 from agent.spool import Recorder, Run, Spool, held, write_whole
 from tests.support.windows import Windows
 

@@ -9,7 +9,7 @@ import { ProblemAlert } from "@/shared/ui/ProblemAlert";
 import { When } from "@/shared/ui/When";
 import { formatNumber, prettyUnit, withUnit } from "@/shared/units/format";
 import { AcquisitionTable } from "./AcquisitionTable";
-import { acquisitionsQuery, agentsQuery, calibrationState, presence, rigQuery, templatesQuery, type RigInput } from "./api";
+import { acquisitionsQuery, agentsQuery, calibrationState, presence, rigQuery, templatesQuery, type Calibration, type RigInput } from "./api";
 import { Hardware } from "./Hardware";
 import { delivered } from "./devices";
 import { PresenceBadge } from "./PresenceBadge";
@@ -135,31 +135,49 @@ export function RigPage() {
 
 function Input({ input }: { input: RigInput }) {
   const { t } = useTranslation();
-  const state = calibrationState(input.calibration, new Date().toISOString().slice(0, 10));
+  const today = new Date().toISOString().slice(0, 10);
+  const parts = [input, ...(input.chain ?? [])];
   return (
     <Table.Tr>
       <Table.Td fw={500}>{input.name}</Table.Td>
       <Table.Td className="numbers">{input.channel}</Table.Td>
-      <Table.Td>{[input.model, input.serial && `№ ${input.serial}`].filter(Boolean).join(", ") || "–"}</Table.Td>
+      <Table.Td>
+        {parts.map((part, i) => (
+          <div key={i}>{[part.model, part.serial && `№ ${part.serial}`].filter(Boolean).join(", ") || "–"}</div>
+        ))}
+      </Table.Td>
       <Table.Td ta="right" className="numbers">
         {formatNumber(input.sensitivity)} {delivered(input) || "1"}/{prettyUnit(input.unit) || "1"}
+        {input.chain?.map((stage, i) => <div key={i}>× {formatNumber(stage.gain)}</div>)}
       </Table.Td>
       <Table.Td ta="right" className="numbers">
         {RANGED.has(input.kind) ? `±${withUnit(input.range, delivered(input))}` : "–"}
       </Table.Td>
       <Table.Td>
-        <Group gap="xs">
-          <Badge variant="outline" color={COLORS[state]} tt="none">
-            {t(`rigs.calibrations.${state}`)}
-          </Badge>
-          {input.calibration?.due && (
-            <Text fz="xs">
-              <When at={input.calibration.due} dateOnly />
-              {input.calibration.certificate ? `, ${input.calibration.certificate}` : ""}
-            </Text>
-          )}
-        </Group>
+        {parts.map((part, i) => (
+          <Group key={i} gap="xs">
+            <CalibrationBadge calibration={part.calibration} today={today} />
+          </Group>
+        ))}
       </Table.Td>
     </Table.Tr>
+  );
+}
+
+function CalibrationBadge({ calibration, today }: { calibration: Calibration | undefined; today: string }) {
+  const { t } = useTranslation();
+  const state = calibrationState(calibration, today);
+  return (
+    <>
+      <Badge variant="outline" color={COLORS[state]} tt="none">
+        {t(`rigs.calibrations.${state}`)}
+      </Badge>
+      {calibration?.due && (
+        <Text fz="xs">
+          <When at={calibration.due} dateOnly />
+          {calibration.certificate ? `, ${calibration.certificate}` : ""}
+        </Text>
+      )}
+    </>
   );
 }

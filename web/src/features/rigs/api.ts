@@ -28,6 +28,8 @@ export interface RigInput {
   model?: string;
   serial?: string;
   calibration?: Calibration;
+  /** From the sensor to the input. */
+  chain?: { model: string; serial: string; gain: number; calibration?: Calibration }[];
 }
 export interface RigOutput {
   name: string;
