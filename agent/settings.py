@@ -134,7 +134,8 @@ class InputSettings:
     @property
     def uncertainty_percent(self) -> float | None:
         """Of the whole chain, as independent parts add up (GUM, 5.1.2); None unless each certificate says its own."""
-        parts = [entry.calibration.uncertainty_percent for entry in (self, *self.chain)]
+        calibrations = [self.calibration, *(stage.calibration for stage in self.chain)]
+        parts = [calibration.uncertainty_percent for calibration in calibrations]
         return None if None in parts else math.hypot(*(part for part in parts if part is not None))
 
 

@@ -134,7 +134,6 @@ export function RigPage() {
 }
 
 function Input({ input }: { input: RigInput }) {
-  const { t } = useTranslation();
   const today = new Date().toISOString().slice(0, 10);
   const parts = [input, ...(input.chain ?? [])];
   return (
