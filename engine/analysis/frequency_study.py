@@ -18,7 +18,7 @@ from engine.exact.frequency.response import FrequencyResponse
 from engine.exact.frequency.zeros import zeros
 from engine.exact.sampled_data.response import SampledResponse
 from engine.metrics import catalogue
-from engine.metrics._base import LoopMetric, LoopSubject, PathMetric, SystemMetric
+from engine.metrics._base import LoopMetric, LoopSubject, PathMetric, PathSubject, SystemMetric
 from engine.metrics._loop import Crossing, delay_margins, gain_margins, phase_margins
 from engine.model.document import Remark
 from engine.model.errors import DiagramError, UnresolvedError
@@ -156,29 +156,19 @@ def frequency_response(
     if open_at is None and (source is None or target is None):
         raise DiagramError("a frequency response must have 'from' and 'to', or 'open_at', got neither")
     evaluation = Evaluation(diagram, overrides)
-    margins = nyquist = rest = None
-    remarks = diagram.warnings
-    if diagram.nonlinear:
-        rest, doubts = _rest(diagram, overrides)
-        remarks = (*remarks, *doubts)
+    rest, remarks = _rest(diagram, overrides) if diagram.nonlinear else (None, ())
+    subject: LoopSubject | PathSubject
+    margins = nyquist = None
     if open_at is not None:
-        loop = evaluation.loop(open_at)
-        curve, static, own = loop.response, loop.static, loop.opened
-        if isinstance(curve, SampledResponse):
-            # its encirclements are those of another curve, and its crossings end at a frequency
-            margins, doubts = _sampled_margins(loop, open_at)
-            remarks = (*remarks, *doubts)
-        else:
-            nyquist = nyquist_count(curve, loop.opened, loop.closed)
-            doubts = _doubts(open_at, listed_to(curve), nyquist, loop.verdict)
-            remarks = (*remarks, *_without_loop(open_at, curve), *doubts)
-            margins = _margins(loop)
+        subject = evaluation.loop(open_at)
+        margins, nyquist, doubts = _opened(subject, open_at)
+        remarks = (*remarks, *doubts)
     else:
-        path = evaluation.path(str(source), str(target))
-        curve, static, own = path.response, path.static, path.own
+        subject = evaluation.path(str(source), str(target))
+    curve, own = subject.response, subject.opened if isinstance(subject, LoopSubject) else subject.own
     listed = margins.gain if margins is not None else ()
     chosen = shown(curve, listed) if frequencies is None else np.asarray(frequencies, dtype=float)
-    response, unbounded = _defined(curve, chosen, static, own)
+    response, unbounded = _defined(curve, chosen, subject.static, own)
     wanted = metrics
     if wanted is None:
         known = (*(PATH_METRICS if source and target else ()), *(LOOP_METRICS if open_at else ()), *SYSTEM_METRICS)
@@ -195,12 +185,24 @@ def frequency_response(
         poles=evaluation.poles.values,
         zeros=None if isinstance(curve, SampledResponse) else zeros(curve.system),
         verdict=evaluation.poles.verdict,
-        warnings=(*remarks, *diagram.analysis),
+        warnings=(*diagram.warnings, *remarks, *diagram.analysis),
         operating_point=rest,
         limit_cycles=predicted(diagram, overrides) if diagram.nonlinear and open_at is not None else (),
         unbounded=unbounded,
         paths=tuple(_path_study(evaluation, ends, frequencies, metrics, options) for ends in paths),
     )
+
+
+def _opened(loop: LoopSubject, open_at: Opening) -> tuple[Margins, NyquistCount | None, tuple[Remark, ...]]:
+    """Return margins, encirclements and what is doubtful about a loop that is cut."""
+    curve = loop.response
+    if isinstance(curve, SampledResponse):
+        # its encirclements are those of another curve, and its crossings end at a frequency
+        margins, doubts = _sampled_margins(loop, open_at)
+        return margins, None, doubts
+    nyquist = nyquist_count(curve, loop.opened, loop.closed)
+    doubts = _doubts(open_at, listed_to(curve), nyquist, loop.verdict)
+    return _margins(loop), nyquist, (*_without_loop(open_at, curve), *doubts)
 
 
 def _margins(loop: LoopSubject) -> Margins:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, final
 
 import numpy as np
 
-from engine.metrics._base import Absent, Found, SystemMetric, oscillatory
+from engine.metrics._base import Absent, Found, SystemMetric
+from engine.metrics._poles import oscillatory
 from engine.model.verdicts import Verdict
 
 if TYPE_CHECKING:

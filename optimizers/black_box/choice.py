@@ -133,28 +133,7 @@ def black_box(
         checked(experiment, method, orders, largest_delay, most_bytes=most_bytes),
     )
     case = _Case(experiment, offsets=offsets)
-    candidates: list[tuple[Tried, Discrete, int, Samples]] = []
-    tried = []
-    status = Status.CONVERGED
-
-    def check() -> None:
-        if watch.cancelled():
-            raise _EndedError
-
-    try:
-        for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay, check)):
-            check()
-            seconds = delay * case.h
-            if not model.stable or continuous(model, case.h) is None:
-                remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
-                tried.append(Tried(order=order, delay=seconds, estimation=None, validation=None, remark=remark))
-                continue
-            scores = [case.score(model, delay, constants, window) for window in experiment.windows]
-            tried.append(Tried(order=order, delay=seconds, estimation=scores[0], validation=scores[1]))
-            candidates.append((tried[-1], model, delay, constants))
-            watch.progress((done + 1) / (len(orders) + 1), f"order {order}: FIT {scores[0]:.2f} %")
-    except _EndedError:
-        status = Status.BUDGET if isinstance(watch, Limited) and watch.over else Status.CANCELLED
+    tried, candidates, status = _tried(case, method, orders, largest_delay, watch)
     if not candidates:
         raise ProblemError(
             "at least one order must have a stable continuous model, got none: "
@@ -185,6 +164,38 @@ def black_box(
             *((UNJUDGED,) if experiment.windows[1] is not None and not tells else ()),
         ),
     )  # fmt: skip
+
+
+_Candidate = tuple[Tried, Discrete, int, Samples]
+"""What was tried, its model, its delay in samples, its constants."""
+
+
+def _tried(
+    case: _Case, method: Method, orders: Sequence[int], largest_delay: float, watch: Monitor
+) -> tuple[list[Tried], list[_Candidate], Status]:
+    """Return every order tried, those that have a stable continuous model, and how the search ended."""
+    candidates: list[_Candidate] = []
+    tried = []
+
+    def check() -> None:
+        if watch.cancelled():
+            raise _EndedError
+
+    try:
+        for done, (order, delay, model, constants) in enumerate(_models(case, method, orders, largest_delay, check)):
+            check()
+            seconds = delay * case.h
+            if not model.stable or continuous(model, case.h) is None:
+                remark = "unstable" if not model.stable else "no continuous model: a pole at half the sample rate"
+                tried.append(Tried(order=order, delay=seconds, estimation=None, validation=None, remark=remark))
+                continue
+            scores = [case.score(model, delay, constants, window) for window in case.experiment.windows]
+            tried.append(Tried(order=order, delay=seconds, estimation=scores[0], validation=scores[1]))
+            candidates.append((tried[-1], model, delay, constants))
+            watch.progress((done + 1) / (len(orders) + 1), f"order {order}: FIT {scores[0]:.2f} %")
+    except _EndedError:
+        return tried, candidates, Status.BUDGET if isinstance(watch, Limited) and watch.over else Status.CANCELLED
+    return tried, candidates, Status.CONVERGED
 
 
 class _EndedError(Exception):

@@ -13,8 +13,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from engine.batch.collocation.frequency import Path, Scan, solved
+from engine.batch.collocation.frequency import solved
 from engine.batch.collocation.march import GRID, POINTS
+from engine.batch.collocation.scan import Path, Scan
 from engine.batch.collocation.time import Readings
 from engine.batch.collocation.trace import Trace, evaluate_polynomial
 from engine.model.linear_system import Array

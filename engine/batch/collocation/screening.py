@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.collocation.frequency import LOOP_METRICS, PATH_METRICS, Path, Scan
+from engine.batch.collocation.frequency import LOOP_METRICS, PATH_METRICS
 from engine.batch.collocation.march import Lanes, Mesh, Responses, balance, march
 from engine.batch.collocation.masks import LOOP_MASKS, PATH_MASKS, TIME_MASKS, ratio
+from engine.batch.collocation.scan import Path, Scan
 from engine.batch.collocation.time import METRICS as TIME_METRICS
 from engine.batch.collocation.time import Readings, last_entry
 from engine.batch.collocation.trace import Trace

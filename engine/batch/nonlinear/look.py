@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch.nonlinear.curves import Curves
 from engine.batch.nonlinear.march import Pieces
-from engine.batch.nonlinear.readings import INTEGRALS, RATIOS, TIMES, Curves
+from engine.batch.nonlinear.readings import INTEGRALS, RATIOS, TIMES
 
 Real = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from engine.batch.nonlinear.readings import Curves, middle_of, read
+from engine.batch.nonlinear.curves import Curves, middle_of
+from engine.batch.nonlinear.readings import read
 
 DAMPING = np.array([0.2, 0.5, 0.7])
 FREQUENCY = 3.0

@@ -1,0 +1,199 @@
+"""The response of one path of many systems of one structure, and the frequencies between which it peaks or crosses a level.
+
+    G(s) = G11 + G12 (I - Δ G22)⁻¹ Δ G21,   Δ = diag(e^{-s τ}),   G_ij(s) = C_i (s I - A)⁻¹ B_j + D_ij
+
+The eigenvalues of A make a frequency cost n divisions. Where the eigenvectors are nearly dependent, it is solved instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.linear_system import Array
+
+_PER_DECADE = 32
+_TURNS = 120
+_REACH = 1e-7, 1e5
+"""How far the scan goes below the lowest and above the highest corner, where only limits are left to be found."""
+_WELL_CONDITIONED = 1e7
+_NUDGE = 1e-10
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """One path of B systems: ``b`` (B, n, 1 + m), ``c`` (B, 1 + m, n), ``d`` (B, 1 + m, 1 + m); delay channels come last."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    delays: Array
+
+    @property
+    def batch(self) -> int:
+        """Number of systems."""
+        return int(self.a.shape[0])
+
+
+class Scan:
+    """The response of a path, real parts only, wherever it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._tau = path.delays.real
+        a = path.a.real
+        batch, n = a.shape[:2]
+        self._poles, vectors, self._modal = _eigenvectors(a)
+        # Repeated poles (two integrators in a loop) have dependent eigenvectors; those of a neighbour are good enough to
+        # scan with, because what is found is polished on the system itself.
+        repeated = np.flatnonzero(~self._modal)
+        if repeated.size:
+            i, j = np.indices((n, n))
+            nudge = _NUDGE * np.abs(a[repeated]).max(axis=(1, 2))[:, None, None] * np.cos(1.0 + 3.0 * i + 7.0 * j)
+            self._poles[repeated], vectors[repeated], self._modal[repeated] = _eigenvectors(a[repeated] + nudge)
+        safe = np.where(self._modal[:, None, None], vectors, np.eye(n))
+        ports = path.d.shape[1]
+        left = np.linalg.solve(safe, path.b.real.astype(complex)) if n else np.zeros((batch, 0, ports))
+        right = path.c.real @ safe
+        # (B, n, ports * ports): the residue of every entry at every pole
+        self._residues = (np.swapaxes(right, 1, 2)[:, :, :, None] * left[:, :, None, :]).reshape(batch, n, -1)
+        self.frequencies = self._grid()
+        self.response = self.at(np.arange(batch), self.frequencies)
+
+    def at(self, rows: Array, omega: Array) -> Array:
+        """Return G(jω) of systems ``rows`` (k,) at their own frequencies ``omega`` (k, q)."""
+        path = self._path
+        k, q = omega.shape
+        ports = path.d.shape[1]
+        modal = self._modal[rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            parts = 1.0 / (1j * omega[:, :, None] - self._poles[rows, None, :])
+            inner = (parts @ self._residues[rows]).reshape(k, q, ports, ports) + path.d.real[rows, None]
+        for index in np.flatnonzero(~modal):
+            row = rows[index]
+            resolvent = 1j * omega[index][:, None, None] * np.eye(path.a.shape[1]) - path.a[row].real
+            inner[index] = (
+                path.c[row].real @ np.linalg.solve(resolvent, path.b[row].real[None].astype(complex)) + path.d[row].real
+            )
+        if ports == 1:
+            return np.asarray(inner[..., 0, 0])
+        turn = np.exp(-1j * omega[:, :, None] * self._tau[rows, None, :])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if ports == 2:
+                e = turn[..., 0]
+                return np.asarray(
+                    inner[..., 0, 0] + inner[..., 0, 1] * e * inner[..., 1, 0] / (1 - e * inner[..., 1, 1])
+                )
+        delayed = np.linalg.solve(
+            np.eye(ports - 1) - turn[..., :, None] * inner[..., 1:, 1:], turn[..., None] * inner[..., 1:, :1]
+        )
+        return np.asarray(inner[..., 0, 0] + (inner[..., :1, 1:] @ delayed)[..., 0, 0])
+
+    def _grid(self) -> Array:
+        """Return rising frequencies (B, q): a logarithmic sweep, the neighbourhood of every pole, the turns of the delays."""
+        size = np.abs(self._poles)
+        top = size.max(axis=1, initial=0.0)
+        delay = self._tau.sum(axis=1)
+        inverse = 1.0 / np.where(delay > 0, delay, np.inf)
+        corner = np.where(size > 1e-9 * top[:, None], size, np.inf).min(axis=1, initial=np.inf)
+        low = np.minimum(corner, np.where(inverse > 0, inverse, np.inf))
+        low = np.where(np.isfinite(low), low, 1.0)
+        high = np.maximum(np.maximum(top, inverse), low)
+        count = int(np.clip(_PER_DECADE * np.log10((100 * high / low).max()), 48, 400))
+        inside = np.geomspace(0.05 * low, 10 * high, count, axis=1)
+        tails = np.concatenate(
+            [
+                np.geomspace(_REACH[0] * low, 0.04 * low, 14, axis=1),
+                np.geomspace(12 * high, _REACH[1] * high, 14, axis=1),
+            ],
+            axis=1,
+        )
+        width = np.maximum(np.abs(self._poles.real), 1e-9 * size)
+        around = np.abs(self._poles.imag)[:, :, None] + width[:, :, None] * np.array([-4.0, -1.0, 0.0, 1.0, 4.0])
+        pieces = [inside, tails, around.reshape(len(low), -1)]
+        if self._tau.shape[1]:
+            pieces.append(np.where(inverse > 0, inverse, low)[:, None] * 0.25 * np.arange(1, _TURNS + 1))
+        omega = np.concatenate(pieces, axis=1)
+        return np.sort(np.clip(omega, _REACH[0] * low[:, None], _REACH[1] * high[:, None]), axis=1)
+
+    def peak(self, height: Callable[[Array, Array], Array]) -> Array:
+        """Return the frequency (B,) at which ``height`` of the response and its frequency is largest."""
+        rows = np.arange(self._path.batch)
+        heights = height(self.response, self.frequencies)
+        heights = np.where(np.isfinite(heights), heights, -np.inf)
+        last = heights.shape[1] - 1
+        padded = np.pad(heights, ((0, 0), (1, 1)), constant_values=-np.inf)
+        summits = np.where((heights >= padded[:, :-2]) & (heights >= padded[:, 2:]), heights, -np.inf)
+        best_height = np.full(len(rows), -np.inf)
+        best = self.frequencies[:, 0].copy()
+        for _ in range(2):
+            place = summits.argmax(axis=1)
+            low = self.frequencies[rows, np.maximum(place - 1, 0)]
+            high = self.frequencies[rows, np.minimum(place + 1, last)]
+            trial = value = np.zeros((len(rows), 9))
+            middle = place
+            for _ in range(4):
+                trial = low[:, None] * (high / low)[:, None] ** (np.arange(9) / 8)
+                value = height(self.at(rows, trial), trial)
+                middle = np.where(np.isfinite(value), value, -np.inf).argmax(axis=1)
+                low, high = trial[rows, np.maximum(middle - 1, 0)], trial[rows, np.minimum(middle + 1, 8)]
+            # The parabola through the last three, on a logarithmic axis.
+            centre = np.clip(middle, 1, 7)
+            a, b, c = (value[rows, centre + shift] for shift in (-1, 0, 1))
+            bend = a - 2 * b + c
+            shift = np.where(bend < 0, np.clip(0.5 * (a - c) / np.where(bend < 0, bend, -1.0), -1.0, 1.0), 0.0)
+            shift = np.where(centre == middle, shift, middle - centre)
+            found = trial[rows, centre] * (trial[:, 1] / trial[:, 0]) ** shift
+            found_height = value[rows, middle]
+            higher = found_height > best_height
+            best_height, best = np.where(higher, found_height, best_height), np.where(higher, found, best)
+            np.put_along_axis(summits, place[:, None], -np.inf, axis=1)
+        return best
+
+    def hidden(self, size: Array) -> Array:
+        """Return for whom (B,) the delays turn by more than a radian between two frequencies, |G| there being at least ``size``."""
+        turns = np.diff(self.frequencies, axis=1) * self._tau.sum(axis=1)[:, None] > 1.0
+        large = np.abs(self.response) >= size[:, None]
+        return np.asarray((turns & (large[:, :-1] | large[:, 1:])).any(axis=1))
+
+    def crossings(self, level: Callable[[Array, Array], Array], *, first_fall: bool = False) -> tuple[Array, Array]:
+        """Return (systems, frequencies) of every sign change of ``level``, or of the first fall only.
+
+        ``level`` gets responses (k, q) and the systems (k,) that they belong to.
+        """
+        values = level(self.response, np.arange(self._path.batch))
+        changes = (values[:, :-1] >= 0) != (values[:, 1:] >= 0)
+        changes &= np.isfinite(values[:, :-1]) & np.isfinite(values[:, 1:])
+        if first_fall:
+            falls = (values[:, :-1] >= 0) & (values[:, 1:] < 0)
+            changes = falls & (np.cumsum(falls, axis=1) == 1)
+        rows, place = np.nonzero(changes)
+        low, high = self.frequencies[rows, place], self.frequencies[rows, place + 1]
+        at_low, at_high = values[rows, place], values[rows, place + 1]
+        for step in range(16):
+            weight = (
+                np.clip(at_low / np.where(at_low == at_high, 1.0, at_low - at_high), 0.01, 0.99) if step % 3 else 0.5
+            )
+            middle = low + (high - low) * weight
+            value = level(self.at(rows, middle[:, None]), rows)[:, 0]
+            same = (value >= 0) == (at_low >= 0)
+            low, at_low = np.where(same, middle, low), np.where(same, value, at_low)
+            high, at_high = np.where(same, high, middle), np.where(same, at_high, value)
+        return rows, np.where(np.abs(at_low) < np.abs(at_high), low, high)
+
+
+def _eigenvectors(a: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues (B, n), eigenvectors (B, n, n), and whose eigenvectors are independent (B,)."""
+    poles, vectors = np.linalg.eig(a)
+    if not a.shape[1]:
+        return poles.astype(complex), vectors.astype(complex), np.ones(len(a), dtype=bool)
+    singular = np.linalg.svd(vectors, compute_uv=False)
+    return poles.astype(complex), vectors.astype(complex), singular[:, -1] * _WELL_CONDITIONED > singular[:, 0]

@@ -1,0 +1,46 @@
+"""Which poles of a system metrics look at."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.metrics._base import NEGLIGIBLE
+from engine.model.tangent import INFINITESIMAL
+
+if TYPE_CHECKING:
+    from engine.exact.frequency.poles import Poles
+    from engine.metrics._base import SystemSubject
+    from engine.model.linear_system import Array
+
+
+def oscillatory(subject: SystemSubject) -> list[tuple[Array, Array]]:
+    """Return (real part, imaginary part) of the upper pole of every complex pair, with their infinitesimals.
+
+    Of the endless chain of a loop with a delay only the dominant pair counts: far from the origin the damping ratios of
+    its poles go to 0 although they decay ever faster.
+    """
+    poles = subject.poles
+    pairs, chained = [], False
+    for k in np.flatnonzero(~_real(poles) & (poles.values.imag > 0)):  # by falling real part
+        if not (chained and poles.endless[k]):
+            chained = chained or bool(poles.endless[k])
+            step = INFINITESIMAL * poles.motion[k]
+            pairs.append((poles.values[k].real + 1j * step.real, poles.values[k].imag + 1j * step.imag))
+    return pairs
+
+
+def real_poles(subject: SystemSubject) -> list[Array]:
+    """Return every real pole with its infinitesimals, but those at 0."""
+    poles = subject.poles
+    return [
+        poles.values[k].real + 1j * INFINITESIMAL * poles.motion[k].real
+        for k in np.flatnonzero(_real(poles) & ~poles.at_zero)
+    ]
+
+
+def _real(poles: Poles) -> npt.NDArray[np.bool_]:
+    """Return which poles cannot be told from the real axis."""
+    return np.asarray(np.abs(poles.values.imag) <= np.maximum(poles.uncertainty, NEGLIGIBLE * np.abs(poles.values)))
