@@ -238,9 +238,7 @@ def test_sweeps_are_shown_live_and_lead_back_to_the_form(page: Page, rig, client
     page.wait_for_url("**/acquisitions/acq_*")
     expect(page.get_by_role("img", name="loopback over time")).to_be_visible(timeout=60_000)
     expect(page.get_by_text("nothing is recorded")).to_be_visible()
-    page.wait_for_function(
-        "Number(document.querySelector('[data-testid=live]')?.dataset.samples) > 100", timeout=60_000
-    )
+    expect(page.get_by_test_id("live")).to_have_attribute("data-samples", re.compile(r"^\d{3}$"), timeout=60_000)
     assert faults(page) == []
     page.get_by_role("button", name="Stop").click()
     expect(page.get_by_role("button", name="Stop")).to_be_hidden()
