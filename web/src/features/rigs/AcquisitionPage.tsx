@@ -16,7 +16,7 @@ import { StatusBadge } from "@/shared/ui/StatusBadge";
 import { When } from "@/shared/ui/When";
 import { prettyUnit, words } from "@/shared/units/format";
 import { acquisitionQuery, rigsQuery, settled, type Acquisition, type AcquisitionRequest } from "./api";
-import { useMeasurement, type Live } from "./live";
+import { upTo, useMeasurement, type Live } from "./live";
 import { fieldsOf } from "./request";
 
 /** What an agent says when it waits, and how the page says it. */
@@ -102,7 +102,7 @@ export function AcquisitionPage() {
             </Text>
           </section>
         )}
-        {drawn && <LivePlots live={followed.live ?? awaited} units={units} time={t(!scope ? "panel.time" : found.document.trigger ? "rigs.sinceTrigger" : "rigs.inSweep")} />}
+        {drawn && <LivePlots live={scope ? upTo(followed.live ?? awaited, fieldsOf(found.document as AcquisitionRequest, []).duration) : (followed.live ?? awaited)} units={units} time={t(!scope ? "panel.time" : found.document.trigger ? "rigs.sinceTrigger" : "rigs.inSweep")} />}
         {last && last.then.length > 0 && (
           <section>
             <Title order={2} mb="xs">

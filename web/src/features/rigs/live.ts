@@ -46,6 +46,12 @@ export function joined(shown: Live | null, piece: Preview): Live {
   return { time: time.slice(cut), channels: Object.fromEntries(Object.entries(channels).map(([name, { low, high }]) => [name, { low: low.slice(cut), high: high.slice(cut) }])) };
 }
 
+/** Makes the axis of a sweep as long as the whole one will be, s: nothing moves while it grows. */
+export function upTo({ time, channels }: Live, end: number): Live {
+  if (time.length === 0 || time.at(-1)! >= end) return { time, channels };
+  return { time: [...time, end], channels: Object.fromEntries(Object.entries(channels).map(([name, { low, high }]) => [name, { low: [...low, NaN], high: [...high, NaN] }])) };
+}
+
 export interface Followed {
   live: Live | null;
   progress: number | null;

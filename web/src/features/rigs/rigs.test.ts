@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { Problem } from "@/shared/api/problem";
 import { calibrationState, presence, type AgentReply } from "./api";
 import { hardwareOf, worst } from "./devices";
-import { joined } from "./live";
+import { joined, upTo } from "./live";
 import { driveFaults, fieldsOf, liveOf, plainTrigger, requestOf, resolver } from "./request";
 
 const agent = (seen_at: string, has_rig = true) => ({ seen_at, has_rig, time: "2026-11-22T10:01:00Z", lease_seconds: 30 }) as AgentReply;
@@ -27,6 +27,12 @@ describe("live samples", () => {
     expect([...both.time].map((t) => Number(t.toFixed(6)))).toEqual([0, 0.1, 0.2, 0.3]);
     expect(both.channels.p!.low).toEqual([0, 1, NaN, 4]);
     expect(both.channels.p!.high).toEqual([1, 2, NaN, 5]);
+  });
+
+  it("of a sweep have the axis of the whole one while it grows", () => {
+    const live = { time: [0, 0.1], channels: { p: { low: [1, 2], high: [3, 4] } } };
+    expect(upTo(live, 0.5)).toEqual({ time: [0, 0.1, 0.5], channels: { p: { low: [1, 2, NaN], high: [3, 4, NaN] } } });
+    expect(upTo(live, 0.1)).toEqual(live);
   });
 
   it("of a sweep take the place of what was there", () => {
