@@ -142,3 +142,10 @@ RAW: dict[str, Any] = {
         {"name": "y", "quantity": "displacement", "unit": "mm", "sensor": {"model": "LVDT", "serial": "7"}},
     ],
 }
+
+OPTIMIZATION = {
+    "variables": [{"parameter": "k"}],
+    "experiments": [{"name": "step", "input": {"port": "u", "signal": {"kind": "step"}}}],
+    "goals": [{"metric": "rise_time", "experiment": "step", "output": "y", "sense": "minimize"}],
+    "method": {"kind": "grid", "points": 3},
+}

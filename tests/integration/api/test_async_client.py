@@ -9,8 +9,7 @@ import pytest
 
 import servotune
 from tests.integration.api.conftest import Service
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 
 STEP = {"port": "u", "signal": {"kind": "step"}}
 

@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 
 from tests.integration.api.conftest import Service
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 from tests.integration.api.test_reply_objects import AXIS
 
 

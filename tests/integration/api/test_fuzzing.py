@@ -26,9 +26,8 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from tests.integration.api.conftest import Service, serving
-from tests.integration.api.documents import LAG, RAW, lag_recording, upload
+from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, upload
 from tests.integration.api.rigs import AGENT, MEASUREMENT
-from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_schedules import NIGHTLY
 from tests.support import contract
 

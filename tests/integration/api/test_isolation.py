@@ -11,9 +11,8 @@ import pytest
 from storage import open_database
 from storage.models import DEFAULT_WORKSPACE
 from storage.repositories import AlertRepository
-from tests.integration.api.documents import LAG, RAW, lag_recording, sha256, upload
+from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, sha256, upload
 from tests.integration.api.rigs import AGENT, CHANNELS, MEASUREMENT
-from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_schedules import NIGHTLY
 from tests.support import contract
 

@@ -7,7 +7,7 @@ import hashlib
 import pytest
 
 from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION as GRID
+from tests.integration.api.documents import OPTIMIZATION as GRID
 
 OPTIMIZATION = GRID | {"system": LAG}
 

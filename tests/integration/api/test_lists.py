@@ -13,9 +13,8 @@ import pytest
 from storage import Database, open_database
 from storage.models import DEFAULT_WORKSPACE
 from storage.repositories import AlertRepository
-from tests.integration.api.documents import LAG, RAW, lag_recording, sha256
+from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, sha256
 from tests.integration.api.rigs import AGENT, MEASUREMENT
-from tests.integration.api.test_access import OPTIMIZATION
 from tests.integration.api.test_schedules import NIGHTLY
 from tests.support.contract import OPERATIONS
 

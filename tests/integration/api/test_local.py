@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 import servotune
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 from tests.support.desk import wait_for
 
 STEP = {"port": "u", "signal": {"kind": "step"}}

@@ -18,8 +18,7 @@ from storage.models import ApiKey
 from storage.models.base import utc_now
 from tests.integration.api.blunders import require_problem
 from tests.integration.api.conftest import Service, serving
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_without_a_recording_of_the_name_nothing_is_run(sqlite_service, client) 
 
 
 def test_a_job_without_a_recording_has_no_newest_one(client) -> None:
-    from tests.integration.api.test_access import OPTIMIZATION
+    from tests.integration.api.documents import OPTIMIZATION
 
     job = {"kind": "optimization", "body": OPTIMIZATION | {"system": LAG}}
     refused = client.post("/v1/schedules", json=nightly("", newest="press 3") | {"job": job})

@@ -19,8 +19,7 @@ from api.telemetry.logs import CURRENT_REQUEST, Structured
 from storage import open_database
 from storage.jobs.compute import CURRENT_JOB
 from tests.integration.api.conftest import serving
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 from tests.integration.api.test_commands import served
 from tests.support.collecting import collector
 

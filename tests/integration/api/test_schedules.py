@@ -21,8 +21,7 @@ from storage.audit import entries
 from storage.jobs.queue import JobQueue
 from storage.models import DEFAULT_WORKSPACE, Schedule
 from storage.repositories import AlertRepository, JobRepository, ScheduleRepository, SystemRepository
-from tests.integration.api.documents import LAG
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION
 from tests.support.collecting import collector, spans_of
 
 JOB = {"kind": "optimization", "body": OPTIMIZATION | {"system": LAG}}

@@ -15,8 +15,7 @@ from sqlalchemy import func, select
 
 from storage import open_database
 from storage.models import Dataset, Job, System
-from tests.integration.api.documents import LAG, sha256
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION, sha256
 from tests.integration.faults.conftest import FULL
 from tests.integration.faults.load import Load
 from tests.integration.faults.test_service_killed import Service

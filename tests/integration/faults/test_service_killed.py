@@ -16,8 +16,7 @@ from sqlalchemy import func, select, text
 
 from storage import Database, open_database
 from storage.models import DatasetSegment, Job, System
-from tests.integration.api.documents import LAG, RAW, lag_recording, sha256
-from tests.integration.api.test_access import OPTIMIZATION
+from tests.integration.api.documents import LAG, OPTIMIZATION, RAW, lag_recording, sha256
 from tests.integration.api.test_commands import free_port
 from tests.integration.faults.load import Load
 
