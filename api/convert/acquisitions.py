@@ -72,7 +72,7 @@ def _check_unrecorded(body: AcquisitionBody, samples: float) -> None:
         ("confirm", body.confirm, False),
     ):
         if value != usual:
-            raise invalid(f"{name} must be left out where nothing is recorded: set record", name)
+            raise invalid(f"{name} must be left out where nothing is recorded (record is false)", name)
     if samples * len(body.channels) > MOST_OF_SWEEP:
         raise invalid(
             f"pre_trigger and duration must hold at most {MOST_OF_SWEEP:g} samples of all channels where nothing is "

@@ -246,3 +246,15 @@ def test_sweeps_are_shown_live_and_lead_back_to_the_form(page: Page, rig, client
     expect(page.get_by_role("textbox", name="Name")).to_have_value("Live")
     expect(page.get_by_role("textbox", name="Duration")).to_have_value("0.3 s")
     expect(page.get_by_role("checkbox", name="position")).not_to_be_checked()
+
+
+def test_a_channel_that_did_not_fit_is_told_in_the_form(page: Page, client) -> None:
+    told = {"what": "input position", "told": "range must be at most 5, got 10", "remedy": "correct this entry"}
+    document = AGENT["document"] | {"findings": [told | {"result": "fails"}]}
+    made = client.post("/v1/agents", json=AGENT | {"rig": "misfits", "instance": "misfits-0001", "document": document})
+    page.goto(f"/rigs/{made.json()['rig_id']}/measure")
+    sentence = page.get_by_text("range must be at most 5, got 10 – correct this entry")
+    expect(sentence).to_be_visible()
+    assert faults(page) == []
+    page.get_by_role("checkbox", name="position").uncheck()
+    expect(sentence).to_be_hidden()

@@ -86,6 +86,9 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
   const agent = agents.data?.find((one) => one.id === rig.agent);
   const away = agents.isSuccess && (!agent || presence(agent) !== "ready");
   const output = outputs.find((one) => one.name === values.output);
+  const wanted = new Set([...values.channels.map((name) => `input ${name}`), `output ${values.output}`]);
+  // What the agent found when it tried them: it will be refused.
+  const misfits = (rig.document.findings ?? []).filter((finding) => finding.result === "fails" && wanted.has(finding.what));
   const measure = handleSubmit((fields) => {
     const body = request(fields);
     // What moves something is asked about first; listening moves nothing.
@@ -118,6 +121,11 @@ function Form({ rig, template }: { rig: Rig; template: Template | undefined }) {
             </Checkbox.Group>
           )}
         />
+        {misfits.map((finding) => (
+          <Text key={finding.what} fz="xs" c="red">
+            {t("rigs.misfit", { what: finding.what, told: finding.told, remedy: finding.remedy })}
+          </Text>
+        ))}
         <Group grow preventGrowOverflow={false} align="flex-start">
           <NumberField control={control} name="duration" label={t("rigs.duration")} unit="s" error={wrong("duration")} />
           <NumberField control={control} name="sample_rate" label={t("datasets.rate")} unit="1/s" error={wrong("sample_rate")} />
