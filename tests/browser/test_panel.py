@@ -201,6 +201,62 @@ def test_a_nichols_chart_has_the_phase_beside_the_magnitude(page: Page, client) 
     assert phase.min() < -80
 
 
+#: 1 + k/(s (s + 2)) = 0: poles at -1 ± j sqrt(k - 1).
+INTEGRATING = {
+    "name": "root locus",
+    "parameters": {"k": {"value": 5}},
+    "blocks": {
+        "u": {"kind": "input"},
+        "error": {"kind": "sum", "signs": "+-"},
+        "plant": {"kind": "transfer_function", "numerator": ["=k"], "denominator": [1, 2, 0]},
+    },
+    "connections": [
+        {"from": "u", "to": "error.in1"},
+        {"from": "plant", "to": "error.in2"},
+        {"from": "error", "to": "plant"},
+    ],
+    "outputs": {"y": "plant"},
+}
+
+
+def test_the_root_locus_of_a_parameter_is_drawn_and_taken_along(page: Page, client) -> None:
+    system = client.post("/v1/systems", json=INTEGRATING).json()["id"]
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url) if "frequency-responses" in request.url else None)
+    opened(page, system, "s=k&path=u,y&v=poles,step:y")
+    page.get_by_role("button", name="More for k", exact=True).click()
+    page.get_by_role("menuitem", name="Draw its root locus").click()
+    grip = page.get_by_role("slider", name="root locus of k")
+    expect(grip).to_have_attribute("aria-valuetext", "k = 5")
+    page.get_by_role("button", name="Export Poles").click()
+    with page.expect_download() as table:
+        page.get_by_role("menuitem", name="Table").click()
+    head, *lines = table.value.path().read_text().splitlines()
+    assert head.endswith('"root locus of k: Re [1/s]","root locus of k: Im [rad/s]"')
+    s = np.array([complex(float(re), float(im)) for re, im in (line.split(",")[2:] for line in lines) if re])
+    gains = -(s * s + 2 * s)
+    assert s.size == 2 * 121
+    assert np.abs(gains.imag).max() < 1e-9
+    # From a fifth of the value to five times it, on the real axis up to k = 1.
+    assert sorted({round(gain, 6) for gain in gains.real})[::120] == [1, 25]
+    page.get_by_role("slider", name="root locus of k").focus()
+    page.keyboard.press("ArrowUp")
+    expect(page).to_have_url(re.compile(r"p\.k=5\.\d+"))
+    box = grip.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 8, box["y"] + 8)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 8, box["y"] + 28)
+    page.mouse.up()
+    # Down the line Re s = -1, on which k = 1 + (Im s)^2.
+    expect(page).to_have_url(re.compile(r"p\.k=[1-4]\.\d+"))
+    value = float(re.search(r"p\.k=([\d.]+)", page.url)[1])  # type: ignore[index] # it was waited for
+    expect(grip).to_have_attribute("aria-valuetext", f"k = {value:.4g}")
+    expect(page.get_by_role("textbox", name="Value of k")).to_have_value(f"{value:.6g}")
+    assert faults(page) == []
+    assert len(asked) == 1
+
+
 def test_plots_leave_as_picture_and_table(page: Page, motor) -> None:
     opened(page, motor, "s=motor.resistance&in=voltage&amp=24&path=voltage,speed")
     page.get_by_role("button", name="Export speed").click()

@@ -20,6 +20,7 @@ import type { PanelGoal } from "@/shared/responses/goals";
 import { MeasuredSetup } from "@/shared/responses/MeasuredSetup";
 import { firstPlots, mainOutput, usualMetrics } from "@/shared/responses/view";
 import { travelOf, type Scale } from "./scale";
+import { useLocus } from "./useLocus";
 import { SnapshotTray } from "./SnapshotTray";
 import { withValues } from "@/shared/systems/apply";
 import { searchAt, type ProblemForm } from "@/shared/systems/search";
@@ -134,6 +135,33 @@ export function PanelPage() {
   );
   const onRemove = useCallback((path: string) => change({ sliders: state.sliders.filter((p) => p !== path) }), [change, state.sliders]);
 
+  const locusOf = known && !known.nonlinear && state.locus ? parameters.get(state.locus) : undefined;
+  const found = useLocus({ system: id, revision: system.revision, parameter: locusOf?.bound ? undefined : locusOf, scale: state.scales[state.locus ?? ""], values: state.values, from: input, to: output ?? undefined });
+  const locus = useMemo(
+    () =>
+      found.locus && {
+        locus: found.locus,
+        label: t("panel.locusOf", { path: found.locus.path }),
+        value: () => moving.current[found.locus!.path] ?? parameters.get(found.locus!.path)?.value ?? NaN,
+        text: (value: number) => show(found.locus!.path, value),
+      },
+    [found.locus, parameters, show, t],
+  );
+  const onLocus = useCallback(
+    (value: number, done: boolean) => {
+      const path = found.locus?.path;
+      if (path === undefined) return;
+      const rounded = Number(value.toPrecision(4));
+      onMove(path, rounded);
+      if (done) onCommit(path, rounded);
+    },
+    [found.locus, onMove, onCommit],
+  );
+  const chooseLocus = useCallback(
+    (path: string) => change(state.locus === path ? { locus: null } : { locus: path, ...(state.plots && !state.plots.includes("poles") ? { plots: [...state.plots, "poles"] } : {}) }),
+    [change, state.locus, state.plots],
+  );
+
   const onKnob = useCallback((path: string, knob: boolean) => change({ knobs: knob ? [...state.knobs, path] : state.knobs.filter((p) => p !== path) }), [change, state.knobs]);
   const onScale = useCallback((path: string, scale: Scale) => change({ scales: { ...state.scales, [path]: scale } }), [change, state.scales]);
   // While the edge of a zone is dragged its goal moves here; the address hears of it when it is let go.
@@ -221,6 +249,8 @@ export function PanelPage() {
               knob={state.knobs.includes(path)}
               scale={state.scales[path]}
               onKnob={onKnob}
+              locus={state.locus === path}
+              onLocus={known?.nonlinear ? undefined : chooseLocus}
               onScale={onScale}
               onMove={onMove}
               onCommit={onCommit}
@@ -259,9 +289,9 @@ export function PanelPage() {
             {t("panel.lost")}
           </Alert>
         )}
-        <ProblemAlert error={live.problem} />
+        <ProblemAlert error={live.problem ?? found.error} />
         {!known && !live.problem && live.state !== "lost" && <Busy>{t("panel.opening")}</Busy>}
-        {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} onGoal={onGoal} />}
+        {known && <ResponsePlots ref={plots} opened={known} plots={chosen} variants={shown} goals={goals} output={output ?? ""} loop={state.loop !== null} locus={locus} onLocus={onLocus} onGoal={onGoal} />}
       </Stack>
     </div>
   );

@@ -23,6 +23,8 @@ export interface PanelState extends View {
   reference: Record<string, number> | null;
   /** Parameters that are turned instead of pushed. */
   knobs: string[];
+  /** The parameter whose root locus is drawn among the poles. */
+  locus: string | null;
   /** Where the travel is to be other than the parameter's own. */
   scales: Record<string, Scale>;
   goals: PanelGoal[];
@@ -33,7 +35,7 @@ export interface PanelState extends View {
   metric: string | null;
 }
 
-const OWN = new Set<string>([...VIEW_KEYS, "s", "cmp", "ref", "k", "log", "lin", "g", "sn", "ms", "m"]);
+const OWN = new Set<string>([...VIEW_KEYS, "s", "cmp", "ref", "k", "rl", "log", "lin", "g", "sn", "ms", "m"]);
 
 export function readState(query: URLSearchParams): PanelState {
   const list = (key: string) => listIn(query, key);
@@ -57,6 +59,7 @@ export function readState(query: URLSearchParams): PanelState {
     metrics: metrics.length > 0 ? metrics : null,
     metric: query.get("m"),
     knobs: list("k") ?? [],
+    locus: query.get("rl"),
     scales: Object.fromEntries([...(list("log") ?? []).map((path) => [path, "log"]), ...(list("lin") ?? []).map((path) => [path, "linear"])]) as Record<string, Scale>,
     goals: (list("g") ?? []).flatMap(readGoal),
     snapshots: query.getAll("sn").flatMap(readSnapshot),
@@ -80,6 +83,7 @@ export function writeState(state: PanelState, before: URLSearchParams): URLSearc
   put("ms", state.metrics?.join(","));
   put("m", state.metric);
   put("k", state.knobs.join(","));
+  put("rl", state.locus);
   for (const [key, scale] of [["log", "log"], ["lin", "linear"]] as const) put(key, Object.keys(state.scales).filter((path) => state.scales[path] === scale).join(","));
   put("g", state.goals.map(writeGoal).join(","));
   for (const { name, shown, values } of state.snapshots) query.append("sn", [name, shown ? 1 : 0, ...Object.entries(values).map(([path, value]) => `${path}=${round(value)}`)].join(PART));

@@ -15,6 +15,8 @@ interface Props {
   spec: PlotSpec;
   curves?: Curve[];
   height?: number;
+  /** Rows that it takes of the grid it stands in. */
+  rows?: number;
   /** What the picture says, for those who cannot see it. */
   summary: string;
   /** How many of the faint series are drawn, and what takes them away. */
@@ -28,7 +30,7 @@ interface Props {
 }
 
 /** A plot with its legend, the value under the cursor, and its export as picture and table. */
-export const Plot = memo(function Plot({ spec, curves, height = 280, summary, shadows = 0, onDropShadows, onZone, ref, onZoom }: Props) {
+export const Plot = memo(function Plot({ spec, curves, height = 280, rows = 1, summary, shadows = 0, onDropShadows, onZone, ref, onZoom }: Props) {
   const { t } = useTranslation();
   const holder = useRef<HTMLDivElement>(null);
   const layer = useRef<HTMLDivElement>(null);
@@ -75,7 +77,7 @@ export const Plot = memo(function Plot({ spec, curves, height = 280, summary, sh
   // One curve needs no name beside the title; an earlier setting that is drawn has one.
   const named = [...spec.series.filter((s) => !s.faint), ...spec.series.filter((s) => s.faint).slice(0, shadows)];
   return (
-    <section className={classes.frame} aria-label={spec.title}>
+    <section className={classes.frame} aria-label={spec.title} style={rows > 1 ? { gridRow: `span ${rows}` } : undefined}>
       <Group justify="space-between" wrap="nowrap" gap="xs" className={classes.head}>
         <Text component="h3" fw={600} fz="sm" truncate>
           {spec.title}

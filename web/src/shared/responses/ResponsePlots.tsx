@@ -4,9 +4,10 @@ import { useTranslation } from "react-i18next";
 import { bode, type Frame, type Opened } from "@/shared/live/protocol";
 import { Plot, type PlotHandle } from "@/shared/plots/Plot";
 import { stroke } from "@/shared/plots/palette";
-import { NOTHING, type Band, type Curve, type Decor, type Mark, type PlotSpec, type Point, type Series } from "@/shared/plots/types";
+import { NOTHING, type Band, type Curve, type Decor, type Mark, type PlotSpec, type Point, type Series, type Zone } from "@/shared/plots/types";
 import { formatMetric, formatNumber, prettyUnit, withUnit, words } from "@/shared/units/format";
 import { boundAt, factsOf, WANTED, zoneOf, type Facts, type PanelGoal } from "./goals";
+import { curveOf, dampingGrid, dominant, nearest, poleAt, type Locus } from "./locus";
 import { marginsOf, type Margins } from "./margins";
 import { nicholsChart } from "./nichols";
 import classes from "./ResponsePlots.module.css";
@@ -29,18 +30,26 @@ interface Props {
   output: string;
   /** A loop is opened: it has margins. */
   loop: boolean;
+  /** A root locus among the poles, with the value at which its parameter is, and how it is called and told. */
+  locus?: { locus: Locus; label: string; value(): number; text(value: number): string } | null;
+  /** The locus was taken to another value; `done` when it was let go. */
+  onLocus?(value: number, done: boolean): void;
   /** Of each plot, px. */
   height?: number;
   onGoal(metric: string, value: number, done: boolean): void;
 }
 
 const GHOSTS = 2;
+/** Of a pole plot with a root locus, which takes two rows, px. */
+const TALL = 516;
+/** The id of the grip on a root locus, among those of the goals' zones. */
+const LOCUS = "root locus";
 const EMPTY: Curve = { x: [], y: [] };
 const MEASURED = { light: "#6f42c1", dark: "#c9a7ff" };
 
 /** All plots of a front panel, drawn from frames as they come, without React. */
 export const ResponsePlots = memo(
-  forwardRef<PlotsHandle, Props>(function ResponsePlots({ opened, plots, variants, goals, output, loop, height, onGoal }, ref) {
+  forwardRef<PlotsHandle, Props>(function ResponsePlots({ opened, plots, variants, goals, output, loop, locus = null, onLocus, height, onGoal }, ref) {
     const { t } = useTranslation();
     const dark = useComputedColorScheme("light") === "dark";
     const handles = useRef(new Map<string, PlotHandle>());
@@ -72,6 +81,7 @@ export const ResponsePlots = memo(
       }));
     }, [opened, dark, t]);
 
+    const locusLabel = locus?.label;
     const specs = useMemo(() => {
       const units = new Map(opened.outputs.map((o) => [o.name, prettyUnit(o.unit)]));
       const frequency = { label: "ω", unit: "rad/s", log: true };
@@ -86,10 +96,13 @@ export const ResponsePlots = memo(
         else if (what === "phase") found.set(kind, { ...common, title: t("panel.phase"), x: frequency, y: { label: t("panel.phaseShort"), unit: "°" }, clamp: [-720, 360], lines: [{ y: -180 }] });
         else if (what === "nyquist") found.set(kind, { ...common, title: t("panel.nyquist"), x: { label: "Re", unit: "" }, y: { label: "Im", unit: "" }, equal: true, clamp: [-3, 3], keep: [[-1, 0], [0, 0]], lines: [{ x: -1 }, { y: 0 }], ...(loop ? { circle: 1 } : {}) });
         else if (what === "nichols") found.set(kind, { ...common, title: t("panel.nichols"), x: { label: t("panel.phaseShort"), unit: "°" }, y: { label: t("panel.magnitudeShort"), unit: "dB" }, free: true, clamp: [-40, 60], clampX: [-720, 360], keep: [[-210, -12], [-90, 12]], lines: [{ x: -180 }, { x: -540 }, { x: 180 }, { y: 0 }], ...(loop ? { chart: nicholsChart } : {}) });
-        else if (what === "poles") found.set(kind, { ...common, series: series.map((s) => ({ ...s, marks: "cross" as const })), title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
+        else if (what === "poles") found.set(kind, { ...common, series: [...series.map((s) => ({ ...s, marks: "cross" as const })), ...(locusLabel ? [{ label: locusLabel, color: dark ? MEASURED.dark : MEASURED.light, dash: [], width: 1.2 }] : [])], chart: dampingGrid, title: t("panel.poles"), x: { label: "Re", unit: "1/s" }, y: { label: "Im", unit: "rad/s" }, equal: true, keep: [[0, 0]], lines: [{ x: 0 }, { y: 0 }] });
       }
       return found;
-    }, [opened, plots.join(), series, recorded, loop, dark, t]);
+    }, [opened, plots.join(), series, recorded, loop, locusLabel, dark, t]);
+    const line = useMemo(() => locus && curveOf(locus.locus), [locus]);
+    /** The branch that is held, or was last. */
+    const branch = useRef<number | null>(null);
 
     const draw = (next: Frame) => {
       frame.current = next;
@@ -108,6 +121,8 @@ export const ResponsePlots = memo(
       const seen = goals.length > 0 ? factsOf(next, opened.curves.indexOf(output), margins, next.frequency.length > 1 ? bodeOf(0).magnitude : null) : null;
       facts.current = seen;
       const step = (next.time[next.time.length - 1]! - next.time[0]!) / Math.max(1, next.time.length - 1);
+      // Where there is no list of poles, with a delay, there are no lines of them.
+      const listed = next.poles(0).re.some(Number.isFinite);
       for (const kind of specs.keys()) {
         const handle = handles.current.get(kind);
         if (!handle) continue;
@@ -126,10 +141,11 @@ export const ResponsePlots = memo(
           if (what === "spectrum") return { x, y: spectrumOf(from.outputs(index, place)) };
           return { x, y: what === "bode" ? bodeOf(k).magnitude : bodeOf(k).phase };
         });
+        if (what === "poles" && line) curves.push(listed ? line : EMPTY);
         const overlays = recorded.filter((one) => one.output === name);
         if (what === "step" || what === "spectrum") for (const one of overlays) curves.push({ x, y: what === "step" ? one.values : one.spectrum });
         const bands = what === "step" ? overlays.map(({ low, high, series: { color } }): Band => ({ x, low, high, color })) : [];
-        const decor = decorOf(what ?? "", name, bands, seen, margins);
+        const decor = decorOf(what ?? "", name, bands, seen, margins, listed);
         handle.update(curves, decor);
         // In a Nyquist diagram a response of nothing is a point that nobody sees.
         const heights = what === "nyquist" ? next.variants.map((_, k) => bodeOf(k).magnitude) : curves.map(({ y }) => y);
@@ -147,24 +163,40 @@ export const ResponsePlots = memo(
       picture.toggleAttribute("data-empty", nothing !== "");
     };
 
+    /** The grip on the root locus, at the pole of the present value. */
+    const gripOf = (): Zone[] => {
+      const value = locus?.value();
+      if (!locus || value === undefined) return [];
+      const held = branch.current !== null && branch.current < locus.locus.branches.length ? branch.current : dominant(locus.locus, value);
+      const at = held === null ? null : poleAt(locus.locus, held, value);
+      return at ? [{ id: LOCUS, shapes: [], handle: { at, axis: "both", label: locus.label, text: locus.text(value) } }] : [];
+    };
+
     /** What lies behind the curves of one plot: forbidden zones, margins, error bands. */
-    const decorOf = (what: string, name: string | undefined, bands: Band[], seen: Facts | null, margins: Margins | null): Decor => {
+    const decorOf = (what: string, name: string | undefined, bands: Band[], seen: Facts | null, margins: Margins | null, listed: boolean): Decor => {
       const marks = margins ? marksOf(what, margins) : [];
+      const grips = what === "poles" && listed ? gripOf() : [];
       const here = seen ? goals.filter((goal) => WANTED[goal.metric]?.plot === what && (name === undefined || name === (goal.output ?? output))) : [];
-      if (here.length === 0 && marks.length === 0 && bands.length === 0) return NOTHING;
+      if (here.length === 0 && marks.length === 0 && bands.length === 0 && grips.length === 0) return NOTHING;
       const zones = here.flatMap((goal) => {
         const { text, unit } = formatMetric(goal.metric, goal.value, WANTED_UNITS[goal.metric] ?? "");
         const metric = t(`metrics.${goal.metric}`, words(goal.metric));
         return zoneOf(goal, seen!, t("panel.zone", { metric }), `${metric} ${goal.bound === "upper" ? "≤" : "≥"} ${text} ${unit}`) ?? [];
       });
-      return { zones, marks, bands };
+      return { zones: [...zones, ...grips], marks, bands };
     };
 
     const latest = useRef(draw);
     latest.current = draw;
-    const forGoals = useRef({ goals, onGoal });
-    forGoals.current = { goals, onGoal };
+    const forGoals = useRef({ goals, onGoal, locus, onLocus });
+    forGoals.current = { goals, onGoal, locus, onLocus };
     const onZone = useCallback((id: string, at: Point, done: boolean) => {
+      const { locus: line, onLocus: follow } = forGoals.current;
+      const place = id === LOCUS && line ? nearest(line.locus, at) : null;
+      if (place) {
+        branch.current = place.branch;
+        follow?.(place.value, done);
+      }
       const goal = forGoals.current.goals.find((one) => one.metric === id);
       if (goal && facts.current) forGoals.current.onGoal(id, boundAt(goal, at, facts.current), done);
     }, []);
@@ -178,7 +210,10 @@ export const ResponsePlots = memo(
         if (frame.current) latest.current(frame.current);
       });
     }, []);
-    useEffect(drawAnew, [goals, output, loop, drawAnew]);
+    useEffect(() => {
+      branch.current = null;
+    }, [locus]);
+    useEffect(drawAnew, [goals, output, loop, locus, drawAnew]);
     const refs = useRef(new Map<string, (handle: PlotHandle | null) => void>());
     const refOf = (kind: string) => {
       const known = refs.current.get(kind);
@@ -215,7 +250,7 @@ export const ResponsePlots = memo(
     return (
       <div ref={holder} className={classes.grid} data-testid="plots">
         {[...specs].map(([kind, spec]) => (
-          <Plot key={kind} spec={spec} height={height ?? (kind.startsWith("step") ? 250 : 230)} shadows={shadows} onDropShadows={dropShadows} summary={t("panel.summary", { title: spec.title, curves: labels.replaceAll(/(^|\|)[a-z]+:/g, "$1").replaceAll("|", ", ") })} onZone={onZone} ref={refOf(kind)} />
+          <Plot key={kind} spec={spec} height={kind === "poles" && locus ? TALL : (height ?? (kind.startsWith("step") ? 250 : 230))} rows={kind === "poles" && locus ? 2 : 1} shadows={shadows} onDropShadows={dropShadows} summary={t("panel.summary", { title: spec.title, curves: labels.replaceAll(/(^|\|)[a-z]+:/g, "$1").replaceAll("|", ", ") })} onZone={onZone} ref={refOf(kind)} />
         ))}
       </div>
     );
