@@ -29,36 +29,7 @@ def agent(argv: Sequence[str]) -> int:
     int
         Exit code: 2 for settings that make no sense; of a check 1 when something does not fit.
     """
-    parser = argparse.ArgumentParser(
-        prog="servotune agent",
-        description="Measure on the rig of this PC for the service. The key comes from SERVOTUNE_AGENT_KEY or a file.",
-    )
-    parser.add_argument(
-        "what",
-        nargs="?",
-        choices=["run", "check", "install"],
-        default="run",
-        help="run: measure until it is stopped (default). check: list devices, try every configured channel without an output, "
-        "name what does not fit and the remedy; exit code 1 when something does not. install: write what makes it a service of "
-        "this computer, and tell what to run next",
-    )
-    parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
-    parser.add_argument("--url", help="address of the service")
-    parser.add_argument("--rig", help="name of the rig")
-    parser.add_argument("--daq-server", help="address of an NI gRPC Device Server or of a controller")
-    parser.add_argument("--spool", help="folder where samples wait for the service")
-    parser.add_argument(
-        "--rate", type=float, help="samples/s at which check tries channels (default: 1000, or 10 for slow ones)"
-    )
-    installing = parser.add_argument_group(
-        "install", "a unit of systemd, or the XML of WinSW, for this Python and --settings"
-    )
-    installing.add_argument("--print", action="store_true", help="print the file, write nothing")
-    installing.add_argument("--platform", choices=["linux", "windows"], help="default: of this computer")
-    installing.add_argument("--to", type=Path, help="the file (default: where systemd looks; beside the settings)")
-    installing.add_argument("--force", action="store_true", help="replace a file that is there")
-    parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
-    given = parser.parse_args(argv)
+    given = _parser().parse_args(argv)
 
     import logging
     import signal
@@ -100,6 +71,39 @@ def agent(argv: Sequence[str]) -> int:
         _let_memory_go()
         process.run()
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="servotune agent",
+        description="Measure on the rig of this PC for the service. The key comes from SERVOTUNE_AGENT_KEY or a file.",
+    )
+    parser.add_argument(
+        "what",
+        nargs="?",
+        choices=["run", "check", "install"],
+        default="run",
+        help="run: measure until it is stopped (default). check: list devices, try every configured channel without an output, "
+        "name what does not fit and the remedy; exit code 1 when something does not. install: write what makes it a service of "
+        "this computer, and tell what to run next",
+    )
+    parser.add_argument("--settings", type=Path, help="TOML file: the rig, its channels, their limits")
+    parser.add_argument("--url", help="address of the service")
+    parser.add_argument("--rig", help="name of the rig")
+    parser.add_argument("--daq-server", help="address of an NI gRPC Device Server or of a controller")
+    parser.add_argument("--spool", help="folder where samples wait for the service")
+    parser.add_argument(
+        "--rate", type=float, help="samples/s at which check tries channels (default: 1000, or 10 for slow ones)"
+    )
+    installing = parser.add_argument_group(
+        "install", "a unit of systemd, or the XML of WinSW, for this Python and --settings"
+    )
+    installing.add_argument("--print", action="store_true", help="print the file, write nothing")
+    installing.add_argument("--platform", choices=["linux", "windows"], help="default: of this computer")
+    installing.add_argument("--to", type=Path, help="the file (default: where systemd looks; beside the settings)")
+    installing.add_argument("--force", action="store_true", help="replace a file that is there")
+    parser.add_argument("--log-level", default="info", choices=["debug", "info", "warning", "error"])
+    return parser
 
 
 def _check(settings: Settings, rate: float | None) -> int:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -135,29 +135,16 @@ def _telemetry(traces: Traces) -> TelemetryConfig:
     return {"tracer_provider": traces.provider, "metrics": False, "logs": False}
 
 
-def create_app(
-    settings: Settings | None = None,
+def _lifespan(
+    chosen: Settings,
     *,
-    beside: Beside | None = None,
-    siblings: Siblings | None = None,
-    keeps_time: bool = True,
-) -> FastAPI:
-    """Return the application; the database is opened when it starts, and must have been migrated.
-
-    Parameters
-    ----------
-    settings : Settings, optional
-        Read from the environment by default.
-    beside : Beside, optional
-        The worker without which the service is not ready.
-    siblings : Siblings, optional
-        The processes that answer on the same port, this one among them.
-    keeps_time : bool
-        Whether this one looks after schedules, leases, messages and what is to be thrown away.
-    """
-    chosen = settings if settings is not None else Settings()
-    traces = traces_of(chosen, "servotune")
-    metrics = Metrics(None if siblings is None else siblings.numbers)
+    beside: Beside | None,
+    siblings: Siblings | None,
+    keeps_time: bool,
+    metrics: Metrics,
+    traces: Traces,
+) -> Callable[[FastAPI], AbstractAsyncContextManager[None]]:
+    """Return what opens the database and looks after everything until the application stops."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -198,17 +185,11 @@ def create_app(
             database.dispose()
             traces.close()
 
-    app = Application(
-        title="Servotune",
-        version=version("servotune"),
-        description=DESCRIPTION,
-        lifespan=lifespan,
-        docs_url=None,  # the reference is one of the pages
-        redoc_url=None,
-        separate_input_output_schemas=False,
-        telemetry=_telemetry(traces),
-    )
-    handlers.install(app)
+    return lifespan
+
+
+def _add_routes(app: FastAPI) -> None:
+    """Add every route, with the problems that it may answer."""
     problems: dict[int | str, dict[str, Any]] = {
         status: {"description": text, "content": {MEDIA_TYPE: {"schema": {"$ref": f"{_SCHEMAS}ProblemReply"}}}}
         for status, text in _PROBLEMS.items()
@@ -219,6 +200,45 @@ def create_app(
     app.include_router(SIGN_IN)
     app.include_router(live.router)
     app.router.routes.extend(pages.ROUTES)  # the last ones: they answer every address that no other does
+
+
+def create_app(
+    settings: Settings | None = None,
+    *,
+    beside: Beside | None = None,
+    siblings: Siblings | None = None,
+    keeps_time: bool = True,
+) -> FastAPI:
+    """Return the application; the database is opened when it starts, and must have been migrated.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        Read from the environment by default.
+    beside : Beside, optional
+        The worker without which the service is not ready.
+    siblings : Siblings, optional
+        The processes that answer on the same port, this one among them.
+    keeps_time : bool
+        Whether this one looks after schedules, leases, messages and what is to be thrown away.
+    """
+    chosen = settings if settings is not None else Settings()
+    traces = traces_of(chosen, "servotune")
+    metrics = Metrics(None if siblings is None else siblings.numbers)
+    app = Application(
+        title="Servotune",
+        version=version("servotune"),
+        description=DESCRIPTION,
+        lifespan=_lifespan(
+            chosen, beside=beside, siblings=siblings, keeps_time=keeps_time, metrics=metrics, traces=traces
+        ),
+        docs_url=None,  # the reference is one of the pages
+        redoc_url=None,
+        separate_input_output_schemas=False,
+        telemetry=_telemetry(traces),
+    )
+    handlers.install(app)
+    _add_routes(app)
     app.add_middleware(
         Authentication,
         rates=Rates(chosen.requests_per_minute, buckets=None if siblings is None else siblings.requests),
