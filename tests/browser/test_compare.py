@@ -75,6 +75,20 @@ def test_revisions_and_an_optimum_stand_side_by_side(page: Page, client: httpx.C
     expect(page).to_have_url(re.compile(rf"/compare\?(?!.*{optimum})"))
 
 
+def test_the_page_of_a_search_leads_to_a_comparison_and_so_does_the_list_of_jobs(
+    page: Page, client: httpx.Client, lag: str, optimum: str
+) -> None:
+    ended(client, f"/v1/jobs/{optimum}")
+    page.goto("/jobs?kind=optimization")
+    page.get_by_role("checkbox", name=f"Choose {optimum}").check()
+    page.get_by_role("link", name="Compare 1 design", exact=True).click()
+    expect(page).to_have_url(re.compile(rf"/compare\?d={optimum}$"))
+    page.goto(f"/jobs/{optimum}")
+    page.get_by_role("link", name="Compare with revision 2").click()
+    expect(page).to_have_url(re.compile(rf"/compare\?d={lag}%402&d={optimum}$"))
+    expect(page.get_by_test_id("comparison").locator("thead a")).to_have_count(2)
+
+
 def test_a_recording_lies_over_the_curves_and_another_design_is_added(
     page: Page, client: httpx.Client, lag: str
 ) -> None:

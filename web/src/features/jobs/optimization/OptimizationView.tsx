@@ -4,6 +4,7 @@ import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
 import { Link, useNavigate } from "react-router";
 import { saveSystem, systemQuery } from "@/shared/api/systems";
+import { compareAt } from "@/shared/systems/compared";
 import { withValues } from "@/shared/systems/apply";
 import { describedQuery } from "@/shared/systems/described";
 import { ProblemAlert } from "@/shared/ui/ProblemAlert";
@@ -80,6 +81,11 @@ export function OptimizationView({ id, result }: { id: string; result: Optimizat
             <Button component={Link} to={panelAt(found.id, values)}>
               {t("jobs.toPanel")}
             </Button>
+            {result.system?.id === found.id && (
+              <Button variant="default" component={Link} to={compareAt([{ kind: "revision", ...result.system }, { kind: "search", id }])}>
+                {t("compare.withStart", { number: result.system.revision })}
+              </Button>
+            )}
             {system.data && described.data && (
               <Button variant="default" onClick={() => save.mutate()} loading={save.isPending}>
                 {t("panel.save")}
