@@ -136,12 +136,12 @@ class Diagram:
         return self._channels.numbers == self._samplers.numbers and not self._limited_samplers()
 
     def _limited_samplers(self) -> list[Law]:
-        found = []
-        for law in self.laws().laws:
-            element = law.element
-            if issubclass(element, Sampler) and element.linear_part(law.real) != law.real:
-                found.append(law)
-        return found
+        """Return the samplers whose limits make them more than their linear part."""
+        return [
+            law
+            for law in self.laws().laws
+            if issubclass(law.element, Sampler) and law.element.linear_part(law.real) != law.real
+        ]
 
     @property
     def reads_rates(self) -> bool:
@@ -174,8 +174,7 @@ class Diagram:
                 at=law.at,
                 detail=f"{law.label}: its limits are left out, margins and poles are those of its linear part",
             )
-            for law in self.laws().laws
-            if issubclass(law.element, Sampler) and law.element.linear_part(law.real) != law.real
+            for law in self._limited_samplers()
         ]
         others = () if self._channels.numbers == self._samplers.numbers else self.linearization
         besides = [remark for remark in others if not any(remark.at == block.at for block, _ in self._samplers.notes())]
