@@ -70,7 +70,12 @@ def test_what_a_container_gets_from_another_stage_is_made_there() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_is_one_of_ours_and_takes_its_arguments(command, capsys) -> None:
+def test_a_command_is_one_of_ours(command, capsys) -> None:
+    takes_its_arguments(command, capsys)
+
+
+def takes_its_arguments(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Make sure that a container's command is one of ours and takes the arguments that it is given."""
     program, name, *arguments = command
     assert program == "servotune"
     with pytest.raises(SystemExit) as ended:
