@@ -59,7 +59,7 @@ export const measuredQuery = (design: Design, question: Question, domains: Domai
       const path = question.loop !== null && design.outputs.has(question.output);
       const [time, frequency] = await Promise.all([
         atOnce(api.POST("/v1/simulations", { body: { ...simulation(design, question), samples: 2, metrics: of(["time"]), ...(question.duration === null ? {} : { duration: question.duration }) } as never })),
-        body && atOnce(api.POST("/v1/frequency-responses", { body: { ...body, ...(path ? { paths: [{ from: question.input, to: question.output }] } : {}), metrics: of(["loop", "path", "system"]) } as never })),
+        body && atOnce(api.POST("/v1/frequency-responses", { body: { ...body, ...(path ? { paths: [{ from: question.input, to: question.output }] } : {}), metrics: of(question.loop === null ? ["path", "system"] : ["loop", "path", "system"]) } as never })),
       ]);
       const [own, seen] = [time.variants[0]!, frequency?.variants[0]];
       // Metrics of a path do not apply to an opened loop: they are those of the path beside it.
