@@ -60,14 +60,14 @@ async function ofRevision(ref: DesignRef & { kind: "revision" }, client: QueryCl
 }
 
 async function ofSearch(id: string, client: QueryClient, t: TFunction, language: string): Promise<Design> {
-  const job = await client.ensureQueryData(jobQuery(id));
+  const job = await client.fetchQuery(jobQuery(id));
   if (job.kind !== "optimization" || job.result === null) throw refused(t("compare.noOptimum", { id, kind: t(`jobs.kinds.${job.kind}`, job.kind), status: t(`status.${job.status}`, job.status) }));
   const result = (await client.ensureQueryData(resultQuery(id))) as unknown as Found;
   const asked = (await must(api.GET("/v1/jobs/{identifier}/request", { params: { path: { identifier: id } } }))) as unknown as Asked;
   const chosen = asked.alternatives?.find(({ name }) => name === result.chosen);
   if (chosen && (chosen.add || chosen.remove)) throw refused(t("compare.changedStructure", { id, name: chosen.name }));
   const own = chosen?.system;
-  const document = typeof own === "object" && own !== null ? own : typeof own === "string" ? (await client.ensureQueryData(systemQuery(own))).document : job.system ? await client.ensureQueryData(revisionQuery(job.system.id, job.system.revision)) : (asked.system as SystemDocument);
+  const document = typeof own === "object" && own !== null ? own : typeof own === "string" ? (await client.fetchQuery(systemQuery(own))).document : job.system ? await client.ensureQueryData(revisionQuery(job.system.id, job.system.revision)) : (asked.system as SystemDocument);
   const at = new Date(job.finished_at ?? job.created_at).toLocaleString(language, { dateStyle: "medium", timeStyle: "short" });
   return made({ id, name: document.name || job.system?.id || id, part: t("compare.optimumOf", { at }), to: `/jobs/${id}`, document, values: result.best ?? {} }, client);
 }
