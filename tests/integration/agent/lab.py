@@ -145,6 +145,11 @@ class Lab:
         """Wait for the rig to be known."""
         self.until(lambda: any(rig["name"] == self.rig for rig in self.client.get("/v1/rigs").json()["items"]))
 
+    def tried(self) -> None:
+        """Wait for the rig to be at rest and its channels to have been tried: only then does an agent ask for work."""
+        rigs = lambda: self.client.get("/v1/rigs").json()["items"]  # noqa: E731
+        self.until(lambda: any(rig["name"] == self.rig and rig["document"].get("checked_at") for rig in rigs()))
+
     def ask(self, **change: Any) -> str:
         """Ask for a measurement, and return its id."""
         self.registered()

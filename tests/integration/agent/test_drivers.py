@@ -95,7 +95,7 @@ def test_an_overload_is_seen(other) -> None:
     values = other.samples(done["dataset"])
     seen = done["attempts"][0]["facts"]["channels"]["position"]["overload"]
     assert seen["count"] == (abs(values[:, 1]) >= 0.9995 * 5).sum() > 100
-    (warning,) = done["warnings"]
+    (warning,) = [entry for entry in done["warnings"] if entry["level"] == "warning"]
     assert warning["detail"].startswith(f"position reached its range of 5 V: {seen['count']} samples, first at ")
 
 

@@ -55,7 +55,7 @@ def test_what_was_recorded_before_a_fault_arrives(lab, fault, code) -> None:
 
 def test_a_wrong_device_is_not_measured_with(lab) -> None:
     with lab.agent():
-        lab.registered()
+        lab.tried()
         lab.bench.devices["cDAQ1Mod1"].serial += 1
         failed = lab.wait(lab.ask())
     assert failed["attempts"][0]["error"]["type"] == PROBLEM + "wrong_device"
