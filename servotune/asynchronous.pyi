@@ -74,6 +74,7 @@ class AsyncAcquisitions:
         trigger: Mapping[str, Any] | None = ...,
         averages: int | None = ...,
         confirm: bool | None = ...,
+        record: bool | None = ...,
         then: Sequence[Mapping[str, Any]] | None = ...,
     ) -> Acquisition: ...
     async def get(self, acquisition: str) -> Acquisition: ...

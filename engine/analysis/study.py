@@ -48,6 +48,8 @@ Real = npt.NDArray[np.float64]
 
 _ROUGH = 1e-9
 """A curve that is known to no better than this part of its largest value is spoken of."""
+_ELSEWHERE = 2.0
+"""Times what rounding leaves at rest, where it is seen: while a system moves it may leave more, by the processor's arithmetic."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,7 +259,7 @@ def _rough(
         for what, curve in (("output", own), ("the error of output", error)):
             largest = 0.0 if curve is None else float(np.abs(curve.values[:, :, 0].real).max())
             if left > _ROUGH * largest > 0:
-                part = f"rounding leaves {left / largest:.2g} of its largest value"
+                part = f"rounding leaves {_ELSEWHERE * left / largest:.2g} of its largest value"
                 detail = f"{what} {name} is a small difference of large signals, or its time constants lie too far apart: {part}, so that it and its metrics are known no better"
                 found.append(Remark(at=("outputs", name), detail=detail))
                 break

@@ -13,8 +13,10 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.places import ended, made
 from tests.browser.soundness import faults_of_both_themes
-from tests.browser.test_matching import LAG, send
+from tests.browser.test_matching import LAG as FOUND
+from tests.browser.test_matching import send
 
+LAG = FOUND | {"name": "lag to be compared"}
 
 @pytest.fixture(scope="module")
 def lag(client: httpx.Client) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -134,7 +135,8 @@ def sqlite_worker(sqlite_service: Service) -> Iterator[None]:
 def working(database_url: str) -> Iterator[None]:
     """Run a worker process."""
     code = "import sys; from api.commands.service import worker; sys.exit(worker(['--with-parent']))"
-    environment = {"SERVOTUNE_DATABASE_URL": database_url, "PYTHONPATH": ":".join(sys.path)}
+    # With all else that this process has: what a linear-algebra library was told decides the last bits of its numbers.
+    environment = os.environ | {"SERVOTUNE_DATABASE_URL": database_url, "PYTHONPATH": ":".join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, env=environment)
     assert process.stdin is not None
     try:
