@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,11 +19,12 @@ from agent.drivers.interface import Driver, Running
 from agent.drives import signal_of
 from agent.errors import AttemptError
 from agent.lease import Lease
+from agent.plan import LONGEST_LIVE, Plan, plan_of
 from agent.safety import Drive
 from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import USUAL_BYTES, Recorder, Run, Spool
 from agent.sweeping import preview, sweeps
-from agent.triggering import Trigger, Waiting
+from agent.triggering import Waiting
 from agent.watching import Watch
 
 Samples = npt.NDArray[np.float64]
@@ -31,13 +33,8 @@ _log = logging.getLogger(__name__)
 _MOST_SEGMENTS = 10_000
 _STRETCHES, _OF_SWEEP = 20, 200
 """Of one preview, and of one sweep."""
-_LONGEST_LIVE = 600.0
-"""s for which sweeps are shown: other measurements of the rig wait for their end."""
 _OFF = 1e-4
 """Share by which the sample clock of hardware may be off: NI states 50 ppm for most, crystals of controllers have 100."""
-UNDERSTOOD = ("trigger", "record")
-"""What this agent knows beyond the first measurements; it tells the service."""
-_FIRST = frozenset({"channels", "sample_rate", "duration", "pre_trigger", "averages", "drive", "confirm"})
 
 
 @dataclass(slots=True, kw_only=True)
@@ -46,73 +43,6 @@ class Outcome:
 
     error: AttemptError | None = None
     resting: bool = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """What a claim asks of this rig."""
-
-    inputs: tuple[InputSettings, ...]
-    output: OutputSettings | None
-    sample_rate: float
-    duration: float
-    pre_trigger: float
-    averages: int
-    signal: Mapping[str, Any] | None
-    trigger: Trigger | None
-    confirm: bool
-    record: bool
-
-    @property
-    def seconds(self) -> float:
-        """Length of the recording."""
-        return self.pre_trigger + self.duration * self.averages
-
-    @property
-    def longest(self) -> float:
-        """Longest time, s, that the inputs run."""
-        if not self.record:
-            return _LONGEST_LIVE
-        return self.seconds + (self.trigger.timeout if self.trigger else 0.0)
-
-
-def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
-    """Find the channels of a claim among those of the rig.
-
-    Raises
-    ------
-    AttemptError
-        `unknown_channel`, `unsupported_setting`.
-    """
-    request = claim["request"]
-    for name, value in request.items():
-        if value is not None and name not in _FIRST and name not in UNDERSTOOD:
-            raise AttemptError(
-                "unsupported_setting", f"{name} must be known to this agent, it is not: update the agent"
-            )
-    inputs = {entry.name: entry for entry in settings.inputs}
-    outputs = {entry.name: entry for entry in settings.outputs}
-    drive = request["drive"]
-    for name, known in [(name, inputs) for name in request["channels"]] + (
-        [(drive["output"], outputs)] if drive else []
-    ):
-        if name not in known:
-            there = ", ".join(known) or "none"
-            raise AttemptError("unknown_channel", f"channel must be one of the rig's ({there}), got {name}")
-    measured = tuple(inputs[name] for name in request["channels"])
-    trigger = request.get("trigger")
-    return Plan(
-        inputs=measured,
-        output=outputs[drive["output"]] if drive else None,
-        sample_rate=float(request["sample_rate"]),
-        duration=float(request["duration"]),
-        pre_trigger=float(request["pre_trigger"]),
-        averages=int(request["averages"]),
-        signal=drive["signal"] if drive else None,
-        trigger=Trigger.of(trigger, measured) if trigger else None,
-        confirm=bool(request["confirm"]) or (drive is not None and settings.rig.confirm),
-        record=bool(request.get("record", True)),
-    )
 
 
 class Measurement:
@@ -201,8 +131,8 @@ class Measurement:
             self._facts |= {
                 "requested_rate": plan.sample_rate,
                 "actual_rate": rate,
-                "drive": self._claim["request"]["drive"],
-                "repeats": {"first": wait, "length": length, "count": plan.averages},
+                "drive": self._driven(plan),
+                "repeats": {"first": wait, "length": length, "count": plan.averages, **self._fades(plan, rate, length)},
             }
             self._ask(plan)
             self._lease.check()
@@ -221,7 +151,7 @@ class Measurement:
         rate = running.rate
         self._facts |= {"requested_rate": plan.sample_rate, "actual_rate": rate, "sweeps": 0}
         width = max(-(-samples // _OF_SWEEP), 1)
-        running.prepare(round(_LONGEST_LIVE * rate), None)
+        running.prepare(round(LONGEST_LIVE * rate), None)
         self._lease.check()
         self._start(running)
 
@@ -263,13 +193,30 @@ class Measurement:
         drive.check()
         return drive
 
+    def _driven(self, plan: Plan) -> dict[str, Any] | None:
+        """Return the drive as it was asked for, and what softens its beginning and end (see `agent.safety`)."""
+        if plan.output is None:
+            return None
+        softened = {"soft_start": plan.output.soft_start, "soft_stop": plan.output.soft_stop}
+        return {**self._claim["request"]["drive"], **softened}
+
+    def _fades(self, plan: Plan, rate: float, length: int) -> dict[str, Any]:
+        """Say how many repetitions the drive fades in and out in: they are not like the others."""
+        if plan.output is None or not (plan.output.soft_start or plan.output.soft_stop):
+            return {}
+        fades = (plan.output.soft_start, plan.output.soft_stop)
+        return {"fading": [math.ceil(seconds * rate / length) for seconds in fades]}
+
     def _ask(self, plan: Plan) -> None:
         if not plan.confirm:
             return
         what = f"drive {plan.output.name} for {plan.duration * plan.averages:g} s" if plan.output else "measure"
         self._lease.tell(message="waits for the person at the rig")
         if not self._confirm(f"{self._claim['name']}: may I {what}?"):
-            raise AttemptError("not_confirmed", "the person at the rig has not agreed")
+            raise AttemptError(
+                "not_confirmed",
+                "the person at the rig has not agreed; an agent that runs as a service has no terminal to ask at",
+            )
 
     def _run(
         self,

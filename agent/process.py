@@ -18,7 +18,8 @@ from agent.checking import Finding, failed, tried
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
 from agent.lease import Lease
-from agent.measuring import UNDERSTOOD, Measurement
+from agent.measuring import Measurement
+from agent.plan import UNDERSTOOD
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
 from agent.settings import Settings
 from agent.spool import Spool
@@ -267,6 +268,7 @@ class Terminal:
         self._seconds = seconds
         self._lines: list[str] = []
         self._came = threading.Condition()
+        self._closed = False
         self._thread: threading.Thread | None = None
 
     def __call__(self, question: str) -> bool:
@@ -278,7 +280,7 @@ class Terminal:
             self._thread.start()
         with self._came:
             self._lines.clear()  # what was typed before the question answers nothing
-            self._came.wait_for(lambda: bool(self._lines), self._seconds)
+            self._came.wait_for(lambda: self._closed or bool(self._lines), self._seconds)
             return bool(self._lines) and self._lines[-1].strip().lower() == "yes"
 
     def _listen(self) -> None:
@@ -287,3 +289,6 @@ class Terminal:
             with self._came:
                 self._lines.append(line)
                 self._came.notify_all()
+        with self._came:  # nobody can be asked: a service has no terminal
+            self._closed = True
+            self._came.notify_all()

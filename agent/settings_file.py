@@ -232,6 +232,12 @@ def _check_kind(entry: InputSettings, place: str) -> None:
             f"{place}: pulses (of a turn, at least 1) or distance (m of one pulse) must be given, one of them, got "
             f"pulses {entry.pulses:g} and distance {entry.distance:g}"
         )
+    counted = "m" if entry.distance else "rad"
+    if entry.kind == "encoder" and entry.overall_sensitivity == 1.0 and entry.unit not in {counted, ""}:
+        raise SettingsError(
+            f"{place}: sensitivity must be given where unit is not {counted}, which an encoder delivers: {counted} for one "
+            f"{entry.unit}, got unit {entry.unit!r} and none"
+        )
     if entry.pulses != round(entry.pulses):
         raise SettingsError(f"{place}: pulses must be a whole number, got {entry.pulses:g}")
 

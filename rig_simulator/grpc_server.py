@@ -30,6 +30,8 @@ _ATTRIBUTE = re.compile(
 _INITIALIZE, _ATTACH = 1, 2
 _CALLS_AT_ONCE = 16
 _UNLIMITED = [("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1)]
+_ALONE = [("grpc.so_reuseport", 0)]
+"""Two servers at one port would each get some of the calls."""
 
 
 class Driver(service.NiDAQmxServicer):
@@ -247,7 +249,7 @@ class Server:
         self.bench = bench
         self._pool = ThreadPoolExecutor(_CALLS_AT_ONCE)
         driver = Driver(bench)
-        self._server = grpc.server(self._pool, interceptors=[_Door(driver, bench)], options=_UNLIMITED)
+        self._server = grpc.server(self._pool, interceptors=[_Door(driver, bench)], options=[*_UNLIMITED, *_ALONE])
         service.add_NiDAQmxServicer_to_server(driver, self._server)
         place = f"{host}:{port}"
         secure = credentials is not None

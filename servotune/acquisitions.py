@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
 from typing import Any
 
 from servotune.errors import JobFailedError, WaitTimeoutError
@@ -11,6 +12,14 @@ from servotune.jobs import Job
 from servotune.replies.base import Reply
 from servotune.transport import Transport
 
+
+class Unset(Enum):
+    """What was not said: of a template, that it stays."""
+
+    UNSET = "unset"
+
+
+UNSET = Unset.UNSET
 FINAL = frozenset({"done", "failed", "lost", "cancelled"})
 
 
@@ -68,9 +77,9 @@ class Acquisitions:
         channels: Sequence[str] | None = None,
         sample_rate: float | None = None,
         duration: float | Mapping[str, Any] | None = None,
-        drive: Mapping[str, Any] | None = None,
+        drive: Mapping[str, Any] | Unset | None = UNSET,
         pre_trigger: float | Mapping[str, Any] | None = None,
-        trigger: Mapping[str, Any] | None = None,
+        trigger: Mapping[str, Any] | Unset | None = UNSET,
         averages: int | None = None,
         confirm: bool | None = None,
         record: bool | None = None,
@@ -83,10 +92,11 @@ class Acquisitions:
         template : str, optional
             Id of a template; what is given beside it counts more.
         drive : mapping, optional
-            `{"output": "valve", "signal": {"kind": "chirp", ...}}`, in V.
+            `{"output": "valve", "signal": {"kind": "chirp", ...}}`, in V. None takes that of the template away.
         trigger : mapping, optional
             What the recording waits for: `{"channel": "position", "edge": "rising", "level": 2}`, in the unit of the channel,
             or `{"channel": "position", "window": [1, 3], "when": "leaves"}`. It begins `pre_trigger` before.
+            None takes that of the template away.
         record : bool, optional
             False: nothing is kept. Sweeps of `pre_trigger` and `duration` are shown in the events of the job until it is
             cancelled, for 10 minutes at most.
@@ -108,7 +118,12 @@ class Acquisitions:
             "record": record,
             "then": None if then is None else [dict(step) for step in then],
         }
-        document = {key: value for key, value in given.items() if value is not None}
+        may_be_none = {"drive", "trigger"}
+        document = {
+            key: value
+            for key, value in given.items()
+            if value is not UNSET and (value is not None or key in may_be_none)
+        }
         return Acquisition(self._transport.post("/v1/acquisitions", document, creates=True))
 
     def get(self, acquisition: str) -> Acquisition:

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Any, Generic, Literal, Self, type_check_only
 
 from servotune.access import Key, Workspace
-from servotune.acquisitions import Acquisition
+from servotune.acquisitions import Acquisition, Unset
 from servotune.documents import Document, SystemLike
 from servotune.events import Event
 from servotune.jobs import ResultT
@@ -69,9 +69,9 @@ class AsyncAcquisitions:
         channels: Sequence[str] | None = ...,
         sample_rate: float | None = ...,
         duration: float | Mapping[str, Any] | None = ...,
-        drive: Mapping[str, Any] | None = ...,
+        drive: Mapping[str, Any] | Unset | None = ...,
         pre_trigger: float | Mapping[str, Any] | None = ...,
-        trigger: Mapping[str, Any] | None = ...,
+        trigger: Mapping[str, Any] | Unset | None = ...,
         averages: int | None = ...,
         confirm: bool | None = ...,
         record: bool | None = ...,

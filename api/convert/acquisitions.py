@@ -29,8 +29,8 @@ _ADDED: Mapping[str, Any] = {"trigger": None, "record": True}
 _MOST_POINTS = 100_000
 
 
-def agent_request(body: AcquisitionBody, *, read_channel: ReadChannel) -> dict[str, Any]:
-    """Return what the agent is told to do.
+def agent_request(body: AcquisitionBody, rig: Mapping[str, Any], *, read_channel: ReadChannel) -> dict[str, Any]:
+    """Return what the agent is told to do; a drive is in the unit of its output.
 
     Raises
     ------
@@ -50,7 +50,11 @@ def agent_request(body: AcquisitionBody, *, read_channel: ReadChannel) -> dict[s
         _check_unrecorded(body, samples)
     drive = None
     if body.drive is not None:
-        drive = {"output": body.drive.output, "signal": _signal(body, duration, read_channel)}
+        outputs = {entry["name"]: entry for entry in rig.get("outputs", ())}
+        kind = outputs.get(body.drive.output, {}).get("kind", "voltage")
+        signal = _signal(body, duration, read_channel, unit=UNITS[kind] or "1")
+        _check_band(signal, body.sample_rate)
+        drive = {"output": body.drive.output, "signal": signal}
     return {
         "channels": list(body.channels),
         "sample_rate": body.sample_rate,
@@ -87,12 +91,27 @@ def unknown_to_agent(request: Mapping[str, Any], rig: Mapping[str, Any]) -> list
     return [name for name in needed if name not in rig.get("understands", ())]
 
 
-def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -> dict[str, Any]:
+def _check_band(signal: dict[str, Any], rate: float) -> None:
+    """Refuse what a sample rate cannot play: it would come out at another frequency."""
+    highest = {
+        "sine": lambda: signal["frequency"],
+        "chirp": lambda: max(signal["start_frequency"], signal["end_frequency"]),
+        "multisine": lambda: max(signal["harmonics"]) * signal["fundamental"],
+        "stepped_sine": lambda: max(signal["frequencies"]),
+    }.get(signal["kind"], lambda: 0.0)()
+    if highest >= np.pi * rate:
+        raise invalid(
+            f"frequencies of a drive must be below half the sample rate, {rate / 2:g} Hz, got {highest / (2 * np.pi):g} Hz",
+            *("drive", "signal"),
+        )
+
+
+def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel, *, unit: str) -> dict[str, Any]:
     assert body.drive is not None
     given, place = body.drive.signal, ("drive", "signal")
     if isinstance(given, SteppedSineSignal):
-        return _stepped(given, place)
-    signal = signal_from_wire(given, place=place, read_channel=read_channel)
+        return _stepped(given, place, unit)
+    signal = signal_from_wire(given, place=place, read_channel=read_channel, unit=unit)
     if signal.impulse():
         raise invalid("signal of a drive must not be an impulse: no output can give one", *place)
     # the agent joins samples by straight lines
@@ -101,7 +120,7 @@ def _signal(body: AcquisitionBody, duration: float, read_channel: ReadChannel) -
     return _sampled(signal, duration, body.sample_rate)
 
 
-def _stepped(given: SteppedSineSignal, place: Place) -> dict[str, Any]:
+def _stepped(given: SteppedSineSignal, place: Place, unit: str) -> dict[str, Any]:
     frequencies = [
         si(value, "rad/s", name="frequency", place=(*place, "frequencies", i))
         for i, value in enumerate(given.frequencies)
@@ -114,7 +133,7 @@ def _stepped(given: SteppedSineSignal, place: Place) -> dict[str, Any]:
         raise invalid(f"dwell must be > 0 s, got {dwell:g}", *place, "dwell")
     return {
         "kind": "stepped_sine",
-        "amplitude": si(given.amplitude, "", name="amplitude", place=(*place, "amplitude")),
+        "amplitude": si(given.amplitude, unit, name="amplitude", place=(*place, "amplitude")),
         "frequencies": frequencies,
         "dwell": dwell,
         "phase": si(given.phase, "rad", name="phase", place=(*place, "phase")),

@@ -18,6 +18,7 @@ from tests.browser.test_matching import send
 
 LAG = FOUND | {"name": "lag to be compared"}
 
+
 @pytest.fixture(scope="module")
 def lag(client: httpx.Client) -> str:
     """A lag of 0.1 s, and of 0.2 s in its second revision."""

@@ -22,7 +22,7 @@ from agent.drivers.nidaqmx.inputs import FOLLOWERS, IEPE, KINDS, add_input
 from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand, write
 from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
-from agent.drivers.nidaqmx.sharing import one_clock, synchronised
+from agent.drivers.nidaqmx.sharing import led, one_clock, synchronised
 from agent.drivers.nidaqmx.tls import refusal
 from agent.drivers.synchronisation import Synchronisation
 from agent.errors import AttemptError
@@ -149,11 +149,8 @@ class Nidaqmx(Driver):
     @contextmanager
     def run(self, inputs: Sequence[InputSettings], rate: float, *, seconds: float) -> Iterator[Running]:
         """Prepare the inputs; the rate that the hardware really has is then known."""
-        analog = [entry for entry in inputs if entry.kind not in FOLLOWERS]
+        analog = led(inputs)
         following = groups([entry for entry in inputs if entry.kind in FOLLOWERS])
-        if not analog:
-            detail = "an analog input must be measured, too: encoders and digital lines take their samples by its clock"
-            raise AttemptError("unsupported_setting", detail)
         if len(following) > MOST:
             detail = f"encoders of one run must be at most {MOST}, less one for digital lines, got {len(following)}"
             raise AttemptError("unsupported_setting", detail)

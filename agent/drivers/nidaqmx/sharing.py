@@ -28,11 +28,26 @@ def unit_of(device: Any) -> str:
     return chassis or str(device.name)
 
 
+def led(inputs: Sequence[InputSettings]) -> list[InputSettings]:
+    """Return the analog inputs, whose clock all others follow.
+
+    Raises
+    ------
+    AttemptError
+        `unsupported_setting`, where there are none.
+    """
+    analog = [entry for entry in inputs if entry.kind not in FOLLOWERS]
+    if not analog:
+        detail = "an analog input must be measured, too: encoders and digital lines take their samples by its clock"
+        raise AttemptError("unsupported_setting", detail)
+    return analog
+
+
 def synchronised(
     device_of: Callable[[str], Any], inputs: Sequence[InputSettings], output: OutputSettings | None
 ) -> Synchronisation:
     """Say whose clock a run has, which channels are led to it, and which are taken in turn."""
-    analog = [entry for entry in inputs if entry.kind not in FOLLOWERS]
+    analog = led(inputs)
     devices = {entry.channel.strip("/").partition("/")[0]: device_of(entry.channel) for entry in analog}
     used = Counter(entry.channel.strip("/").partition("/")[0] for entry in analog)
     in_turn = {

@@ -62,7 +62,7 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
             rig = AgentRepository(session, caller.workspace).rig_named(body.rig)
         except NotFoundError as error:
             raise invalid(f"rig must be one that an agent has registered, got {body.rig!r}", "rig") from error
-    told = agent_request(body, read_channel=channel_reader(service, caller))
+    told = agent_request(body, rig.document, read_channel=channel_reader(service, caller))
     check_against_rig(body, told, rig.document)
     told["trigger"] = agent_trigger(body, told, rig.document)
     for name in unknown_to_agent(told, rig.document):

@@ -131,13 +131,23 @@ def _average(session: Session, caller: Caller, attempt: AcquisitionAttempt) -> s
     first, length, count = (int(repeats.get(key, 0)) for key in ("first", "length", "count"))
     if count < 2 or length < 1 or row.sample_count is None or first + length * count > row.sample_count:
         raise invalid("a recording must have at least 2 whole repetitions to be averaged, this one has not")
+    before, after = (int(number) for number in repeats.get("fading", (0, 0)))
+    if before + after >= count:
+        raise invalid(
+            f"a recording must have more repetitions than those in which its drive fades in and out ({before} and {after}) "
+            f"to be averaged, got {count}: ask for more averages, or lower soft_start and soft_stop of the output"
+        )
+    first, count = first + before * length, count - before - after
     request = DatasetRequest(
         name=f"{row.name}, mean of {count}",
         format="raw",
         start_time=row.start_time,
         sample_rate=row.sample_rate,
         channels=(row.description or {})["channels"],
-        origin={**(row.origin or {}), "mean_of": {"dataset": row.id, "repeats": repeats}},
+        origin={
+            **(row.origin or {}),
+            "mean_of": {"dataset": row.id, "repeats": {"first": first, "length": length, "count": count}},
+        },
     )
     target = datasets.create(session, caller, request)["id"]
     names = [str(channel["name"]) for channel in row.channels]

@@ -186,8 +186,9 @@ def test_encoder_and_line_are_sampled_with_the_analog_inputs() -> None:
         assert np.array_equal(values[2], (played > 0.5).astype(float))
         assert np.array_equal(values[3], (played > 1.0).astype(float))
         assert np.abs(values[4] - 1e-3 * played).max() < 1e-6 + 1e-9
-        with pytest.raises(AttemptError, match="an analog input must be measured, too"):
-            measured(hardware, inputs[:1], None)
+        for told in (lambda: measured(hardware, inputs[:1], None), lambda: hardware.synchronisation(inputs[:1])):
+            with pytest.raises(AttemptError, match="an analog input must be measured, too"):
+                told()
 
 
 @pytest.mark.parametrize(

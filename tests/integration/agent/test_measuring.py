@@ -21,7 +21,8 @@ def test_a_driven_measurement_arrives_whole(lab) -> None:
     assert facts["actual_rate"] == pytest.approx(51200 / 31)
     wait, length = round(0.1 * 51200 / 31), round(51200 / 31)
     assert (facts["samples"], facts["complete"]) == (wait + length, True)
-    assert facts["repeats"] == {"first": wait, "length": length, "count": 1}
+    assert facts["repeats"] == {"first": wait, "length": length, "count": 1, "fading": [0, 1]}
+    assert (facts["drive"]["soft_start"], facts["drive"]["soft_stop"]) == (0.0, 0.02)
 
     values = lab.samples(done["dataset"])
     t = np.arange(length) / facts["actual_rate"]
@@ -80,7 +81,12 @@ def test_repetitions_follow_each_other_without_a_gap_and_are_averaged(lab) -> No
     # One period of the fundamental is exactly one repetition: the drive is the same, sample for sample.
     assert np.abs(repeats[1, :, 0] - repeats[2, :, 0]).max() < 3e-6
     mean = lab.samples(attempt["then"][0]["result"]["dataset"])
-    assert np.abs(mean - repeats.mean(axis=0)).max() < 1e-15
+    assert attempt["facts"]["repeats"]["fading"] == [
+        0,
+        1,
+    ]  # the soft stop is in the last one, which is not like the others
+    assert np.abs(mean - repeats[:4].mean(axis=0)).max() < 1e-15
+    assert np.abs(mean[:, 0] - repeats[2, :, 0]).max() < 3e-6
 
 
 def test_a_preview_comes_while_it_runs(service, lab) -> None:

@@ -417,3 +417,44 @@ def test_a_stage_whose_calibration_is_over_is_told_and_one_without_gain_refused(
     refused = client.post("/v1/agents", json=AGENT | {"rig": rig, "document": RIG | {"inputs": inputs}})
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["pointer"] == "/document/inputs/0/chain/0/gain"
+
+
+@pytest.mark.parametrize(
+    ("signal", "says"),
+    [
+        ({"kind": "sine", "amplitude": 1, "frequency": "700 Hz"}, "below half the sample rate, 500 Hz, got 700 Hz"),
+        (
+            {"kind": "chirp", "amplitude": 1, "start_frequency": "1 Hz", "end_frequency": "500 Hz", "duration": 0.5},
+            "below half the sample rate, 500 Hz, got 500 Hz",
+        ),
+        (
+            {"kind": "multisine", "amplitude": 1, "fundamental": "100 Hz", "harmonics": [1, 6]},
+            "below half the sample rate, 500 Hz, got 600 Hz",
+        ),
+        (
+            {"kind": "stepped_sine", "amplitude": 1, "frequencies": ["1 Hz", "501 Hz"], "dwell": 0.1},
+            "below half the sample rate, 500 Hz, got 501 Hz",
+        ),
+        ({"kind": "sine", "amplitude": "5 mm", "frequency": "7 Hz"}, "amplitude must be in V"),
+        ({"kind": "step", "amplitude": "1 A"}, "amplitude must be in V"),
+        ({"kind": "stepped_sine", "amplitude": "1 N", "frequencies": ["1 Hz"], "dwell": 0.1}, "amplitude must be in V"),
+    ],
+)
+def test_what_an_output_cannot_play_is_refused(client, agent, request, signal, says) -> None:
+    body = MEASUREMENT | {"rig": request.node.name, "drive": {"output": "valve", "signal": signal}}
+    refused = client.post("/v1/acquisitions", json=body)
+    assert refused.status_code == 422, refused.text
+    assert says in refused.json()["detail"]
+    assert refused.json()["errors"][0]["pointer"].startswith("/drive/signal")
+
+
+def test_an_amplitude_has_the_unit_of_its_output(client, request) -> None:
+    rig = request.node.name
+    outputs = [RIG["outputs"][0], RIG["outputs"][0] | {"name": "coil", "kind": "current", "amplitude": 0.02}]
+    _register(client, rig=rig, document=RIG | {"outputs": outputs})
+    for output, amplitude in (("valve", "3000 mV"), ("coil", "8 mA")):
+        drive = {"output": output, "signal": {"kind": "step", "amplitude": amplitude}}
+        asked = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": rig, "drive": drive})
+        assert asked.status_code == 202, asked.text
+    wrong = {"output": "coil", "signal": {"kind": "step", "amplitude": "0.008 V"}}
+    assert client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": rig, "drive": wrong}).status_code == 422

@@ -73,6 +73,10 @@ def test_the_later_one_counts(tmp_path) -> None:
         (CHAIN.replace("2027-03-02", "soon"), r"position: chain\[0\]: calibration.due must be a day"),
         (GOOD.replace("sensitivity = 2", "chain = 2"), r"chain must be written as \[\[inputs.chain\]\], got 2"),
         (CALIBRATED.replace("percent = 1", "percent = -1"), "uncertainty_percent must be finite and >= 0, got -1"),
+        (
+            GOOD.replace("sensitivity = 2", 'kind = "encoder"\npulses = 1024\nunit = "deg"'),
+            "position: sensitivity must be given where unit is not rad, which an encoder delivers: rad for one deg",
+        ),
         (LINE.replace("amplitude = 1", "amplitude = 5"), "valve: amplitude must be 1 for a digital output, got 5"),
         (LINE + "safe = 0.5", "valve: safe must be 0 or 1 for a digital output, got 0.5"),
         (LINE + "soft_stop = 0.5", "valve: soft_stop must be 0 for a digital output, got 0.5"),
