@@ -68,7 +68,9 @@ def done_once(desk: Desk, jobs: list[str], rounds: int) -> None:
     rows = [desk.get(job) for job in jobs]
     for row in rows:
         lines = Path(row.body["log"]).read_text().splitlines()
-        assert lines == ["0"] * row.attempts
+        # Once for each attempt, and less where the step had been kept before the kill: a kept step is not done again.
+        assert lines == ["0"] * len(lines)
+        assert 1 <= len(lines) <= row.attempts
         ends = [payload for _, kind, payload in desk.events(row.id) if kind == "status" and payload["status"] in FINAL]
         assert ends == [{"status": "succeeded"}]
     assert sum(row.attempts - 1 for row in rows) <= rounds  # one slot for each killed worker
