@@ -14,7 +14,7 @@ from tests.browser.test_panel import opened
 #: -1 +- 2i and -3 +- i.
 POLES = [-3 - 1j, -3 + 1j, -1 - 2j, -1 + 2j]
 #: Colours of an uPlot canvas: how far blue lies above red where the moving curve is drawn.
-_BLUE, _LETTER = 60, 15
+_BLUE = 60
 _CANVAS = """title => {
   const canvas = document.querySelector(`section[aria-label="${title}"] canvas`);
   const {width, height} = canvas;
@@ -26,7 +26,8 @@ def blue(page: Page, title: str) -> np.ndarray:
     """Return where the moving curve is painted: one row of the canvas each."""
     width, height, data = page.evaluate(_CANVAS, title)
     pixels = np.array(data, dtype=np.int64).reshape(height, width, 4)
-    found: np.ndarray = (pixels[..., 2] - pixels[..., 0] > _BLUE) & (pixels[..., 3] > 0)
+    # As much as is seen of it: a pixel that is nearly clear has few bits left for its colour, whatever was painted.
+    found: np.ndarray = (pixels[..., 2] - pixels[..., 0]) * pixels[..., 3] > 255 * _BLUE
     return found
 
 
@@ -61,12 +62,10 @@ def test_poles_are_painted_where_the_service_says_with_both_axes_alike(page: Pag
     opened(page, open_path, "s=k.gain&v=poles")
     page.wait_for_function("() => document.querySelector('[data-testid=plots]').dataset.frame > 0")
     marks, count = scipy.ndimage.label(blue(page, "Poles"), structure=np.ones((3, 3)))
-    # Letters of the lines of damping have edges of every colour: a few pixels, where a pole has a cross.
-    crosses = [k for k in range(1, count + 1) if (marks == k).sum() > _LETTER]
-    assert len(crosses) == len(told)
+    assert count == len(told)
     # Rows of a canvas go down; left to right, and of each pair the lower one first.
     centres = sorted(
-        ((x, -y) for y, x in scipy.ndimage.center_of_mass(marks > 0, marks, crosses)),
+        ((x, -y) for y, x in scipy.ndimage.center_of_mass(marks > 0, marks, range(1, count + 1))),
         key=lambda c: (round(c[0], -1), c[1]),
     )
     (across, left), (up, below) = (np.polyfit([p[i] for p in told], [c[i] for c in centres], 1) for i in range(2))

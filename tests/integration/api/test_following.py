@@ -88,3 +88,21 @@ def test_a_failed_step_ends_the_chain_and_is_no_error_of_the_measurement(
         assert template["id"] in [entry["id"] for entry in client.acquisitions.templates()]
         assert "lag" in [rig["name"] for rig in client.acquisitions.rigs()]
         assert [agent["rig"] for agent in client.acquisitions.agents()] == ["lag"]
+
+
+def test_none_takes_what_a_template_has_away_and_nothing_said_leaves_it(service) -> None:
+    drive = {"output": "valve", "signal": {"kind": "step", "amplitude": 1}}
+    with service.client("acquire") as own, service.client() as admin:
+        own.post("/v1/agents", json=AGENT | {"rig": "templated", "document": RIG}).raise_for_status()
+        body = {
+            "name": "t",
+            "rig": "templated",
+            "channels": ["position"],
+            "sample_rate": 1000,
+            "duration": 1,
+            "drive": drive,
+        }
+        template = admin.post("/v1/acquisition-templates", json=body).json()["id"]
+    with servotune.connect(service.url, key=service.keys["admin"]) as client:
+        assert client.acquisitions.start(template=template).document["drive"] == drive
+        assert client.acquisitions.start(template=template, drive=None).document.get("drive") is None
