@@ -273,13 +273,14 @@ class Terminal:
 
     def __call__(self, question: str) -> bool:
         """Ask a question."""
+        with self._came:
+            self._lines.clear()  # what was typed before the question answers nothing
         sys.stdout.write(f"{question} Type yes within {self._seconds:g} s: ")
         sys.stdout.flush()
         if self._thread is None:
             self._thread = threading.Thread(target=self._listen, daemon=True)
             self._thread.start()
         with self._came:
-            self._lines.clear()  # what was typed before the question answers nothing
             self._came.wait_for(lambda: self._closed or bool(self._lines), self._seconds)
             return bool(self._lines) and self._lines[-1].strip().lower() == "yes"
 
