@@ -45,8 +45,9 @@ def commands(draw: st.DrawFn) -> Signal:
 
 
 def assert_exact(
-    diagram: Diagram, source: str, output: str, command: Signal, candidates: dict[str, np.ndarray]
-) -> None:
+    diagram: Diagram, source: str, output: str, command: Signal, candidates: dict[str, np.ndarray], *,
+    may_vanish: frozenset[str] = MAY_VANISH,
+) -> None:  # fmt: skip
     signals, options = {source: command}, Options(derivative=0)
     wanted = [MetricRequest(metric=m, signals=signals, output=output, options=options) for m in AUTOMATIC]
     wanted += [MetricRequest(metric=m, signals=signals, output=output, options=options, duration=1.7) for m in WITHIN]
@@ -61,7 +62,7 @@ def assert_exact(
             if measured.value is None:
                 assert not np.isfinite(value), (request, measured)
                 continue
-            least = 1e-3 * size if request.metric in MAY_VANISH else 0.0
+            least = 1e-3 * size if request.metric in may_vanish else 0.0
             assert value == pytest.approx(measured.value, rel=1e-9, abs=1e-9 * least), (request, measured)
 
 

@@ -26,6 +26,8 @@ from engine.batch.collocation.scan import Path, Scan
 from engine.batch.collocation.time import METRICS as TIME_METRICS
 from engine.batch.collocation.time import Readings, last_entry
 from engine.batch.collocation.trace import Trace
+from engine.batch.linear.generator import eigenvalues_of
+from engine.batch.linear.poles import growth_of
 
 if TYPE_CHECKING:
     from engine.analysis.study import MetricRequest
@@ -159,6 +161,9 @@ class Screening:
             # Nothing moves by itself: no width of time to march over.
             doubtful[here], growth[here] = True, -np.inf
             return
+        if not self._experiment:
+            self._without_time(stack, overrides, here, values, doubtful, growth=growth)
+            return
         lanes, equal = self._lanes(stack, here)
         doubtful[here[~equal]] = True
         here = here[equal]
@@ -191,17 +196,30 @@ class Screening:
         if stable.size:
             self._read_frequency(stack, overrides, stable, values, doubtful, growth=growth)
 
+    def _without_time(
+        self, stack: StackedSystem, overrides: Mapping[str, Array], here: Array, values: Array, doubtful: Array, *,
+        growth: Array,
+    ) -> None:  # fmt: skip
+        """Write the frequency metrics where nothing else is asked: poles alone tell who is stable, with delays of any lengths."""
+        told = (stack.delays[here].real > 0).all(axis=1) & ~np.any(stack.x0[here] != 0, axis=1)
+        doubtful[here[~told]] = True
+        here = here[told]
+        if not here.size:
+            return
+        flow = [np.asarray(part[here].real) for part in (stack.a, stack.b2, stack.c2, stack.d22, stack.delays)]
+        roots = eigenvalues_of(*flow) if stack.delays.shape[1] else np.linalg.eigvals(flow[0])
+        growth[here] = growth_of(roots)
+        doubtful[here[np.isnan(growth[here])]] = True
+        stable = here[growth[here] < 0]
+        if stable.size:
+            self._read_frequency(stack, overrides, stable, values, doubtful, growth=growth)
+
     def _lanes(self, stack: StackedSystem, here: Array) -> tuple[Lanes, Array]:
         """Return what a march needs, and for which candidates all delays are equal."""
         scale = balance(stack.a[here])
         a = stack.a[here] * scale[:, None, :] / scale[:, :, None]
-        # Without a time metric a response of nothing to nothing still tells whether the system is stable.
-        command = np.stack(self._commands or [np.zeros(len(stack.inputs))], axis=1)
-        wanted = self._outputs
-        silent = 0 if wanted else 1
-        c1, d11, d12 = (
-            np.pad(array[here][:, wanted], ((0, 0), (0, silent), (0, 0))) for array in (stack.c1, stack.d11, stack.d12)
-        )
+        command = np.stack(self._commands, axis=1)
+        c1, d11, d12 = (array[here][:, self._outputs] for array in (stack.c1, stack.d11, stack.d12))
         c = np.concatenate([c1, stack.c2[here]], axis=1) * scale[:, None, :]
         direct = np.concatenate([d11, stack.d21[here]], axis=1)
         through = np.concatenate([d12, stack.d22[here]], axis=1)

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from engine.batch.linear.channels import MOST_KINKS, TERMS, Channels
 from engine.batch.linear.compiled import allocating, compiled
 from engine.batch.linear.ladder import LEVELS, Ladder, unit_of
 from engine.batch.linear.march import Pieces, Plan, follow
@@ -41,6 +42,20 @@ class Drive(NamedTuple):
     climbs: int
 
 
+class Delayed(NamedTuple):
+    """What goes into delay channels and comes out, of each candidate.
+
+    ``b2`` (B, n, m), ``c2`` (B, m, n), ``d12`` (B, m) to the output, ``d21`` (B, m, inputs), ``d22`` (B, m, m) and ``delays`` (B, m), s.
+    """
+
+    b2: Series
+    c2: Series
+    d12: Series
+    d21: Series
+    d22: Series
+    delays: Series
+
+
 class Watched(NamedTuple):
     """``kinds`` (R,): 1 the output, -1 reference minus output; ``orders`` (R,) derivatives; ``reference`` (inputs,); ``errors`` (R,) flags."""
 
@@ -51,7 +66,7 @@ class Watched(NamedTuple):
 
 
 @compiled
-def balance(a: Series, b: Series, c: Series) -> None:
+def balance(a: Series, b: Series, c: Series, b2: Series, c2: Series) -> None:
     """Scale states by powers of two so that rows and columns of A are alike (Osborne)."""
     n = a.shape[0]
     for _ in range(_SWEEPS):
@@ -77,6 +92,9 @@ def balance(a: Series, b: Series, c: Series) -> None:
                 for j in range(b.shape[1]):
                     b[i, j] /= factor
                 c[i] *= factor
+                for j in range(b2.shape[1]):
+                    b2[i, j] /= factor
+                    c2[j, i] *= factor
         if not changed:
             break
 
@@ -114,9 +132,10 @@ def solve(a: Series, right: Series, work: Series, out: Series) -> bool:
 
 @compiled
 def _assemble(
-    a: Series, b: Series, c: Series, d: Series, drive: Drive, watched: Watched, m: Series, rows: Series
-) -> None:
-    """Write M, and the rows that are watched."""
+    a: Series, b: Series, c: Series, d: Series, delayed: Delayed, candidate: int, drive: Drive, watched: Watched,
+    channels: Channels, m: Series, rows: Series,
+) -> None:  # fmt: skip
+    """Write M, and the rows that are watched: of the output, then of what goes into channels."""
     n, size, inputs = a.shape[0], m.shape[0], b.shape[1]
     for i in range(n):
         for j in range(n):
@@ -129,7 +148,23 @@ def _assemble(
     for i in range(n, size):
         for j in range(size):
             m[i, j] = 0.0 * a[0, 0] + (drive.flow[i - n, j - n] if j >= n else 0.0)
-    for r in range(rows.shape[0]):
+    own, count = channels.delays.shape[0], watched.kinds.shape[0]
+    for j in range(own):
+        channels.delays[j] = delayed.delays[candidate, j]
+        for i in range(n):
+            channels.drive[i, j] = delayed.b2[candidate, i, j]
+        for r in range(count):
+            channels.through[r, j] = watched.kinds[r] * delayed.d12[candidate, j]
+        for k in range(own):
+            channels.through[count + k, j] = delayed.d22[candidate, k, j]
+        for i in range(n):
+            rows[count + j, i] = delayed.c2[candidate, j, i]
+        for i in range(n, size):
+            total = 0.0 * a[0, 0]
+            for k in range(inputs):
+                total = total + delayed.d21[candidate, j, k] * drive.drive[k, i - n]
+            rows[count + j, i] = total
+    for r in range(count):
         for j in range(n):
             rows[r, j] = watched.kinds[r] * c[j]
         for j in range(n, size):
@@ -143,9 +178,16 @@ def _assemble(
 
 
 @compiled
-def _differentiate(m: Series, row: Series, n: int, x0: Series, drive: Drive, work: Series) -> int:
+def _differentiate(
+    m: Series, row: Series, through: Series, n: int, x0: Series, drive: Drive, channels: Channels, work: Series
+) -> int:  # fmt: skip
     """Write row M over a row; 1 where what it watches jumps, -1 where that cannot be told, 0 where it does not."""
     size = row.shape[0]
+    for j in range(through.shape[0]):
+        if through[j] != 0.0:
+            return -1
+        for i in range(n):
+            through[j] += row[i] * channels.drive[i, j]
     largest = 0.0
     for j in range(n, size):
         largest += abs(row[j].real) * drive.sizes[j - n]
@@ -174,17 +216,31 @@ def _differentiate(m: Series, row: Series, n: int, x0: Series, drive: Drive, wor
 
 @compiled
 def _resting(
-    plan: Plan, a: Series, m: Series, rows: Series, watched: Watched, rest: Rest, rest_x: Series, work: Series,
-    right: Series,
+    plan: Plan, a: Series, m: Series, rows: Series, watched: Watched, channels: Channels, rest: Rest, rest_x: Series,
+    work: Series, right: Series,
 ) -> bool:  # fmt: skip
     """Write where states and what is watched go under a command that settles; an error that is rounding is 0."""
-    n, size = a.shape[0], m.shape[0]
+    n, size, count, own = a.shape[0], m.shape[0], watched.kinds.shape[0], channels.delays.shape[0]
+    whole = channels.closed
     for i in range(n):
         total = 0.0 * a[0, 0]
         for j in range(n, size):
             total = total - m[i, j] * plan.states[plan.last, j - n]
         right[i] = total
-    if not solve(a, right[:n], work, rest_x):
+        for j in range(n):
+            whole[i, j] = a[i, j]
+        for j in range(own):
+            whole[i, n + j] = channels.drive[i, j]
+    for k in range(own):
+        total = 0.0 * a[0, 0]
+        for j in range(n, size):
+            total = total - rows[count + k, j] * plan.states[plan.last, j - n]
+        right[n + k] = total
+        for j in range(n):
+            whole[n + k, j] = rows[count + k, j]
+        for j in range(own):
+            whole[n + k, n + j] = channels.through[count + k, j] - (1.0 if j == k else 0.0)
+    if not solve(whole, right[: n + own], work, rest_x):
         return False
     for r in range(rows.shape[0]):
         total, terms = 0.0 * a[0, 0], 0.0
@@ -192,9 +248,13 @@ def _resting(
             part = rows[r, j] * (rest_x[j] if j < n else plan.states[plan.last, j - n])
             total = total + part
             terms = max(terms, abs(part.real))
-        if watched.orders[r] > 0:
+        for j in range(own):
+            part = channels.through[r, j] * rest_x[n + j]
+            total = total + part
+            terms = max(terms, abs(part.real))
+        if r < count and watched.orders[r] > 0:
             total = 0.0 * total
-        elif watched.errors[r] and abs(total.real) <= _CANCELLED * terms:
+        elif r < count and watched.errors[r] and abs(total.real) <= _CANCELLED * terms:
             total = total - total.real
         rest.y[r] = total
     return True
@@ -236,10 +296,41 @@ def _climbing(
                 rest.error[r] = rest.error[r] + math.inf
 
 
+@compiled
+def _shared(unit: float, channels: Channels) -> float:
+    """Return a unit, no longer, in pieces of which the first delay is whole: it ends where a piece does."""
+    if channels.delays.shape[0] == 0 or not 0.0 < unit < math.inf:
+        return unit
+    own = float(channels.delays[0].real) / PARTS
+    if own < unit:
+        return unit
+    while own > unit:
+        own *= 0.5
+    return own
+
+
+@allocating
+def _channels(m: int, n: int, count: int, like: Series) -> Channels:
+    """Return work space for m channels of a system of n states of which ``count`` rows are watched."""
+    kind, levels = like.dtype, LEVELS if m else 0
+    return Channels(
+        np.zeros(m, kind), np.zeros((n, m), kind), np.zeros((count, m), kind), np.zeros((TERMS, n, m), kind),
+        np.zeros((TERMS, count, m), kind), np.zeros((m, m), np.int64), np.zeros(m, np.int64),
+        np.zeros(MOST_KINKS if m else 0, kind), np.zeros((MOST_KINKS if m else 0, 2, m), np.int64), np.zeros(1, np.int64),
+        np.zeros((levels, n, m, SIZE), kind), np.zeros((2, count, m, PARTS + 1, SIZE), kind),
+        np.zeros((levels, count, m, SIZE, SIZE), kind),
+        np.zeros((levels, m, SIZE, SIZE), kind), np.zeros((levels, m * SIZE, m * SIZE), kind),
+        np.zeros((levels, m * SIZE), np.int64), np.zeros(levels, np.int64), np.zeros((m, SIZE), kind),
+        np.zeros(SIZE, kind), np.zeros((3, SIZE, max(SIZE, like.shape[0])), kind), np.zeros((n, SIZE), kind),
+        np.zeros(SIZE + TERMS + 1, kind), np.zeros(m * SIZE, kind), np.zeros((2, m), np.int64),
+        np.zeros(SIZE, np.int64), np.zeros(count, np.int64), np.ones(count), np.zeros((n + m, n + m), kind),
+    )  # fmt: skip
+
+
 @allocating
 def evaluate(
-    a: Series, b: Series, c: Series, d: Series, plan: Plan, drive: Drive, watched: Watched, wanted: Wanted, ends: Real,
-    values: Series, doubtful: npt.NDArray[np.bool_],
+    a: Series, b: Series, c: Series, d: Series, delayed: Delayed, plan: Plan, drive: Drive, watched: Watched,
+    wanted: Wanted, ends: Real, values: Series, doubtful: npt.NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Enter the metrics of candidates.
 
@@ -252,11 +343,14 @@ def evaluate(
     values, doubtful : ndarray, shape (B, K)
         Written.
     """
-    n, extra, count = a.shape[1], drive.flow.shape[0], watched.kinds.shape[0]
-    size, corners = n + extra, plan.times.shape[0]
+    n, extra, own = a.shape[1], drive.flow.shape[0], delayed.delays.shape[1]
+    seen = watched.kinds.shape[0]
+    size, corners, count = n + extra, plan.times.shape[0], seen + own
     kind = a.dtype
     m, rows, x0 = np.zeros((size, size), kind), np.zeros((count, size), kind), np.zeros(n, kind)
-    rest_x, work, right = np.zeros(n, kind), np.zeros((n, n + 1), kind), np.zeros(size + 1, kind)
+    rest_x, work = np.zeros(n + own, kind), np.zeros((n + own, n + own + 1), kind)
+    right = np.zeros(size + own + 1, kind)
+    channels = _channels(own, n, count, right)
     columns = np.zeros((extra, n), kind)
     ladder = Ladder(
         np.zeros((LEVELS, size, size), kind), np.zeros((LEVELS, count, PARTS + 1, size), kind),
@@ -265,7 +359,8 @@ def evaluate(
     pieces = Pieces(
         np.zeros(MOST_PIECES + 1), np.zeros((count, MOST_PIECES, SIZE), kind), np.zeros((count, MOST_PIECES), kind),
         np.zeros(corners + 1, np.int64), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros((count, SIZE), kind),
-        np.zeros(size, kind), np.zeros(size + 32, kind), np.zeros((32, size), kind),
+        np.zeros(size, kind), np.zeros(size + count + 32, kind), np.zeros((32, size), kind), np.zeros(3, np.int64),
+        np.zeros(1),
     )  # fmt: skip
     room = Room(
         np.zeros((DEPTH + 4, SIZE + 2)), np.zeros(MOST_ROOTS), np.zeros(SIZE, kind), np.zeros(SIZE, kind),
@@ -278,29 +373,38 @@ def evaluate(
         for k in range(values.shape[1]):
             doubtful[candidate, k] = True
         flow = a[candidate]
-        balance(flow, b[candidate], c[candidate])
-        _assemble(flow, b[candidate], c[candidate], d[candidate], drive, watched, m, rows)
-        unit = unit_of(flow, n, drive.rate)
+        balance(flow, b[candidate], c[candidate], delayed.b2[candidate], delayed.c2[candidate])
+        _assemble(
+            flow, b[candidate], c[candidate], d[candidate], delayed, candidate, drive, watched, channels, m, rows
+        )  # fmt: skip
+        unit = _shared(unit_of(flow, n, drive.rate), channels)
         through = False
         for i in range(n):
             x0[i] = 0.0 * flow[0, 0]
         for k in range(plan.impulses.shape[0]):
             if plan.impulses[k] != 0.0:
                 through = through or d[candidate, k] != 0.0
+                for j in range(own):
+                    through = through or delayed.d21[candidate, j, k] != 0.0
                 for i in range(n):
                     x0[i] += b[candidate, i, k] * plan.impulses[k]
         if through or not unit > 0.0 or unit == math.inf:
             continue
         for r in range(count):
             rest.open[r], rest.y[r], rest.error[r] = 0, 0.0 * flow[0, 0], 0.0 * flow[0, 0] + math.nan
-            for _ in range(watched.orders[r]):
-                found = _differentiate(m, rows[r], n, x0, drive, right)
+            for _ in range(watched.orders[r] if r < seen else 0):
+                found = _differentiate(m, rows[r], channels.through[r], n, x0, drive, channels, right)
                 if rest.open[r] != 1 and found != 0:
                     rest.open[r] = found
-        if plan.last >= 0 and not _resting(plan, flow, m, rows, watched, rest, rest_x, work, right):
+        if plan.last >= 0 and not _resting(plan, flow, m, rows, watched, channels, rest, rest_x, work, right):
             continue
-        if drive.climbs:
+        if drive.climbs and own:  # where an error goes is left to the exact path
+            for r in range(seen):
+                rest.error[r] = 0.0 * flow[0, 0] + math.inf
+        elif drive.climbs:
             _climbing(plan, flow, m, rows, rest, columns, work, right)
-        found = follow(plan, ladder, pieces, m, rows, x0, rest_x, rest.y, unit, n, ends[candidate])
+        found = follow(
+            plan, ladder, pieces, channels, m, rows, x0, rest_x, rest.y, unit, n, ends[candidate], drive.jumps
+        )  # fmt: skip
         if found > 0:
             read(wanted, rest, pieces, room, found, values[candidate], doubtful[candidate])

@@ -1,4 +1,4 @@
-"""Metrics of responses to any command, and of poles, for many candidates of a linear diagram without delays."""
+"""Metrics of responses to any command, and of poles, for many candidates of a linear diagram."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ import numpy.typing as npt
 from engine.batch.collocation.screening import Screened
 from engine.batch.linear import poles, readings
 from engine.batch.linear.commands import Command, NotCoveredError, commanded
-from engine.batch.linear.evaluate import Drive, Watched, evaluate
+from engine.batch.linear.evaluate import Delayed, Drive, Watched, evaluate
+from engine.batch.linear.generator import eigenvalues_of
 from engine.batch.linear.march import Plan
 from engine.batch.linear.readings import Wanted
 from engine.model.errors import EngineError, UnresolvedError
@@ -42,6 +43,7 @@ _INTEGRALS: Final = frozenset({"iae", "ise", "itae", "ie"})
 _HELD: Final = frozenset({"tracking_error", "envelope"})
 _RESPONSE_BAND: Final = 0.05
 _MOST_STATES: Final = 64
+_MOST_CHANNELS: Final = 4
 _LONGEST: Final = 1e9
 _FEW: Final = 32
 """Fewer candidates are not shared among threads."""
@@ -142,9 +144,9 @@ class Responses:
         self._threads = threads or len(os.sched_getaffinity(0))
         self._responses: dict[tuple[Any, ...], _Response] = {}
         self._of_poles: list[int] = []
-        covered = bool(requests) and not diagram.nonlinear and _has_no_delays(diagram, varied)
+        covered, delayed = (False, False) if diagram.nonlinear or not requests else _covered(diagram, varied)
         for column, request in enumerate(self._requests):
-            if covered and request.metric in poles.METRICS:
+            if covered and not delayed and request.metric in poles.METRICS:
                 self._of_poles.append(column)
             elif covered and request.metric in _CODES:
                 self._register(column, request)
@@ -190,9 +192,9 @@ class Responses:
         found = Screened.unknown(members, len(self._requests), dtype=kind)
         stack = self._diagram.realize_stack(overrides)
         found.valid[:] = stack.valid
-        if stack.delays.shape[1] or not stack.a.shape[1] or stack.a.shape[1] > _MOST_STATES:
+        if not 0 < stack.a.shape[1] <= _MOST_STATES or stack.delays.shape[1] > _MOST_CHANNELS:
             return found
-        here = np.flatnonzero(stack.valid & ~np.any(stack.x0 != 0, axis=1))
+        here = np.flatnonzero(stack.valid & ~np.any(stack.x0 != 0, axis=1) & (stack.delays.real > 0).all(axis=1))
         growths = [np.full(members, -np.inf)]
         if self._of_poles:
             growths.append(self._poles(stack, here, found))
@@ -215,15 +217,27 @@ class Responses:
     def _response(self, response: _Response, stack: StackedSystem, here: Array, found: Screened) -> Array:
         """Enter the metrics of one response, and return the growth of what lies between its command and its output."""
         growth = np.full(len(stack.valid), np.nan)
-        a, b = stack.a[here], stack.b1[here][:, :, response.inputs]
-        c, d = stack.c1[here, response.output], stack.d11[here, response.output][:, response.inputs]
         if not here.size:
             return growth
-        for rows, kept in _alike(a, b, c):
-            if not len(kept):
+        n, inputs, output = stack.a.shape[1], response.inputs, response.output
+        flow = np.concatenate([_beside(stack.a, stack.b2), _beside(stack.c2, stack.d22)], axis=1)[here]
+        driven = np.concatenate([stack.b1, stack.d21], axis=1)[here][:, :, inputs]
+        seen = np.concatenate([stack.c1, stack.d12], axis=2)[here, output]
+        through = stack.d11[here, output][:, inputs]
+        for rows, kept in _alike(flow, driven, seen):
+            states, lines = kept[kept < n], kept[kept >= n]
+            if not len(states):
                 continue
-            part = a[rows][:, kept][:, :, kept]
-            values = np.linalg.eigvals(part.real)
+            part = flow[rows][:, kept][:, :, kept]
+            count = len(states)
+            delays = stack.delays[here[rows]][:, lines - n]
+            if len(lines):
+                values = eigenvalues_of(
+                    part[:, :count, :count].real, part[:, :count, count:].real, part[:, count:, :count].real,
+                    part[:, count:, count:].real, delays.real,
+                )  # fmt: skip
+            else:
+                values = np.linalg.eigvals(part.real)
             own = poles.growth_of(values)
             growth[here[rows]] = own
             found.doubtful[np.ix_(here[rows][own >= 0], np.array(response.columns))] = False
@@ -231,19 +245,21 @@ class Responses:
             if stable.size:
                 these = rows[stable]
                 self._follow(
-                    response, part[stable], b[these][:, kept], c[these][:, kept], d[these], values[stable], found,
-                    here[these],
+                    response, part[stable], count, driven[these][:, kept], seen[these][:, kept], through[these],
+                    delays[stable], values[stable], found, here[these],
                 )  # fmt: skip
         return growth
 
     def _follow(
-        self, response: _Response, a: Array, b: Array, c: Array, d: Array, values: Array, found: Screened, members: Array
+        self, response: _Response, flow: Array, n: int, driven: Array, seen: Array, through: Array, delays: Array,
+        values: Array, found: Screened, members: Array,
     ) -> None:  # fmt: skip
+        """Enter the metrics of one response; the first n rows and columns are states, the others delay channels."""
         if response.endless:
             ends = poles.lifetime_of(values) + response.beyond
             ends = np.where(np.isinf(response.until), np.maximum(ends, response.marks[-1]), response.until)
         else:
-            ends = np.full(len(a), response.until)
+            ends = np.full(len(flow), response.until)
         ends = np.where((ends > _LONGEST) & np.isfinite(ends), np.nan, ends)
         try:
             command = response.command(float(np.nanmax(ends, initial=0.0, where=np.isfinite(ends))))
@@ -251,18 +267,24 @@ class Responses:
             return
         plan, drive = _driven(response, command)
         watched, wanted = self._wanted(response, command)
-        kind = np.result_type(a, b, c, d, found.values)
-        arrays = [np.array(part, dtype=kind, order="C") for part in (a, b, c, d)]
-        numbers = np.full((len(a), len(response.columns)), np.nan, dtype=kind)
+        kind = np.result_type(flow, driven, seen, through, delays, found.values)
+        arrays = [
+            np.array(part, dtype=kind, order="C")
+            for part in (
+                flow[:, :n, :n], driven[:, :n], seen[:, :n], through, flow[:, :n, n:], flow[:, n:, :n], seen[:, n:],
+                driven[:, n:], flow[:, n:, n:], delays,
+            )
+        ]  # fmt: skip
+        numbers = np.full((len(flow), len(response.columns)), np.nan, dtype=kind)
         doubt = np.ones(numbers.shape, dtype=bool)
 
         def work(span: slice) -> None:
-            flow, driven, seen, through = (part[span] for part in arrays)
+            a, b, c, d, *channels = (part[span] for part in arrays)
             evaluate(
-                flow, driven, seen, through, plan, drive, watched, wanted, ends[span], numbers[span], doubt[span]
+                a, b, c, d, Delayed(*channels), plan, drive, watched, wanted, ends[span], numbers[span], doubt[span]
             )  # fmt: skip
 
-        spans = _spans(len(a), self._threads)
+        spans = _spans(len(flow), self._threads)
         if len(spans) == 1:
             work(spans[0])
         else:
@@ -309,14 +331,15 @@ class Responses:
         return watched, wanted
 
 
-def _has_no_delays(diagram: Diagram, varied: Sequence[str]) -> bool:
-    """Return whether a diagram has states and no delays, nor gets one where a parameter that varies is not 0."""
+def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
+    """Return whether a diagram has states, not too many, and whether it has delays, or gets one where a parameter that varies is not 0."""
     values = {name: diagram.parameters[name].value for name in varied if name in diagram.parameters}
     try:
         stack = diagram.realize_stack({name: np.array([v, v or _BESIDE]) for name, v in values.items()}, members=2)
     except EngineError:
-        return False
-    return 0 < stack.a.shape[1] <= _MOST_STATES and not stack.delays.shape[1]
+        return False, False
+    channels = stack.delays.shape[1]
+    return 0 < stack.a.shape[1] <= _MOST_STATES and channels <= _MOST_CHANNELS, channels > 0
 
 
 def _lines_of(request: MetricRequest) -> list[tuple[Polyline, float]]:
@@ -374,6 +397,10 @@ def _alike(a: Array, b: Array, c: Array) -> list[tuple[Array, Array]]:
         (np.flatnonzero(which.ravel() == k), _between(a[at] != 0, (b[at] != 0).any(axis=1), c[at] != 0))
         for k, at in enumerate(first)
     ]
+
+
+def _beside(one: Array, other: Array) -> Array:
+    return np.concatenate([one, other], axis=2)
 
 
 def _between(acts: Flags, driven: Flags, seen: Flags) -> Array:

@@ -232,11 +232,18 @@ def test_a_goal_does_not_change_another_ones_value() -> None:
     np.testing.assert_allclose(moved.values, found.values, rtol=1e-11)
 
 
-def test_what_has_delays_is_left_to_others() -> None:
+def test_a_delay_that_comes_in_is_followed() -> None:
+    """y = 1 - e^-(t - tau) behind the delay, so that the integral of |1 - y| within 1 s is tau + 1 - e^-(1 - tau)."""
     delayed = system(
         {"u": block("input"), "wait": block("delay", time="=tau"), "lag": block("transfer_function", numerator=[1.0], denominator=[1.0, 1.0])},
         ["u -> wait", "wait -> lag"], {"y": "lag"}, {"tau": 0.0},
     )  # fmt: skip
     request = MetricRequest(metric="iae", signals={"u": make("step", {})}, output="y", duration=1.0)
     assert Responses(delayed, [request]).measured == (True,)
-    assert Responses(delayed, [request], ["tau"]).measured == (False,)
+    batch = Responses(delayed, [request], ["tau"])
+    assert batch.measured == (True,)
+    tau = np.array([0.3, 0.7])
+    found = batch({"tau": tau * (1.0 + 1e-30j)})
+    assert not found.doubtful.any()
+    np.testing.assert_allclose(found.values[:, 0].real, tau + 1.0 - np.exp(tau - 1.0), rtol=1e-13)
+    np.testing.assert_allclose(found.values[:, 0].imag / 1e-30, tau * (1.0 - np.exp(tau - 1.0)), rtol=1e-12)

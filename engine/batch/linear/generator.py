@@ -1,0 +1,98 @@
+"""Whether systems with delays decay: eigenvalues of a matrix in which each delay line is its values at Chebyshev's points.
+
+    ∂v_j/∂t = ∂v_j/∂θ on [-τ_j, 0],  v_j(t, 0) = z_j,  w_j = v_j(t, -τ_j)
+
+The rightmost eigenvalues are those of the delay system, but for those too fast for the points. These cannot be unstable where what comes
+around through the delays is smaller than 1.
+
+References
+----------
+D. Breda, S. Maset, R. Vermiglio, Stability of Linear Delay Differential Equations, Springer 2015, chapter 5.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+Real = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Array = npt.NDArray[Any]
+
+_POINTS: Final = (16, 40)
+_TOLD: Final = 0.3
+"""Of a line's points: up to this angle within the delay the eigenvalues are right."""
+_LOOKS: Final = 24
+_BEYOND: Final = 1e3
+_SMALL: Final = 0.9
+
+
+def _differentiation(points: int) -> tuple[Real, Real]:
+    """Return Chebyshev's points on [-1, 1] from 1 to -1, (points + 1,), and what differentiates values there (Trefethen)."""
+    x = np.cos(np.pi * np.arange(points + 1) / points)
+    c = np.where((np.arange(points + 1) % points) == 0, 2.0, 1.0) * (-1.0) ** np.arange(points + 1)
+    matrix = np.outer(c, 1.0 / c) / (x[:, None] - x[None, :] + np.eye(points + 1))
+    return x, matrix - np.diag(matrix.sum(axis=1))
+
+
+def _matrix(a: Real, b2: Real, c2: Real, d22: Real, delays: Real, points: int) -> Real:
+    """Return the matrices (B, n + m points, n + m points)."""
+    members, n, m = b2.shape
+    _, derivative = _differentiation(points)
+    whole = np.zeros((members, n + m * points, n + m * points))
+    whole[:, :n, :n] = a
+    ends = n + points * (np.arange(m) + 1) - 1
+    whole[:, :n, ends] = b2
+    for j in range(m):
+        rows = slice(n + j * points, n + (j + 1) * points)
+        rate = 2.0 / delays[:, j, None, None]
+        whole[:, rows, rows] = rate * derivative[1:, 1:]
+        inward = rate * derivative[1:, :1]
+        whole[:, rows, :n] += inward * c2[:, j : j + 1]
+        whole[:, rows, ends] += inward * d22[:, j : j + 1]
+    return whole
+
+
+def _quiet(a: Real, b2: Real, c2: Real, d22: Real, lowest: Real) -> Flags:
+    """Return whose gain through all delays at once is small from a frequency (rad/s) on, (B,)."""
+    members, n, _ = b2.shape
+    highest = _BEYOND * np.maximum(lowest, np.abs(a).sum(axis=2).max(axis=1, initial=0.0))
+    omega = lowest[:, None] * (highest / lowest)[:, None] ** np.linspace(0.0, 1.0, _LOOKS)
+    resolvent = 1j * omega[:, :, None, None] * np.eye(n) - a[:, None]
+    passed = c2[:, None] @ np.linalg.solve(resolvent, np.broadcast_to(b2[:, None], (members, _LOOKS, *b2.shape[1:])))
+    size = np.abs(passed + d22[:, None]).sum(axis=3).max(axis=2)
+    return np.asarray((size < _SMALL).all(axis=1))
+
+
+def eigenvalues_of(a: Real, b2: Real, c2: Real, d22: Real, delays: Real) -> Array:
+    """Return the rightmost characteristic roots among other eigenvalues, (B, N), 1/s; NaN where they cannot be told.
+
+    Parameters
+    ----------
+    a, b2, c2, d22 : ndarray, shapes (B, n, n), (B, n, m), (B, m, n), (B, m, m)
+    delays : ndarray, shape (B, m)
+        Positive, s.
+    """
+    members, n, m = b2.shape
+    found = np.full((members, n + m * _POINTS[-1]), np.nan + 0j)
+    left, lowest, told = np.arange(members), np.zeros(members), np.zeros(members, dtype=bool)
+    for points in _POINTS:
+        lowest = _TOLD * points / delays[left].max(axis=1)
+        told = _quiet(a[left], b2[left], c2[left], d22[left], lowest)
+        those = left[told]
+        if those.size:
+            values = np.linalg.eigvals(_matrix(a[those], b2[those], c2[those], d22[those], delays[those], points))
+            rightmost = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)
+            found[those, : values.shape[1]] = values
+            found[those, values.shape[1] :] = rightmost  # again, so that all have as many
+        left = left[~told]
+    if left.size:
+        # Whatever the fast ones do: one that is told and unstable is enough.
+        values = np.linalg.eigvals(_matrix(a[left], b2[left], c2[left], d22[left], delays[left], _POINTS[-1]))
+        told = (np.abs(values) <= lowest[~told][:, None]) & (values.real > 0)
+        unstable = told.any(axis=1)
+        rightmost = np.where(told, values, -np.inf)[unstable]
+        found[left[unstable]] = np.take_along_axis(rightmost, rightmost.real.argmax(axis=1)[:, None], axis=1)
+    return found
