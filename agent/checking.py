@@ -6,17 +6,17 @@ An input is tried alone, an output beside the first input that fits, then all in
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from agent.data_sheets import differences
 from agent.drivers.interface import Driver
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
-from agent.service import KeyRefusedError, Service, ServiceError
+from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
 from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import Spool, held
 
@@ -58,7 +58,7 @@ def check(settings: Settings, *, rate: float | None = None, today: date | None =
     today : date, optional
         That calibrations are held against.
     """
-    found = [_service(settings)]
+    found = list(_service(settings))
     try:
         with held(Path(settings.spool.folder)):
             found.append(_spool(settings))
@@ -93,19 +93,37 @@ def table(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def _service(settings: Settings) -> Finding:
+def _service(settings: Settings) -> Iterator[Finding]:
+    """Ask the service whether the key may acquire, and what it would refuse of the channels."""
     what, url = "service", settings.service.url
     service = Service(url, key=settings.key, timeout=settings.service.timeout)
+    rig = settings.channels()
     with contextlib.closing(service):
         try:
             service.admits()
+            yield Finding(result="ok", what=what, told=f"{url} answers, the key may acquire")
+            service.judge({"rig": settings.rig.name, "instance": "only-judged", "name": "check", "document": rig})
         except KeyRefusedError as error:
             remedy = "give a key with the scope `acquire`: SERVOTUNE_AGENT_KEY, or key_file in [service]"
-            return Finding(result="fails", what=what, told=str(error), remedy=remedy)
+            yield Finding(result="fails", what=what, told=str(error), remedy=remedy)
+        except RefusedError as error:
+            for pointer, told in error.faults or [("", str(error))]:
+                yield _refused(rig, pointer, told)
         except ServiceError as error:
             remedy = "see whether the service runs, and correct `url` in [service]"
-            return Finding(result="fails", what=what, told=str(error), remedy=remedy)
-    return Finding(result="ok", what=what, told=f"{url} answers, the key may acquire")
+            yield Finding(result="fails", what=what, told=str(error), remedy=remedy)
+
+
+def _refused(rig: Mapping[str, Any], pointer: str, told: str) -> Finding:
+    """Say of which channel it is what the service refuses; a pointer is such as /document/inputs/3/unit."""
+    what, name = "rig", ""
+    match pointer.split("/"):
+        case ["", "document", ("inputs" | "outputs") as group, number, name, *_]:
+            what = f"{group[:-1]} {rig[group][int(number)]['name']}"
+    remedy = f"correct `{name}` in its entry" if name else "correct the settings"
+    if name == "unit":
+        remedy += ": one whose zero is zero (K, not degC) and that fits its `kind`"
+    return Finding(result="fails", what=what, told=f"the service refuses it: {told}", remedy=remedy)
 
 
 def _spool(settings: Settings) -> Finding:

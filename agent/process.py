@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import math
 import sys
 import threading
 from collections.abc import Callable, Iterable
@@ -172,8 +171,7 @@ class Agent:
             "version": _version(),
             "document": {
                 "devices": self._devices(),
-                "inputs": [_told(entry, leave=("excitation",)) for entry in settings.inputs],
-                "outputs": [_told(entry) for entry in settings.outputs],
+                **settings.channels(),
                 "daq": self._hardware.description,
                 "understands": list(UNDERSTOOD),
                 **self._found,
@@ -237,15 +235,6 @@ class Agent:
             _log.error("attempt %s of %s: %s", claim["attempt"], claim["acquisition"], outcome.error)
         if not outcome.resting:
             self._rest_until_it_works()
-
-
-def _told(entry: Any, *, leave: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return settings of a channel as the service has them; a limit that there is none of is left out."""
-    return {
-        key: value
-        for key, value in asdict(entry).items()
-        if key not in leave and not (isinstance(value, float) and math.isinf(value))
-    }
 
 
 def _version() -> str:

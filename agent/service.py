@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import httpx
@@ -26,12 +26,13 @@ class KeyRefusedError(ServiceError):
 
 
 class RefusedError(ServiceError):
-    """The service says no; ``kind`` is the last part of the problem's type."""
+    """The service says no; ``kind`` is the last part of the problem's type, ``faults`` pointer and sentence of what is wrong."""
 
-    def __init__(self, status: int, kind: str, detail: str) -> None:
+    def __init__(self, status: int, kind: str, detail: str, *, faults: Sequence[tuple[str, str]] = ()) -> None:
         super().__init__(detail)
         self.status = status
         self.kind = kind
+        self.faults = tuple(faults)
 
 
 class Service:
@@ -71,6 +72,18 @@ class Service:
     def register(self, document: Mapping[str, Any], *, timeout: float | None = None) -> dict[str, Any]:
         """Take the rig."""
         return self._json("POST", "/v1/agents", document, timeout=min(timeout or self._timeout, self._timeout))
+
+    def judge(self, document: Mapping[str, Any]) -> None:
+        """Let the service judge a rig, and register nothing.
+
+        Raises
+        ------
+        ServiceError
+            `RefusedError` with what is wrong of each channel.
+        """
+        headers = {"Content-Type": "application/json"}
+        content = json.dumps(document, allow_nan=False).encode()
+        self._send("POST", "/v1/agents", params={"check": "true"}, content=content, headers=headers)
 
     def claim(self, agent: str, *, wait: float) -> dict[str, Any] | None:
         """Wait for an attempt; None when there was none."""
@@ -141,7 +154,9 @@ class Service:
             raise KeyRefusedError(detail)
         if reply.status_code >= 500 or reply.status_code in {403, 408, 429}:
             raise UnreachableError(f"{reply.status_code} from {self._http.base_url}: {detail}")
-        raise RefusedError(reply.status_code, str(problem.get("type", "")).rpartition(":")[2], detail)
+        faults = [(str(entry.get("pointer")), str(entry.get("detail"))) for entry in problem.get("errors", ())]
+        kind = str(problem.get("type", "")).rpartition(":")[2]
+        raise RefusedError(reply.status_code, kind, detail, faults=faults)
 
 
 def _attempt(claim: Mapping[str, Any]) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from agent.errors import SettingsError
 
@@ -171,6 +172,11 @@ class Settings:
     inputs: tuple[InputSettings, ...] = ()
     outputs: tuple[OutputSettings, ...] = ()
 
+    def channels(self) -> dict[str, Any]:
+        """Return inputs and outputs as the service has them."""
+        inputs = [_told(entry, leave=("excitation",)) for entry in self.inputs]
+        return {"inputs": inputs, "outputs": [_told(entry) for entry in self.outputs]}
+
     def key(self) -> str:
         """Return the key, read anew each time: a new one in the file is taken without a restart.
 
@@ -191,3 +197,12 @@ class Settings:
             raise SettingsError(f"key_file must be readable, got {self.service.key_file}: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise SettingsError(f"key_file must be UTF-8, got {self.service.key_file}: {error}") from error
+
+
+def _told(entry: InputSettings | OutputSettings, *, leave: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return settings of a channel as the service has them; a limit that there is none of is left out."""
+    return {
+        key: value
+        for key, value in asdict(entry).items()
+        if key not in leave and not (isinstance(value, float) and math.isinf(value))
+    }

@@ -22,9 +22,23 @@ router = APIRouter(prefix="/v1", tags=["agents"], route_class=DocumentRoute)
 _POLL = 0.25
 
 
-@router.post("/agents", response_model=AgentReply, summary="Register an agent and its rig")
-def register(request: AgentRequest, caller: Acquirer, service: InstallationDep) -> Response:
+@router.post(
+    "/agents",
+    response_model=AgentReply,
+    responses={204: {"description": "the rig makes sense; nothing was registered"}},
+    summary="Register an agent and its rig",
+)
+def register(
+    request: AgentRequest,
+    caller: Acquirer,
+    service: InstallationDep,
+    *,
+    check: Annotated[bool, Query(description="judge the document only, and register nothing")] = False,
+) -> Response:
     """Take the rig: 409 while another agent has it and is alive. The same `instance` is the same agent for ever."""
+    if check:
+        agents.check(request)
+        return Response(status_code=204)
     with service.database.session() as session:
         body = agents.register(session, caller, request)
     return respond(answer(body, headers={"Location": f"/v1/agents/{body['id']}"}))

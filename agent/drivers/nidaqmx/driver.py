@@ -19,7 +19,7 @@ from agent.drivers.nidaqmx.deadline import channel
 from agent.drivers.nidaqmx.errors import WITHOUT_SHEET, translated
 from agent.drivers.nidaqmx.followers import MOST, Follower, groups
 from agent.drivers.nidaqmx.inputs import FOLLOWERS, IEPE, KINDS, add_input
-from agent.drivers.nidaqmx.outputs import add_output, rest_by_hand, write
+from agent.drivers.nidaqmx.outputs import add_output, check_span, rest_by_hand, write
 from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.drivers.nidaqmx.sharing import led, one_clock, synchronised
@@ -137,6 +137,13 @@ class Nidaqmx(Driver):
                     return None
                 raise
             return DataSheet.of(bytes(physical.teds_bit_stream))
+
+    def admit(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None) -> None:
+        """Make sure that the channels are there, and that their ranges and the limits of the output are."""
+        super().admit(inputs, output)
+        if output is not None and output.kind != "digital":
+            with translated():
+                check_span(output, self.device_of(output.channel))
 
     def trial(self, inputs: Sequence[InputSettings], output: OutputSettings | None = None, *, rate: float) -> float:
         """Let the driver judge and reserve what a run would take; nothing is started."""

@@ -39,8 +39,34 @@ def span(device: Any, output: OutputSettings) -> tuple[float, float]:
     return min(limits), max(limits)
 
 
+def check_span(output: OutputSettings, device: Any) -> None:
+    """Make sure that a device gives what an output may be driven to.
+
+    Raises
+    ------
+    AttemptError
+        `unsupported_setting`, with the name, the rule and the value.
+    """
+    low, high = span(device, output)
+    most, given = max(abs(low), abs(high)), f"{low:g} ... {high:g} {output.unit}"
+    for name, value, fits in (
+        ("amplitude", output.amplitude, output.amplitude <= most * (1 + 1e-9)),
+        ("safe", output.safe, low <= output.safe <= high),
+    ):
+        if not fits:
+            rule = f"at most {most:g}" if name == "amplitude" else f"within {given}"
+            raise AttemptError(
+                "unsupported_setting",
+                f"output {output.name}: {name} must be {rule}, got {value:g}: {device.name} gives {given}",
+                remedy=f"correct `{name}` in its entry",
+            )
+
+
 def add_output(task: Any, output: OutputSettings, device: Any) -> None:
-    """Add an output within its limits and those of its device: many give no negative values."""
+    """Add an output within its limits and those of its device: many give no negative values.
+
+    Whoever drives it has had `check_span` before; an output that has to rest takes what there is.
+    """
     if output.kind == "digital":
         task.do_channels.add_do_chan(output.channel, line_grouping=LineGrouping.CHAN_PER_LINE)
         return

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from functools import partial
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from api.convert.acquisitions import UNITS
 from api.convert.values import check_unit
-from api.problems.documents import invalid
+from api.problems.documents import Fault, Problem, invalid, invalid_document
 from api.problems.pointers import Place
-from api.schemas.acquisitions import AgentRequest, RigInputDocument
+from api.schemas.acquisitions import AgentRequest, RigInputDocument, RigOutputDocument
 from api.services.operation.app_context import Caller
 from api.units.conversion import UnitError, to_si
 from storage.models import Agent, Rig
@@ -26,7 +27,7 @@ _SENSORS = {"acceleration": "m/s**2", "force": "N", "velocity": "m/s", "thermoco
 
 def register(session: Session, caller: Caller, request: AgentRequest) -> dict[str, Any]:
     """Give a rig to an agent."""
-    _check(request)
+    check(request)
     repository = AgentRepository(session, caller.workspace)
     agent = repository.register(
         rig_name=request.rig,
@@ -39,26 +40,44 @@ def register(session: Session, caller: Caller, request: AgentRequest) -> dict[st
     return agent_to_wire(agent, repository.rig(agent.rig_id))
 
 
-def _check(request: AgentRequest) -> None:
+def check(request: AgentRequest) -> None:
+    """Make sure that a rig makes sense.
+
+    Raises
+    ------
+    Problem
+        422 with all channels that do not.
+    """
     rig = request.document
     _check_names("inputs", [entry.name for entry in rig.inputs])
     _check_names("outputs", [entry.name for entry in rig.outputs])
-    for i, entry in enumerate(rig.inputs):
-        place = ("document", "inputs", i)
-        check_unit(entry.unit, name=f"unit of {entry.name}", place=(*place, "unit"))
-        _check_kind(entry, place=(*place, "unit"))
-        if entry.sensitivity == 0.0:
-            raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
-        for k, stage in enumerate(entry.chain):
-            if stage.gain == 0.0:
-                raise invalid(f"gain in the chain of {entry.name} must not be 0, got 0", *place, "chain", k, "gain")
-    for i, output in enumerate(rig.outputs):
-        if abs(output.safe) > output.amplitude:
-            limit = f"{output.amplitude:g} {UNITS[output.kind]}".strip()
-            raise invalid(
-                f"safe of {output.name} must be within its amplitude of {limit}, got {output.safe:g}",
-                *("document", "outputs", i, "safe"),
-            )
+    found: list[Fault] = []
+    parts = [partial(_check_input, entry, i) for i, entry in enumerate(rig.inputs)]
+    for part in [*parts, *(partial(_check_output, entry, i) for i, entry in enumerate(rig.outputs))]:
+        try:
+            part()
+        except Problem as problem:
+            found += problem.faults
+    if found:
+        raise invalid_document(found)
+
+
+def _check_input(entry: RigInputDocument, number: int) -> None:
+    place = ("document", "inputs", number)
+    check_unit(entry.unit, name=f"unit of {entry.name}", place=(*place, "unit"))
+    _check_kind(entry, place=(*place, "unit"))
+    if entry.sensitivity == 0.0:
+        raise invalid(f"sensitivity of {entry.name} must not be 0, got 0", *place, "sensitivity")
+    for k, stage in enumerate(entry.chain):
+        if stage.gain == 0.0:
+            raise invalid(f"gain in the chain of {entry.name} must not be 0, got 0", *place, "chain", k, "gain")
+
+
+def _check_output(output: RigOutputDocument, number: int) -> None:
+    if abs(output.safe) > output.amplitude:
+        limit = f"{output.amplitude:g} {UNITS[output.kind]}".strip()
+        detail = f"safe of {output.name} must be within its amplitude of {limit}, got {output.safe:g}"
+        raise invalid(detail, "document", "outputs", number, "safe")
 
 
 def _check_kind(entry: RigInputDocument, *, place: Place) -> None:

@@ -58,6 +58,10 @@ range = 0.025
 calibration = {due = "2026-12-01"}
 chain = [{model = "amplifier", gain = 10.0, calibration = {due = "2026-11-01"}}]
 [[outputs]]
+name = "too_much"
+channel = "cDAQ1Mod2/ao1"
+amplitude = 12.0
+[[outputs]]
 name = "beyond"
 channel = "cDAQ1Mod2/ao1"
 amplitude = 1.0
@@ -76,6 +80,10 @@ TOLD = {
     "input bridge_of_a_vibration_module": ("-200431", "check `kind`"),
     "input microphone": ("AI.Excit.Val; Requested Value: 0.004; Possible Values: 0, 0.002", "`excitation`"),
     "output beyond": ("must give a current, cDAQ1Mod2 does not", "correct this entry"),
+    "output too_much": (
+        "output too_much: amplitude must be at most 4.24, got 12: cDAQ1Mod2 gives -4.24 ... 4.24 V",
+        "correct `amplitude`",
+    ),
     "output no_such_output": ("channel must be one of cDAQ1Mod2/ao0, cDAQ1Mod2/ao1, got cDAQ1Mod2/ao5", "`channel`"),
 }
 """What does not fit -> what must be told of it, and what must be told to do."""
@@ -129,6 +137,31 @@ def test_everything_that_does_not_fit_is_named_with_its_remedy(lab) -> None:
     shown = checking.table(found)
     assert shown.splitlines()[-1].endswith(f"6 to be known, {len(TOLD)} fail")
     assert all(any(line.startswith(f"FAILS {what}") for line in shown.splitlines()) for what in TOLD)
+
+
+REFUSED = """
+[[inputs]]
+name = "temperature"
+channel = "cDAQ1Mod1/ai2"
+kind = "acceleration"
+unit = "degC"
+range = 5.0
+[[inputs]]
+name = "unheard"
+channel = "cDAQ1Mod1/ai3"
+unit = "furlongs_per_fortnight"
+range = 5.0
+"""
+
+
+def test_units_that_the_service_refuses_are_found_and_it_learns_of_no_rig(lab) -> None:
+    found = checking.check(settings(lab, REFUSED), today=TODAY)
+    told = {entry.what: (entry.told, entry.remedy) for entry in found if entry.result == "fails"}
+    assert set(told) == {"input temperature", "input unheard"}
+    assert "unit of temperature must be one of acceleration (m/s**2) or V, got 'degC'" in told["input temperature"][0]
+    assert "unit of unheard: unit must be" in told["input unheard"][0]
+    assert all("K, not degC" in remedy for _, remedy in told.values())
+    assert all(rig["name"] != lab.rig for rig in lab.client.get("/v1/rigs").json()["items"])
 
 
 SENSORS = """
