@@ -31,6 +31,8 @@ Samples = npt.NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
 _MOST_SEGMENTS = 10_000
+_GIVEN = {"digital": "state"}
+"""Kind of an output -> the quantity that it gives, where the kind is not its name."""
 _STRETCHES, _OF_SWEEP = 20, 200
 """Of one preview, and of one sweep."""
 _OFF = 1e-4
@@ -111,7 +113,7 @@ class Measurement:
 
     def _measure(self, run: Run, plan: Plan) -> None:
         if plan.record:
-            self._spool.admit(int(plan.seconds * plan.sample_rate * 1.1) * len(plan.inputs) * 8)
+            self._spool.admit(int(plan.seconds * plan.sample_rate * 1.1) * plan.width * 8)
         self._facts["devices"] = self._hardware.check(self._settings.devices)
         self._hardware.admit(plan.inputs, plan.output)
         self._facts["synchronisation"] = self._hardware.synchronisation(plan.inputs, plan.output).document()
@@ -136,9 +138,9 @@ class Measurement:
             }
             self._ask(plan)
             self._lease.check()
-            recorder = Recorder(run, channels=len(plan.inputs), samples=self._segment(plan, rate))
+            recorder = Recorder(run, channels=plan.width, samples=self._segment(plan, rate))
             try:
-                self._run(run, plan, running, recorder, watch, waiting=waiting, samples=samples)
+                self._run(run, plan, running, recorder, watch, drive=drive, waiting=waiting, samples=samples)
             finally:
                 try:
                     recorder.close()  # a disk that is full takes the rest no more than what was before
@@ -176,7 +178,7 @@ class Measurement:
 
     def _segment(self, plan: Plan, rate: float) -> int:
         """Return the samples of a segment: small, because several copies of one are in memory; few enough for a manifest."""
-        usual = min(self._settings.spool.segment * rate, USUAL_BYTES / (8 * len(plan.inputs)))
+        usual = min(self._settings.spool.segment * rate, USUAL_BYTES / (8 * plan.width))
         return int(max(usual, plan.seconds * rate / _MOST_SEGMENTS, 1))
 
     def _drive(self, plan: Plan, *, rate: float, wait: int, length: int) -> Drive | None:
@@ -226,6 +228,7 @@ class Measurement:
         recorder: Recorder,
         watch: Watch,
         *,
+        drive: Drive | None,
         waiting: Waiting | None,
         samples: int,
     ) -> None:
@@ -240,7 +243,7 @@ class Measurement:
                 there = self._await(waiting, blocks, rate=running.rate, began=began)
                 first = self._facts["repeats"]["first"]
                 self._begin(run, plan, running.rate, began + timedelta(seconds=(waiting.at - first) / running.rate))
-            self._record(recorder, watch, chain(there, blocks), samples)
+            self._record(recorder, watch, chain(there, blocks), samples, commanded=drive if plan.commanded else None)
         finally:
             self._level = running.halt()
 
@@ -261,7 +264,10 @@ class Measurement:
         document = {
             "start_time": start.isoformat(),
             "sample_rate": rate,
-            "channels": [described(entry) for entry in plan.inputs],
+            "channels": [
+                *(described(entry) for entry in plan.inputs),
+                *([commanded(plan.output)] if plan.commanded and plan.output else []),
+            ],
             "facts": self._facts,
         }
         run.write("begin", document)
@@ -304,12 +310,16 @@ class Measurement:
         self._facts["start_time_uncertainty"] = None if known is None else known + _OFF * waiting.at / rate
         return waiting.recorded()
 
-    def _record(self, recorder: Recorder, watch: Watch, blocks: Iterator[Samples], samples: int) -> None:
+    def _record(
+        self, recorder: Recorder, watch: Watch, blocks: Iterator[Samples], samples: int, *, commanded: Drive | None
+    ) -> None:
         self._lease.tell(status="running", progress=0.0, message="recording")
         got = 0
         while got < samples:
             block = next(blocks)[:, : samples - got]  # inputs that have waited for a trigger go on beyond the end
-            recorder.add(block)
+            # Output and inputs have one clock and one start: sample k of the drive is played while sample k is taken.
+            played = [] if commanded is None else [commanded.block(got, block.shape[1])[None, :]]
+            recorder.add(np.concatenate([block, *played]))
             watch.take(block)
             got += block.shape[1]
             message = "; ".join(filter(None, ["recording", watch.told()]))
@@ -341,4 +351,15 @@ def described(entry: InputSettings) -> dict[str, Any]:
                 for stage in entry.chain
             ],
         },
+    }
+
+
+def commanded(output: OutputSettings) -> dict[str, Any]:
+    """Return the channel of what an output was told to play: nobody has measured it."""
+    return {
+        "name": output.name,
+        "quantity": f"commanded {_GIVEN.get(output.kind, output.kind)}",
+        "unit": output.unit,
+        "scale": 1.0,
+        "offset": 0.0,
     }

@@ -12,7 +12,7 @@ from agent.triggering import Trigger
 
 LONGEST_LIVE = 600.0
 """s for which sweeps are shown: other measurements of the rig wait for their end."""
-UNDERSTOOD = ("trigger", "record")
+UNDERSTOOD = ("trigger", "record", "commanded")
 """What this agent knows beyond the first measurements; it tells the service."""
 _FIRST = frozenset({"channels", "sample_rate", "duration", "pre_trigger", "averages", "drive", "confirm"})
 
@@ -31,6 +31,13 @@ class Plan:
     trigger: Trigger | None
     confirm: bool
     record: bool
+    commanded: bool
+    """Whether what the output plays is kept as the last channel of the recording."""
+
+    @property
+    def width(self) -> int:
+        """Channels of the recording."""
+        return len(self.inputs) + self.commanded
 
     @property
     def seconds(self) -> float:
@@ -81,4 +88,5 @@ def plan_of(claim: Mapping[str, Any], settings: Settings) -> Plan:
         trigger=Trigger.of(trigger, measured) if trigger else None,
         confirm=bool(request["confirm"]) or (drive is not None and settings.rig.confirm),
         record=bool(request.get("record", True)),
+        commanded=bool(request.get("commanded")) and drive is not None,
     )

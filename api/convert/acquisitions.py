@@ -24,7 +24,7 @@ MOST_SAMPLES = 10**10
 """Of one measurement, all channels together: 80 GB."""
 MOST_OF_SWEEP = 2_000_000
 """Samples of a sweep that is not recorded, of all channels together: the agent has them in memory, 16 MB."""
-_ADDED: Mapping[str, Any] = {"trigger": None, "record": True}
+_ADDED: Mapping[str, Any] = {"trigger": None, "record": True, "commanded": False}
 """What a request has had since later versions of the agent, and what it is where nothing is asked for."""
 _MOST_POINTS = 100_000
 
@@ -55,8 +55,10 @@ def agent_request(body: AcquisitionBody, rig: Mapping[str, Any], *, read_channel
         signal = _signal(body, duration, read_channel, unit=UNITS[kind] or "1")
         _check_band(signal, body.sample_rate)
         drive = {"output": body.drive.output, "signal": signal}
+    commanded = _commanded(body, rig)
     return {
-        "channels": list(body.channels),
+        "channels": [name for name in body.channels if name not in commanded],
+        "commanded": bool(commanded),
         "sample_rate": body.sample_rate,
         "duration": duration,
         "pre_trigger": pre_trigger,
@@ -65,6 +67,12 @@ def agent_request(body: AcquisitionBody, rig: Mapping[str, Any], *, read_channel
         "confirm": body.confirm,
         "record": body.record,
     }
+
+
+def _commanded(body: AcquisitionBody, rig: Mapping[str, Any]) -> set[str]:
+    """Return the output of the drive where it is to be a channel of the recording, too; an input of that name comes first."""
+    inputs = {entry["name"] for entry in rig.get("inputs", ())}
+    return set() if body.drive is None else {body.drive.output} & set(body.channels) - inputs
 
 
 def _check_unrecorded(body: AcquisitionBody, samples: float) -> None:
@@ -173,12 +181,17 @@ def check_against_rig(body: AcquisitionBody, request: dict[str, Any], rig: dict[
     outputs = {entry["name"]: entry for entry in rig.get("outputs", ())}
     seen: set[str] = set()
     for i, name in enumerate(body.channels):
-        if name not in inputs:
+        if name not in inputs | _commanded(body, rig):
             known = ", ".join(sorted(inputs)) or "none"
-            raise invalid(f"channel must be one of the rig's inputs ({known}), got {name!r}", "channels", i)
+            raise invalid(
+                f"channel must be one of the rig's inputs ({known}) or the output of the drive, got {name!r}",
+                *("channels", i),
+            )
         if name in seen:
             raise invalid(f"channel must be named once, got {name!r} twice", "channels", i)
         seen.add(name)
+    if not request["channels"]:
+        raise invalid("channels must have at least one input of the rig beside the output of the drive", "channels")
     if body.drive is None:
         return
     output = outputs.get(body.drive.output)

@@ -244,7 +244,11 @@ class AcquisitionBody(Document):
 
     name: Label
     rig: Label
-    channels: list[Name] = Field(min_length=1, max_length=100, description="inputs of the rig")
+    channels: list[Name] = Field(
+        min_length=1,
+        max_length=100,
+        description="inputs of the rig; the output of the drive, to have what it was told to play",
+    )
     sample_rate: float = Field(gt=0.0, le=10e6, description="samples/s; the hardware takes the next one that it has")
     duration: Quantity = Field(description="s, of one repetition")
     drive: DriveDocument | None = None
@@ -324,6 +328,7 @@ class AcquisitionHead(Reply):
     status: Status
     attempt: int
     created_at: datetime
+    dataset: str | None = Field(description="recording of the latest attempt")
 
 
 class AcquisitionWarning(Reply):
@@ -339,7 +344,6 @@ class AcquisitionReply(AcquisitionHead):
 
     document: dict[str, Any]
     job: str
-    dataset: str | None
     attempts: list[AttemptReply]
     warnings: list[AcquisitionWarning]
 

@@ -66,7 +66,10 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
     check_against_rig(body, told, rig.document)
     told["trigger"] = agent_trigger(body, told, rig.document)
     for name in unknown_to_agent(told, rig.document):
-        raise invalid(f"{name} must be known to the agent of {rig.name}, it is not: update the agent", name)
+        raise invalid(
+            f"{name} must be known to the agent of {rig.name}, it is not: update the agent",
+            "channels" if name == "commanded" else name,
+        )
     _check_chain(body)
     return Prepared(body=body, document=document, request=told, rig=rig)
 
@@ -121,7 +124,7 @@ def page(
     except NotFoundError:
         return {"items": [], "next_cursor": None}
     found = repository.page(status=status, rig_id=rig_id, cursor=cursor, limit=limit)
-    items = [_head(row, rigs.rig(row.rig_id)) for row in found.items]
+    items = [_head(row, rigs.rig(row.rig_id), repository.attempt(row.id, row.attempt)) for row in found.items]
     return {"items": items, "next_cursor": found.next_cursor}
 
 
@@ -153,16 +156,15 @@ def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisitio
     assert rig is not None
     document = row.document["request"]
     return {
-        **_head(row, rig),
+        **_head(row, rig, attempts[-1]),
         "document": document,
         "job": attempts[-1].job_id,
-        "dataset": attempts[-1].dataset_id,
         "attempts": [_attempt(repository, attempt) for attempt in attempts],
         "warnings": _due(document["channels"], rig.document) + _seen(document["channels"], attempts[-1].facts),
     }
 
 
-def _head(row: Acquisition, rig: Rig) -> dict[str, Any]:
+def _head(row: Acquisition, rig: Rig, latest: AcquisitionAttempt) -> dict[str, Any]:
     return {
         "id": row.id,
         "name": row.name,
@@ -170,6 +172,7 @@ def _head(row: Acquisition, rig: Rig) -> dict[str, Any]:
         "status": str(row.status),
         "attempt": row.attempt,
         "created_at": row.created_at.isoformat(),
+        "dataset": latest.dataset_id,
     }
 
 

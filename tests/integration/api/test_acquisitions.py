@@ -88,6 +88,8 @@ def test_a_measurement_goes_from_the_request_to_a_dataset_with_its_provenance(cl
     assert (again["status"], again["late"]) == ("done", False)
     done = client.get(here).json()
     assert (done["status"], done["attempts"][0]["facts"]) == ("done", facts)
+    (listed,) = client.get("/v1/acquisitions", params={"rig": rig}).json()["items"]
+    assert listed["dataset"] == done["dataset"] is not None
     dataset = client.get(f"/v1/datasets/{done['dataset']}").json()
     assert (dataset["sample_rate"], dataset["sample_count"], dataset["status"]) == (1024, 600, "ready")
     assert client.get(f"/v1/datasets/{done['dataset']}/original").content == data
