@@ -36,9 +36,10 @@ def agent(argv: Sequence[str]) -> int:
     import socket
 
     from agent.errors import SettingsError
-    from agent.process import Agent, Terminal
+    from agent.process import Agent
     from agent.settings_file import read
     from agent.spool import held
+    from agent.terminal import Terminal
 
     logging.basicConfig(
         level=given.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr

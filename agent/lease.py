@@ -6,12 +6,14 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
 
 from agent.errors import AttemptError
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
+from agent.waking import WakingEvent
 
 _log = logging.getLogger(__name__)
 _PREVIEW, _LIVE = 1.0, 0.25
@@ -37,7 +39,10 @@ class Lease:
         self._seconds = float(claim["lease_seconds"])
         self._pause = _PREVIEW if claim["request"].get("record", True) else _LIVE
         self._until = time.monotonic() + self._seconds
-        self._lost: str | None = None
+        self._lost: AttemptError | None = None
+        self._closely = False
+        self.lost = WakingEvent()
+        """Set once the rig may not move any more."""
         self._told: dict[str, Any] = {"status": "claimed"}
         self._preview: dict[str, Any] | None = None
         self._lock = threading.Lock()
@@ -68,12 +73,21 @@ class Lease:
         Raises
         ------
         AttemptError
-            `lease_lost`.
+            `lease_lost`, `cancelled`.
         """
-        if self._lost is None and time.monotonic() > self._until - _MARGIN * self._seconds:
-            self._lost = "the service was not heard of in time"
+        self._look_at_the_clock()
         if self._lost is not None:
-            raise AttemptError("lease_lost", f"the measurement was stopped: {self._lost}")
+            raise self._lost
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Hear within a second that the measurement was cancelled, also while nothing is recorded that is sent anyhow."""
+        self._closely = True
+        self._news.set()
+        try:
+            yield
+        finally:
+            self._closely = False
 
     def tell(self, **values: Any) -> None:
         """Say how far it is: ``status``, ``progress``, ``message``."""
@@ -100,17 +114,29 @@ class Lease:
             self._news.wait(min(self._pause, self._seconds / 3))
             urgent = self._news.is_set()
             self._news.clear()
-            due = time.monotonic() - beaten > self._seconds / 3
+            self._look_at_the_clock()
+            due = self._closely or time.monotonic() - beaten > self._seconds / 3
             if self._over.is_set() or self._lost is not None or not (urgent or due or self._preview is not None):
                 continue
             beaten = time.monotonic()
             try:
                 self._beat()
             except (KeyRefusedError, RefusedError) as error:
-                self._lost = str(error)
-                _log.warning("the lease is lost: %s", error)
+                _log.warning("the rig may not move any more: %s", error)
             except ServiceError as error:
                 _log.warning("no heartbeat: %s", error)
+
+    def _look_at_the_clock(self) -> None:
+        if self._lost is None and time.monotonic() > self._until - _MARGIN * self._seconds:
+            detail = (
+                f"the measurement was stopped: the service must be heard of within {(1 - _MARGIN) * self._seconds:g} s, "
+                "it was not"
+            )
+            self._lose(AttemptError("lease_lost", detail))
+
+    def _lose(self, error: AttemptError) -> None:
+        self._lost = error
+        self.lost.set()
 
     def _beat(self) -> None:
         with self._lock:
@@ -121,7 +147,10 @@ class Lease:
         try:
             reply = self._service.heartbeat(self._claim, document)
         except (KeyRefusedError, RefusedError) as error:
-            self._lost = str(error)
+            if isinstance(error, RefusedError) and error.kind == "cancelled":
+                self._lose(AttemptError("cancelled", "the measurement was cancelled; what was recorded before is kept"))
+            else:
+                self._lose(AttemptError("lease_lost", f"the measurement was stopped: {error}"))
             raise
         took = time.monotonic() - began
         self._seconds = float(reply["lease_seconds"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,9 +24,11 @@ from agent.settings import InputSettings, OutputSettings, Settings
 from agent.spool import USUAL_BYTES, Recorder, Run, Spool
 from agent.sweeping import preview, sweeps
 from agent.triggering import Waiting
+from agent.waking import WakingEvent
 from agent.watching import Watch
 
 Samples = npt.NDArray[np.float64]
+Confirm = Callable[[str, Sequence[WakingEvent]], bool]
 
 _log = logging.getLogger(__name__)
 _MOST_SEGMENTS = 10_000
@@ -55,10 +56,10 @@ class Measurement:
     hardware, spool, settings
     lease : Lease
     claim : mapping
-    stop : threading.Event
+    stop : WakingEvent
         Set when the agent is to end.
     confirm : callable
-        Asks the person at the rig: (question) -> whether it may begin.
+        Asks the person at the rig: (question, events that end it) -> whether it may begin.
     """
 
     def __init__(
@@ -69,8 +70,8 @@ class Measurement:
         *,
         lease: Lease,
         claim: Mapping[str, Any],
-        stop: threading.Event,
-        confirm: Callable[[str], bool],
+        stop: WakingEvent,
+        confirm: Confirm,
     ) -> None:
         self._hardware, self._spool, self._settings = hardware, spool, settings
         self._lease, self._claim, self._stop, self._confirm = lease, claim, stop, confirm
@@ -214,7 +215,12 @@ class Measurement:
             return
         what = f"drive {plan.output.name} for {plan.duration * plan.averages:g} s" if plan.output else "measure"
         self._lease.tell(message="waits for the person at the rig")
-        if not self._confirm(f"{self._claim['name']}: may I {what}?"):
+        with self._lease.watched():
+            agreed = self._confirm(f"{self._claim['name']}: may I {what}?", (self._lease.lost, self._stop))
+        self._lease.check()
+        if self._stop.is_set():
+            raise AttemptError("stopped", "the agent was stopped")
+        if not agreed:
             raise AttemptError(
                 "not_confirmed",
                 "the person at the rig has not agreed; an agent that runs as a service has no terminal to ask at",

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import sys
-import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -17,12 +15,13 @@ from agent.checking import Finding, failed, tried
 from agent.drivers.loading import load
 from agent.errors import AttemptError, SettingsError
 from agent.lease import Lease
-from agent.measuring import Measurement
+from agent.measuring import Confirm, Measurement
 from agent.plan import UNDERSTOOD
 from agent.service import KeyRefusedError, RefusedError, Service, ServiceError
 from agent.settings import Settings
 from agent.spool import Spool
 from agent.uploading import Uploader
+from agent.waking import WakingEvent
 
 _log = logging.getLogger(__name__)
 _PAUSE, _LONGEST_PAUSE = 0.5, 30.0
@@ -44,12 +43,12 @@ class Agent:
     name : str
         Of this PC.
     confirm : callable
-        Asks the person at the rig.
+        Asks the person at the rig (see `agent.measuring`).
     """
 
-    def __init__(self, settings: Settings, *, name: str, confirm: Callable[[str], bool]) -> None:
+    def __init__(self, settings: Settings, *, name: str, confirm: Confirm) -> None:
         self._settings, self._name, self._confirm = settings, name, confirm
-        self._stop = threading.Event()
+        self._stop = WakingEvent()
         self._spool = Spool(Path(settings.spool.folder), limit=settings.spool.limit, reserve=settings.spool.reserve)
         self._service = Service(settings.service.url, key=settings.key, timeout=settings.service.timeout)
         self._hardware = load(settings.daq.driver)(settings.daq, rig=settings.rig.name)
@@ -242,43 +241,3 @@ def _version() -> str:
         return version("servotune")
     except PackageNotFoundError:
         return ""
-
-
-class Terminal:
-    """Asks whoever sits at the rig's terminal; nobody there is no.
-
-    Parameters
-    ----------
-    seconds : float
-        How long to wait for an answer.
-    """
-
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
-        self._lines: list[str] = []
-        self._came = threading.Condition()
-        self._closed = False
-        self._thread: threading.Thread | None = None
-
-    def __call__(self, question: str) -> bool:
-        """Ask a question."""
-        with self._came:
-            self._lines.clear()  # what was typed before the question answers nothing
-        sys.stdout.write(f"{question} Type yes within {self._seconds:g} s: ")
-        sys.stdout.flush()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._listen, daemon=True)
-            self._thread.start()
-        with self._came:
-            self._came.wait_for(lambda: self._closed or bool(self._lines), self._seconds)
-            return bool(self._lines) and self._lines[-1].strip().lower() == "yes"
-
-    def _listen(self) -> None:
-        # not sys.stdin, whose lock this thread would hold when the interpreter ends, which is fatal
-        for line in open(0, closefd=False):  # noqa: SIM115 - for as long as this process lives
-            with self._came:
-                self._lines.append(line)
-                self._came.notify_all()
-        with self._came:  # nobody can be asked: a service has no terminal
-            self._closed = True
-            self._came.notify_all()

@@ -7,6 +7,7 @@
     ├── RevisionConflictError     somebody else changed it first
     ├── StateError                the thing is not in a state that allows this
     │   └── LeaseLostError        a rig's job is not this agent's any more
+    │       └── CancelledError    because a person has cancelled it
     ├── ChecksumError             bytes that are not what they claim to be
     ├── MissingSegmentsError      a manifest that names segments never received
     ├── DocumentError             a document that is no JSON
@@ -92,6 +93,10 @@ class StateError(StorageError):
 
 class LeaseLostError(StateError):
     """The agent has had its time: what it does on the rig must end."""
+
+
+class CancelledError(LeaseLostError):
+    """A person has cancelled what the agent does."""
 
 
 class ChecksumError(StorageError):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from api.problems.documents import CORE, Problem, problem_of_core
 from storage.errors import (
     UNAVAILABLE,
+    CancelledError,
     ChecksumError,
     DocumentError,
     IdempotencyMismatchError,
@@ -36,6 +37,7 @@ class RecalledError(Exception):
 _STORAGE: Mapping[type[StorageError], tuple[int, str]] = {
     NotFoundError: (404, "not-found"),
     RevisionConflictError: (412, "revision-conflict"),
+    CancelledError: (409, "cancelled"),
     LeaseLostError: (409, "lease-lost"),
     StateError: (409, "conflict"),
     MissingSegmentsError: (409, "missing-segments"),

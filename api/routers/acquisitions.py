@@ -127,7 +127,7 @@ async def events(
 def heartbeat(
     identifier: str, number: Number, request: HeartbeatRequest, caller: Acquirer, service: InstallationDep
 ) -> Response:
-    """409 `lease-lost` when the attempt is over for this agent: the rig must come to rest."""
+    """409 `lease-lost`, or `cancelled`, when the attempt is over for this agent: the rig must come to rest."""
     with service.database.session() as session:
         return respond(answer(attempts.heartbeat(session, caller, identifier, number, request)))
 

@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 
 from storage.audit import record
 from storage.clock import jumps, shared_now
-from storage.errors import LeaseLostError, NotFoundError, StateError
+from storage.errors import CancelledError, LeaseLostError, NotFoundError, StateError
 from storage.ids import new_id
 from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, FollowUp, Job, JobEvent, JobStatus, Rig
 from storage.models.acquisition import ON_THE_RIG
@@ -173,10 +173,12 @@ class AcquisitionRepository:
         Raises
         ------
         LeaseLostError
-            When the attempt is over for this agent: the lease has ended, or the job was cancelled.
+            When the attempt is over for this agent: the lease has ended, or (`CancelledError`) the job was cancelled.
         """
         end_leases(self._session, only=row.acquisition_id)
         row = self.attempt(row.acquisition_id, row.number)
+        if row.agent_id == agent_id and row.status == AcquisitionStatus.CANCELLED:
+            raise CancelledError(f"attempt {row.number} of {row.acquisition_id!r} was cancelled")
         if row.agent_id != agent_id or row.status not in _ALIVE:
             raise LeaseLostError(
                 f"attempt {row.number} of {row.acquisition_id!r} must be in the hands of {agent_id!r}, it is {row.status}"

@@ -165,7 +165,7 @@ def laboratory(service: Running, folder: Path) -> Iterator[str]:
             "daq.server": f"127.0.0.1:{server.port}",
             "spool.folder": str(folder / "spool"),
         }
-        agent = Agent(read(file, {"SERVOTUNE_AGENT_KEY": KEY}, given), name="lab PC", confirm=lambda _: True)
+        agent = Agent(read(file, {"SERVOTUNE_AGENT_KEY": KEY}, given), name="lab PC", confirm=lambda *_: True)
         thread = threading.Thread(target=agent.run, daemon=True)
         thread.start()
         try:

@@ -47,7 +47,7 @@ def rig(service: Running, client: httpx.Client, tmp_path_factory, answers) -> It
             "daq.server": f"127.0.0.1:{server.port}",
             "spool.folder": str(folder / "spool"),
         }
-        agent = Agent(read(file, {"SERVOTUNE_AGENT_KEY": KEY}, given), name="lab PC", confirm=lambda _: answers.pop(0))
+        agent = Agent(read(file, {"SERVOTUNE_AGENT_KEY": KEY}, given), name="lab PC", confirm=lambda *_: answers.pop(0))
         thread = threading.Thread(target=agent.run, daemon=True)
         thread.start()
         try:

@@ -15,6 +15,7 @@ from typing import Any
 import httpx
 import numpy as np
 
+from agent.measuring import Confirm
 from agent.process import Agent
 from agent.settings import Settings
 from agent.settings_file import read
@@ -112,6 +113,8 @@ class Lab:
     bench: Bench
     server: Server
     answers: list[bool] = field(default_factory=list)
+    person: Confirm | None = None
+    """Who is asked instead of the answers."""
 
     @property
     def spool(self) -> Path:
@@ -131,7 +134,9 @@ class Lab:
     @contextmanager
     def agent(self, settings: Settings | None = None) -> Iterator[Agent]:
         """Run an agent until the block ends."""
-        made = Agent(settings or self.settings(), name="lab PC", confirm=lambda _: self.answers.pop(0))
+        made = Agent(
+            settings or self.settings(), name="lab PC", confirm=self.person or (lambda *_: self.answers.pop(0))
+        )
         thread = threading.Thread(target=made.run, daemon=True)
         thread.start()
         try:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import threading
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from agent.settings import CalibrationSettings, StageSettings
+from agent.waking import WakingEvent
 
 
 def test_a_driven_measurement_arrives_whole(lab) -> None:
@@ -115,6 +118,26 @@ def test_a_person_has_to_agree(lab) -> None:
         refused = lab.wait(lab.ask(confirm=True))
         assert refused["attempts"][0]["error"]["type"] == "urn:servotune:problem:not_confirmed"
         assert lab.wait(lab.ask(confirm=True))["status"] == "done"
+
+
+def test_a_question_ends_when_the_measurement_is_cancelled(lab) -> None:
+    asked, ended = threading.Event(), threading.Event()
+
+    def person(_: str, ends: Sequence[WakingEvent]) -> bool:
+        with ends[0].waking(ended.set):
+            asked.set()
+            return not ended.wait(60.0)
+
+    lab.person = person
+    with lab.agent():
+        waiting = lab.ask(confirm=True)
+        assert asked.wait(60.0)
+        assert lab.client.post(f"/v1/acquisitions/{waiting}/cancel").json()["status"] == "cancelled"
+        lab.until(lambda: lab.get(waiting)["attempts"][0]["error"] is not None)
+        told = lab.get(waiting)["attempts"][0]["error"]
+    assert ended.is_set()
+    assert told["type"] == "urn:servotune:problem:cancelled"
+    assert told["detail"].startswith("the measurement was cancelled")
 
 
 @pytest.mark.parametrize(

@@ -286,7 +286,9 @@ def test_a_cancelled_attempt_is_taken_from_its_agent(client, agent, request) -> 
     claim = _claim(client, agent)
     # Either way: the measurement, or its job.
     assert client.post(f"/v1/jobs/{claim['job']}/cancel").json()["status"] == "cancelled"
-    assert _heartbeat(client, claim, agent).status_code == 409
+    told = _heartbeat(client, claim, agent)
+    assert (told.status_code, told.json()["type"]) == (409, "urn:servotune:problem:cancelled")
+    assert "was cancelled" in told.json()["detail"]
     assert client.post(f"/v1/agents/{agent}/claim").status_code == 204
 
 
