@@ -8,21 +8,21 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.linear.channels import MOST_KINKS, TERMS, Channels
+from engine.batch.linear.channels import Channels, work_space
 from engine.batch.linear.compiled import allocating, compiled
 from engine.batch.linear.ladder import LEVELS, Ladder, unit_of
-from engine.batch.linear.march import Pieces, Plan, follow
+from engine.batch.linear.march import follow
+from engine.batch.linear.pieces import Pieces, Plan
 from engine.batch.linear.primitives import Room
 from engine.batch.linear.readings import Rest, Wanted, read
 from engine.batch.linear.series import DEPTH, MOST_ROOTS, PARTS, SIZE
+from engine.batch.linear.small_matrices import balance, solve
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 Series = npt.NDArray[Any]
 
 MOST_PIECES: Final = 6000
-_SWEEPS: Final = 8
-_WORTH: Final = 0.95
 _CANCELLED: Final = 1e-13
 _JUMPS: Final = 1e-9
 _UNDECIDED: Final = 1e3
@@ -63,71 +63,6 @@ class Watched(NamedTuple):
     orders: Whole
     reference: Real
     errors: Whole
-
-
-@compiled
-def balance(a: Series, b: Series, c: Series, b2: Series, c2: Series) -> None:
-    """Scale states by powers of two so that rows and columns of A are alike (Osborne)."""
-    n = a.shape[0]
-    for _ in range(_SWEEPS):
-        changed = False
-        for i in range(n):
-            row, column = 0.0, 0.0
-            for j in range(n):
-                if j != i:
-                    row += abs(a[i, j].real)
-                    column += abs(a[j, i].real)
-            if row == 0.0 or column == 0.0:
-                continue
-            before, factor = row + column, 1.0
-            while column * 2.0 < row:
-                factor, row, column = factor * 2.0, row / 2.0, column * 2.0
-            while row * 2.0 < column:
-                factor, row, column = factor / 2.0, row * 2.0, column / 2.0
-            if row + column < _WORTH * before:
-                changed = True
-                for j in range(n):
-                    a[j, i] *= factor
-                    a[i, j] /= factor
-                for j in range(b.shape[1]):
-                    b[i, j] /= factor
-                c[i] *= factor
-                for j in range(b2.shape[1]):
-                    b2[i, j] /= factor
-                    c2[j, i] *= factor
-        if not changed:
-            break
-
-
-@compiled
-def solve(a: Series, right: Series, work: Series, out: Series) -> bool:
-    """Write A⁻¹ right (n,) and return whether there is one."""
-    n = right.shape[0]
-    for i in range(n):
-        for j in range(n):
-            work[i, j] = a[i, j]
-        work[i, n] = right[i]
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(work[i, k].real) > abs(work[pivot, k].real):
-                pivot = i
-        if work[pivot, k].real == 0.0:
-            return False
-        if pivot != k:
-            for j in range(k, n + 1):
-                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
-        for i in range(k + 1, n):
-            factor = work[i, k] / work[k, k]
-            if factor != 0.0:
-                for j in range(k + 1, n + 1):
-                    work[i, j] -= factor * work[k, j]
-    for i in range(n - 1, -1, -1):
-        total = work[i, n]
-        for j in range(i + 1, n):
-            total = total - work[i, j] * out[j]
-        out[i] = total / work[i, i]
-    return True
 
 
 @compiled
@@ -310,24 +245,6 @@ def _shared(unit: float, channels: Channels) -> float:
 
 
 @allocating
-def _channels(m: int, n: int, count: int, like: Series) -> Channels:
-    """Return work space for m channels of a system of n states of which ``count`` rows are watched."""
-    kind, levels = like.dtype, LEVELS if m else 0
-    return Channels(
-        np.zeros(m, kind), np.zeros((n, m), kind), np.zeros((count, m), kind), np.zeros((TERMS, n, m), kind),
-        np.zeros((TERMS, count, m), kind), np.zeros((m, m), np.int64), np.zeros(m, np.int64),
-        np.zeros(MOST_KINKS if m else 0, kind), np.zeros((MOST_KINKS if m else 0, 2, m), np.int64), np.zeros(1, np.int64),
-        np.zeros((levels, n, m, SIZE), kind), np.zeros((2, count, m, PARTS + 1, SIZE), kind),
-        np.zeros((levels, count, m, SIZE, SIZE), kind),
-        np.zeros((levels, m, SIZE, SIZE), kind), np.zeros((levels, m * SIZE, m * SIZE), kind),
-        np.zeros((levels, m * SIZE), np.int64), np.zeros(levels, np.int64), np.zeros((m, SIZE), kind),
-        np.zeros(SIZE, kind), np.zeros((3, SIZE, max(SIZE, like.shape[0])), kind), np.zeros((n, SIZE), kind),
-        np.zeros(SIZE + TERMS + 1, kind), np.zeros(m * SIZE, kind), np.zeros((2, m), np.int64),
-        np.zeros(SIZE, np.int64), np.zeros(count, np.int64), np.ones(count), np.zeros((n + m, n + m), kind),
-    )  # fmt: skip
-
-
-@allocating
 def evaluate(
     a: Series, b: Series, c: Series, d: Series, delayed: Delayed, plan: Plan, drive: Drive, watched: Watched,
     wanted: Wanted, ends: Real, values: Series, doubtful: npt.NDArray[np.bool_],
@@ -350,7 +267,7 @@ def evaluate(
     m, rows, x0 = np.zeros((size, size), kind), np.zeros((count, size), kind), np.zeros(n, kind)
     rest_x, work = np.zeros(n + own, kind), np.zeros((n + own, n + own + 1), kind)
     right = np.zeros(size + own + 1, kind)
-    channels = _channels(own, n, count, right)
+    channels = work_space(own, n, count, right)
     columns = np.zeros((extra, n), kind)
     ladder = Ladder(
         np.zeros((LEVELS, size, size), kind), np.zeros((LEVELS, count, PARTS + 1, size), kind),

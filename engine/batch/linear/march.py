@@ -7,25 +7,19 @@ and ends where nothing is left of it.
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.linear.channels import (
-    TERMS,
-    Channels,
-    arrive,
-    go_on,
-    integrate,
-    join,
-    prepare,
-    strike,
-    widen,
-)
+from engine.batch.linear.breaking_points import go_on, strike
+from engine.batch.linear.channel_maps import prepare, widen
+from engine.batch.linear.channels import Channels, arrive, join
 from engine.batch.linear.compiled import compiled
 from engine.batch.linear.ladder import LEVELS, Ladder, begin, climb
-from engine.batch.linear.series import DEGREE, EVEN, NODES, ODD, PARTS, SIZE
+from engine.batch.linear.pieces import Pieces, Plan
+from engine.batch.linear.series import DEGREE, PARTS, SIZE
+from engine.batch.linear.short_piece import shorter_piece
 
 Real = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -44,39 +38,8 @@ _COARSE: Final = 1e3
 """The shortest piece may exceed what is allowed by this, to 1e-11 of the response."""
 _DAMPED: Final = 1e-3
 """Of what arrives through a delay: were its last coefficients larger, a wide piece would not let it decay."""
-_TERMS: Final = 26
 _NOTHING: Final = 1e-13
 """Of an instant: what is left of a gap by rounding."""
-
-
-class Plan(NamedTuple):
-    """What is followed: ``times`` (corners,), ``states`` (corners, w); ``last`` is the corner from which on the command rests, or -1."""
-
-    times: Real
-    states: Real
-    last: int
-    impulses: Real
-
-
-class Pieces(NamedTuple):
-    """``times`` (P + 1,), ``series`` (R, P, 17) and ``base`` (R, P) that is added to them; ``marks`` (corners + 1,): first piece behind each.
-
-    ``progress`` (3,) are level, highest level made and number of pieces, ``moving`` (1,) when anything moved last, s.
-    """
-
-    times: Real
-    series: Series
-    base: Series
-    marks: Whole
-    scale: Real
-    terms: Real
-    largest: Real
-    trial: Series
-    state: Series
-    other: Series
-    term: Series
-    progress: Whole
-    moving: Real
 
 
 @compiled
@@ -201,7 +164,7 @@ def _stretch(
         if width > left:
             width = min(left, shortest)
             _arrive(pieces, channels, count, width, rest_y, resting)
-            _short(ladder, pieces, channels, m, rows, width, n, PARTS * unit)
+            shorter_piece(pieces, channels, m, rows, width, n, PARTS * unit)
             _accept(pieces, rows, rest_y, resting, count)
         else:
             while level > 0 and width * 2.0**level > left:
@@ -367,69 +330,3 @@ def _move(growth: Series, pieces: Pieces, channels: Channels, level: int, n: int
             moved[i] += total
     for i in range(size):
         z[i] = z[i] + moved[i]
-
-
-@compiled
-def _short(
-    ladder: Ladder, pieces: Pieces, channels: Channels, m: Series, rows: Series, width: float, n: int, whole: float
-) -> None:  # fmt: skip
-    """Write the trial of a piece shorter than the first level's, ``whole`` (s), by powers of time, and move the state over it."""
-    size, z, moved, term = m.shape[0], pieces.state, pieces.other, pieces.term
-    powers = ladder.sums  # (17, N): only its first numbers, one for each power and row in turn
-    for j in range(size):
-        term[0, j] = z[j]
-    for k in range(1, _TERMS):
-        factor = width / k
-        for i in range(size):
-            total = 0.0 * z[0]
-            for j in range(0 if i < n else n, size):
-                total = total + m[i, j] * term[k - 1, j]
-            term[k, i] = total * factor
-    for j in range(size):
-        total = 0.0 * z[0]
-        for k in range(_TERMS - 1, -1, -1):
-            total = total + term[k, j]
-        z[j] = total
-    for r in range(rows.shape[0]):
-        for k in range(_TERMS):
-            total = 0.0 * z[0]
-            for j in range(size):
-                total = total + rows[r, j] * term[k, j]
-            moved[k] = total
-        for node in range(SIZE):
-            theta = NODES[node] / PARTS
-            total = 0.0 * z[0]
-            for k in range(_TERMS - 1, -1, -1):
-                total = total * theta + moved[k]
-            powers[node, 0] = total
-        series = pieces.trial[r]
-        half = DEGREE // 2
-        for i in range(half + 1):
-            total = 0.0 * z[0]
-            for k in range(half + 1):
-                total = total + EVEN[i, k] * (powers[k, 0] + powers[DEGREE - k, 0])
-            series[2 * i] = total
-        for i in range(half):
-            total = 0.0 * z[0]
-            for k in range(half):
-                total = total + ODD[i, k] * (powers[k, 0] - powers[DEGREE - k, 0])
-            series[2 * i + 1] = total
-    for j in range(channels.delays.shape[0]):
-        inflow, out = channels.inflow[j], channels.integral
-        for k in range(SIZE):
-            out[k] = inflow[k]
-            for r in range(rows.shape[0]):
-                pieces.trial[r, k] += channels.through[r, j] * inflow[k]
-        for k in range(SIZE, out.shape[0]):
-            out[k] = 0.0 * z[0]
-        for k in range(TERMS):
-            integrate(out, 0.5 * width / whole)
-            total = 0.0 * z[0]
-            for c in range(out.shape[0]):
-                total = total + out[c]
-            for i in range(n):
-                z[i] += channels.powers[k, i, j] * total * whole
-            for r in range(rows.shape[0]):
-                factor = channels.markov[k, r, j] * whole
-                for c in range(SIZE):
-                    pieces.trial[r, c] += factor * out[c]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.batch.linear.compiled import compiled
-from engine.batch.linear.march import Pieces
+from engine.batch.linear.pieces import Pieces
 from engine.batch.linear.series import (
     SIZE,
     antiderivative,

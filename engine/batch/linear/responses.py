@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -14,13 +12,20 @@ import numpy.typing as npt
 
 from engine.batch.collocation.screening import Screened
 from engine.batch.linear import poles, readings
-from engine.batch.linear.commands import Command, NotCoveredError, commanded
-from engine.batch.linear.evaluate import Delayed, Drive, Watched, evaluate
+from engine.batch.linear.commands import Command, NotCoveredError
+from engine.batch.linear.evaluate import Delayed, Watched, evaluate
 from engine.batch.linear.generator import eigenvalues_of
-from engine.batch.linear.march import Plan
 from engine.batch.linear.readings import Wanted
+from engine.batch.linear.response_requests import (
+    INTEGRALS,
+    ResponseRequests,
+    lines_of,
+    lines_within,
+    number_of,
+    plan_of,
+    within,
+)
 from engine.model.errors import EngineError, UnresolvedError
-from engine.model.masks import Envelope, Polyline
 
 if TYPE_CHECKING:
     from engine.analysis.measuring import MetricRequest
@@ -39,78 +44,13 @@ _CODES: Final[Mapping[str, int]] = {
     "envelope": readings.ENVELOPE,
 }  # fmt: skip
 _ERRORS: Final = frozenset({"iae", "ise", "itae", "ie", "steady_state_error"})
-_INTEGRALS: Final = frozenset({"iae", "ise", "itae", "ie"})
 _HELD: Final = frozenset({"tracking_error", "envelope"})
-_RESPONSE_BAND: Final = 0.05
 _MOST_STATES: Final = 64
 _MOST_CHANNELS: Final = 4
 _LONGEST: Final = 1e9
 _FEW: Final = 32
 """Fewer candidates are not shared among threads."""
-_PERIODS: Final = 3.0
 _BESIDE: Final = 1e-6
-
-
-@dataclass(kw_only=True, eq=False)
-class _Response:
-    """The requests of one output's response to one command: ``columns`` of the results."""
-
-    inputs: list[int]
-    output: int
-    signals: list[Any]
-    columns: list[int] = field(default_factory=list)
-    requests: list[MetricRequest] = field(default_factory=list)
-    orders: list[int] = field(default_factory=list)
-
-    @property
-    def marks(self) -> list[float]:
-        """Instants at which pieces must end, s."""
-        found = {self.loading}
-        for request in self.requests:
-            if request.duration is not None:
-                found.add(request.duration)
-            found.update(t for line, _ in _lines_of(request) for t in line.times)
-        return sorted(found)
-
-    @cached_property
-    def loading(self) -> float:
-        """When the last command begins, s."""
-        return max((s.breakpoints()[0] for s in self.signals if s.breakpoints()), default=0.0)
-
-    @cached_property
-    def start(self) -> float:
-        """When the first command begins, s."""
-        return min((t for s in self.signals for t in s.breakpoints()), default=0.0)
-
-    @cached_property
-    def endless(self) -> bool:
-        """Whether a command never settles."""
-        return any(s.final() is None for s in self.signals)
-
-    @cached_property
-    def beyond(self) -> float:
-        """How much longer than a lifetime an endless command is followed, s."""
-        last = max((t for s in self.signals for t in (*s.breakpoints(), s.end() or 0.0)), default=0.0)
-        return last + _PERIODS * max((s.repeats_after() or 0.0 for s in self.signals), default=0.0)
-
-    @cached_property
-    def until(self) -> float:
-        """Up to when the requests look, s: infinite where one has no duration."""
-        ends = []
-        for request in self.requests:
-            until = request.duration if _within(request) else None
-            whole = np.inf if until is None else until
-            ends.append(max((line.times[-1] for line, _ in _lines_of(request)), default=whole))
-        return max(ends)
-
-    def command(self, horizon: float) -> Command:
-        """Return the command as states."""
-        return commanded(self.signals, horizon, self.marks)
-
-
-def _within(request: MetricRequest) -> bool:
-    """Return whether a request looks no further than its duration."""
-    return request.windowed or request.metric in _INTEGRALS or request.metric == "control_effort_rms"
 
 
 class Responses:
@@ -142,7 +82,7 @@ class Responses:
         self._diagram = diagram
         self._requests = tuple(requests)
         self._threads = threads or len(os.sched_getaffinity(0))
-        self._responses: dict[tuple[Any, ...], _Response] = {}
+        self._responses: dict[tuple[Any, ...], ResponseRequests] = {}
         self._of_poles: list[int] = []
         covered, delayed = (False, False) if diagram.nonlinear or not requests else _covered(diagram, varied)
         for column, request in enumerate(self._requests):
@@ -164,12 +104,12 @@ class Responses:
             return
         if request.metric == "recovery_time" and request.options.recovery_band is None:
             return
-        if request.metric in _HELD and not _lines_of(request):
+        if request.metric in _HELD and not lines_of(request):
             return
         key = (tuple((name, id(signal)) for name, signal in request.signals.items()), output)
         response = self._responses.get(key)
         if response is None:
-            response = _Response(
+            response = ResponseRequests(
                 inputs=[diagram.inputs.index(name) for name in request.signals],
                 output=diagram.outputs.index(output),
                 signals=list(request.signals.values()),
@@ -214,7 +154,7 @@ class Responses:
                 growth[here] = own
         return growth
 
-    def _response(self, response: _Response, stack: StackedSystem, here: Array, found: Screened) -> Array:
+    def _response(self, response: ResponseRequests, stack: StackedSystem, here: Array, found: Screened) -> Array:
         """Enter the metrics of one response, and return the growth of what lies between its command and its output."""
         growth = np.full(len(stack.valid), np.nan)
         if not here.size:
@@ -251,7 +191,7 @@ class Responses:
         return growth
 
     def _follow(
-        self, response: _Response, flow: Array, n: int, driven: Array, seen: Array, through: Array, delays: Array,
+        self, response: ResponseRequests, flow: Array, n: int, driven: Array, seen: Array, through: Array, delays: Array,
         values: Array, found: Screened, members: Array,
     ) -> None:  # fmt: skip
         """Enter the metrics of one response; the first n rows and columns are states, the others delay channels."""
@@ -265,7 +205,7 @@ class Responses:
             command = response.command(float(np.nanmax(ends, initial=0.0, where=np.isfinite(ends))))
         except (NotCoveredError, UnresolvedError):
             return
-        plan, drive = _driven(response, command)
+        plan, drive = plan_of(response, command)
         watched, wanted = self._wanted(response, command)
         kind = np.result_type(flow, driven, seen, through, delays, found.values)
         arrays = [
@@ -292,13 +232,13 @@ class Responses:
                 list(pool.map(work, spans))
         if drive.climbs:  # what is left of an error is the difference of two numbers that grow: the exact path decides
             for k, request in enumerate(response.requests):
-                if request.metric in _INTEGRALS and request.duration is None:
+                if request.metric in INTEGRALS and request.duration is None:
                     doubt[:, k] |= np.isfinite(numbers[:, k])
             numbers[doubt] = np.nan
         at = np.ix_(members, np.array(response.columns))
         found.values[at], found.doubtful[at] = numbers, doubt
 
-    def _wanted(self, response: _Response, command: Command) -> tuple[Watched, Wanted]:
+    def _wanted(self, response: ResponseRequests, command: Command) -> tuple[Watched, Wanted]:
         """Return what is watched and what is read off it."""
         references, output = self._diagram.references, self._diagram.outputs[response.output]
         names = [self._diagram.inputs[number] for number in response.inputs]
@@ -313,11 +253,11 @@ class Responses:
             key = (request.metric in _ERRORS, order)
             row.append(rows.setdefault(key, len(rows)))
             codes.append(_CODES[request.metric])
-            until = request.duration if _within(request) else None
+            until = request.duration if within(request) else None
             stop.append(-1 if until is None else int(np.searchsorted(command.times, until)))
             first.append(last if request.metric == "residual_vibration" else 0)
-            numbers[k, 0] = _number(request)
-            lines += _lines(k, request, command)
+            numbers[k, 0] = number_of(request)
+            lines += lines_within(k, request, command)
         kinds = [(1.0 if own_error else -1.0) if error else 1.0 for error, _ in rows]
         watched = Watched(
             kinds=np.array(kinds), orders=np.array([order for _, order in rows], np.int64), reference=reference,
@@ -340,50 +280,6 @@ def _covered(diagram: Diagram, varied: Sequence[str]) -> tuple[bool, bool]:
         return False, False
     channels = stack.delays.shape[1]
     return 0 < stack.a.shape[1] <= _MOST_STATES and channels <= _MOST_CHANNELS, channels > 0
-
-
-def _lines_of(request: MetricRequest) -> list[tuple[Polyline, float]]:
-    """Return the straight lines that a response is held against, each with the side that is looked at."""
-    if request.metric == "tracking_error" and isinstance(request.mask, Polyline):
-        return [(request.mask, 1.0)]
-    if request.metric == "envelope" and isinstance(request.mask, Envelope):
-        return list(request.mask.sides)
-    return []
-
-
-def _number(request: MetricRequest) -> float:
-    """Return the number that a reading takes: a band, a duration or a unit."""
-    if request.metric == "settling_time":
-        return request.options.settling_band
-    if request.metric == "response_time":
-        return _RESPONSE_BAND
-    if request.metric == "recovery_time":
-        return float(request.options.recovery_band or 0.0)
-    if isinstance(request.mask, Envelope):
-        return request.mask.unit
-    return float(request.duration or 0.0)
-
-
-def _lines(k: int, request: MetricRequest, command: Command) -> list[tuple[float, ...]]:
-    return [
-        (
-            k, int(np.searchsorted(command.times, part.start)), int(np.searchsorted(command.times, part.end)),
-            part.start, part.value, part.slope, sign,
-        )
-        for line, sign in _lines_of(request)
-        for part in line.segments
-    ]  # fmt: skip
-
-
-def _driven(response: _Response, command: Command) -> tuple[Plan, Drive]:
-    last = -1 if command.endless else int(np.searchsorted(command.times, command.last))
-    climbs = command.endless and not command.turning and all(s.repeats_after() is None for s in response.signals)
-    plan = Plan(times=command.times, states=command.states, last=last, impulses=command.impulses)
-    drive = Drive(
-        flow=command.flow, drive=command.drive, jumps=command.jumps, sizes=np.abs(command.states).max(axis=0),
-        rate=command.rate, climbs=int(climbs),
-    )  # fmt: skip
-    return plan, drive
 
 
 def _alike(a: Array, b: Array, c: Array) -> list[tuple[Array, Array]]:

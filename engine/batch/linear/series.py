@@ -61,6 +61,22 @@ SQUARES: Final = _squares()
 
 
 @compiled
+def to_series(nodes: Series, out: Series) -> None:
+    """Write the coefficients of the series through values at the nodes."""
+    half = DEGREE // 2
+    for i in range(half + 1):
+        total = 0.0 * nodes[0]
+        for k in range(half + 1):
+            total = total + EVEN[i, k] * (nodes[k] + nodes[DEGREE - k])
+        out[2 * i] = total
+    for i in range(half):
+        total = 0.0 * nodes[0]
+        for k in range(half):
+            total = total + ODD[i, k] * (nodes[k] - nodes[DEGREE - k])
+        out[2 * i + 1] = total
+
+
+@compiled
 def value_at(c: Series, size: int, u: Any) -> Any:
     """Return a series of ``size`` coefficients at u (Clenshaw)."""
     first, second = 0.0 * c[0], 0.0 * c[0]
