@@ -19,9 +19,9 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
 
 from api.http.bodies import parse_beside
-from api.http.handlers import validation_problem
 from api.problems.documents import Problem, invalid
 from api.problems.exceptions import KNOWN, RecalledError, problem_of
+from api.problems.faults import validation_problem
 from api.schemas.live import LiveMessage, LiveOpen, LiveSet
 from api.services.jobs.computing import Recall
 from api.services.operation.app_context import Caller, Installation

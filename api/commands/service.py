@@ -184,7 +184,7 @@ def read_settings() -> Settings:
 
 def _wrong(error: ErrorDetails) -> str:
     """Return what is wrong with a setting, by the name of its variable; validators of ours name what they mean."""
-    from api.http.handlers import sentence
+    from api.problems.faults import sentence
 
     first, *inside = error["loc"]
     variable = f"SERVOTUNE_{str(first).upper()}"

@@ -232,7 +232,8 @@ class FollowUpDocument(Document):
 
     `average`: the mean of the repetitions, a dataset of its own that the later steps use. `identification`,
     `validation`: their bodies without `dataset`; a validation takes what the identification before it found. A
-    validation whose verdict is `fail` ends the chain, and raises an alert as every validation by a worker does.
+    validation whose verdict is `fail` ends the chain, and raises an alert as every validation by a worker does. Bodies are
+    judged when the measurement is asked for, as far as that can be done without the recording.
     """
 
     kind: Literal["average", "identification", "validation"]

@@ -16,6 +16,7 @@ from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
+from api.services.rigs.chains import check_chain
 from storage.errors import NotFoundError
 from storage.models import Acquisition, AcquisitionAttempt, Rig
 from storage.models.base import utc_now
@@ -70,7 +71,7 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
             f"{name} must be known to the agent of {rig.name}, it is not: update the agent",
             "channels" if name == "commanded" else name,
         )
-    _check_chain(body)
+    check_chain(service, caller, body, rig.document)
     return Prepared(body=body, document=document, request=told, rig=rig)
 
 
@@ -84,15 +85,6 @@ def _complete(session: Session, caller: Caller, request: AcquisitionRequest) -> 
     except NotFoundError as error:
         raise invalid(f"template must be one that exists, got {request.template!r}", "template") from error
     return {**template.document, **given}
-
-
-def _check_chain(body: AcquisitionBody) -> None:
-    """Refuse a chain of which nobody could make sense; its bodies are checked when the recording is there."""
-    for i, step in enumerate(body.then):
-        if "dataset" in step.body:
-            raise invalid("body of a step must be without dataset: it is that of the recording", "then", i, "body")
-        if step.kind == "average" and (body.averages < 2 or i > 0):
-            raise invalid("average must be the first step, after at least 2 repetitions", "then", i, "kind")
 
 
 def submit(session: Session, caller: Caller, prepared: Prepared) -> dict[str, Any]:

@@ -106,3 +106,35 @@ def test_none_takes_what_a_template_has_away_and_nothing_said_leaves_it(service)
     with servotune.connect(service.url, key=service.keys["admin"]) as client:
         assert client.acquisitions.start(template=template).document["drive"] == drive
         assert client.acquisitions.start(template=template, drive=None).document.get("drive") is None
+
+
+IDENTIFICATION = {"system": LAG, **CHANNELS, "parameters": ["k"]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "pointer", "says"),
+    [
+        ("identification", {"parameters": None}, "/parameters", "parameters must be a list, got None"),
+        ("identification", {"parameters": ["k", "kk"]}, "/parameters/1", "'kk'"),
+        ("identification", {"outputs": {"y": "z"}}, "/outputs/y", "one that is measured (u, y), got 'z'"),
+        ("identification", {"inputs": {"force": "u"}}, "/inputs/force", "'force'"),
+        ("identification", {"system": "sys_nowhere"}, "/system", "must be a stored system or a document"),
+        ("identification", {"strats": 3}, "/strats", "strats must be left out: it is no field here"),
+        ("validation", {"parameters": {"tau": {"value": 1, "unit": "kg"}}}, "/parameters/tau", "kg"),
+        ("validation", {"limit_percent": 0}, "/limit_percent", "limit_percent must be > 0"),
+    ],
+)
+def test_a_step_that_could_not_begin_is_refused_before_anything_is_recorded(
+    service, kind, change, pointer, says
+) -> None:
+    usual = IDENTIFICATION if kind == "identification" else {"system": LAG, **CHANNELS}
+    with service.client("acquire") as own, service.client() as admin:
+        own.post("/v1/agents", json=AGENT | {"rig": "judged", "document": OWN}).raise_for_status()
+        asked = {"name": "judged", "rig": "judged", "channels": ["u", "y"], "sample_rate": 1000, "duration": 4}
+        fitting = admin.post("/v1/acquisitions", json=asked | {"then": [{"kind": kind, "body": usual}]})
+        assert fitting.status_code == 202, fitting.text
+        steps = [{"kind": kind, "body": usual}, {"kind": kind, "body": usual | change}]
+        reply = admin.post("/v1/acquisitions", json=asked | {"then": steps})
+    assert reply.status_code == 422, reply.text
+    (wrong,) = reply.json()["errors"]
+    assert (wrong["pointer"], says in wrong["detail"]) == (f"/then/1/body{pointer}", True), wrong

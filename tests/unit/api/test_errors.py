@@ -6,9 +6,10 @@ import pytest
 from numpy.linalg import LinAlgError
 from sqlalchemy.exc import OperationalError
 
-from api.http.handlers import _let_go, sentence
+from api.http.handlers import _let_go
 from api.problems.documents import Problem, at, invalid
 from api.problems.exceptions import problem_of
+from api.problems.faults import sentence
 from engine.model.errors import DiagramError, ExpressionError, IllPosedError, SignalError
 from optimizers.problem import ProblemError
 from storage import errors as storage
