@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from api.convert.values import si
@@ -12,6 +13,9 @@ LONGEST_WAIT = 3600.0
 """s."""
 MOST_BEFORE = 8_000_000
 """Samples before a trigger, of all channels together: the agent keeps them in memory, 64 MB."""
+
+_WITHOUT_RANGE = frozenset({"thermocouple", "encoder", "digital"})
+"""Kinds of inputs whose `range` says nothing."""
 
 
 def agent_trigger(body: AcquisitionBody, request: dict[str, Any], rig: dict[str, Any]) -> dict[str, Any] | None:
@@ -47,7 +51,8 @@ def agent_trigger(body: AcquisitionBody, request: dict[str, Any], rig: dict[str,
             f"pre_trigger must hold at most {MOST_BEFORE:g} samples of all channels with a trigger, got {before:g}",
             "pre_trigger",
         )
-    unit = next(entry.get("unit", "") for entry in rig["inputs"] if entry["name"] == given.channel)
+    entry = next(entry for entry in rig["inputs"] if entry["name"] == given.channel)
+    unit = entry.get("unit", "")
     hysteresis = si(given.hysteresis, unit, name="hysteresis", place=("trigger", "hysteresis"))
     if hysteresis < 0.0:
         raise invalid(f"hysteresis must be >= 0 {unit}, got {hysteresis:g}", "trigger", "hysteresis")
@@ -55,7 +60,28 @@ def agent_trigger(body: AcquisitionBody, request: dict[str, Any], rig: dict[str,
     if not 0.0 < timeout <= LONGEST_WAIT:
         raise invalid(f"timeout must be > 0 and <= {LONGEST_WAIT:g} s, got {timeout:g}", "trigger", "timeout")
     window = _level(given, unit) if isinstance(given, LevelTrigger) else _window(given, unit, hysteresis)
+    _check_reach(given, [end for end in (window["low"], window["high"]) if end is not None], entry)
     return {"channel": given.channel, "unit": unit, **window, "hysteresis": hysteresis, "timeout": timeout}
+
+
+def _check_reach(given: LevelTrigger | WindowTrigger, ends: list[float], entry: dict[str, Any]) -> None:
+    """Refuse a trigger that a channel cannot pass: all of its ends are beyond what the range of the channel lets through."""
+    if entry.get("kind", "voltage") in _WITHOUT_RANGE or "range" not in entry:
+        return
+    gain = entry.get("sensitivity", 1.0) * math.prod(stage["gain"] for stage in entry.get("chain", ()))
+    middle, most = entry.get("offset", 0.0), abs(entry["range"] / gain) * (1 + 1e-9)
+    if any(abs(end - middle) <= most for end in ends):
+        return
+    unit = entry.get("unit", "")
+    what = "level" if isinstance(given, LevelTrigger) else "window"
+    told = " ... ".join(f"{end:g}" for end in ends)
+    rule = "be" if what == "level" else "begin or end"
+    raise invalid(
+        f"{what} of the trigger must {rule} within {middle - most:g} ... {middle + most:g} {unit}, which is what the range of "
+        f"{given.channel} lets through, got {told}",
+        "trigger",
+        what,
+    )
 
 
 def _level(given: LevelTrigger, unit: str) -> dict[str, Any]:

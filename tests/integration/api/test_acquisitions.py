@@ -163,6 +163,8 @@ def test_a_trigger_is_told_in_the_unit_of_its_channel(client, agent, request, tr
         ({"channels": ["loopback"]}, "/trigger/channel", "must be one that is measured (loopback), got 'position'"),
         ({"pre_trigger": 4001}, "/pre_trigger", "must hold at most 8e+06 samples of all channels with a trigger, got 8.002e+06"),
         ({"trigger": LEVEL | {"level": "2 kg"}}, "/trigger/level", "level must be in mm, got 'kg'"),
+        ({"trigger": LEVEL | {"level": 101}}, "/trigger/level", "must be within -100 ... 100 mm, which is what the range of position lets through, got 101"),
+        ({"trigger": WINDOW | {"window": [-200, 300]}}, "/trigger/window", "must begin or end within -100 ... 100 mm"),
         ({"trigger": LEVEL | {"hysteresis": -0.5}}, "/trigger/hysteresis", "hysteresis must be >= 0 mm, got -0.5"),
         ({"trigger": LEVEL | {"timeout": 0}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 0"),
         ({"trigger": LEVEL | {"timeout": "61 min"}}, "/trigger/timeout", "timeout must be > 0 and <= 3600 s, got 3660"),
