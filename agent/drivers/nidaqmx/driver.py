@@ -24,7 +24,7 @@ from agent.drivers.nidaqmx.running import NidaqmxRunning, closing, mode
 from agent.drivers.nidaqmx.settings import NidaqmxSettings
 from agent.drivers.nidaqmx.sharing import led, one_clock, synchronised
 from agent.drivers.nidaqmx.tls import refusal
-from agent.drivers.synchronisation import Synchronisation
+from agent.drivers.synchronisation import Synchronisation, listed
 from agent.errors import AttemptError
 from agent.safety import way_home
 from agent.settings import InputSettings, OutputSettings
@@ -162,10 +162,12 @@ class Nidaqmx(Driver):
             detail = f"encoders of one run must be at most {MOST}, less one for digital lines, got {len(following)}"
             raise AttemptError("unsupported_setting", detail)
         with ExitStack() as stack:
-            with translated(), one_clock(self.device_of, inputs):
+            rate_of = f"sample rate {rate:g} of {listed([entry.name for entry in inputs])}"
+            with translated(rate_of), one_clock(self.device_of, inputs):
                 task = stack.enter_context(closing(self._task(self._input)))
                 for entry in analog:
-                    add_input(task, entry)
+                    with translated(f"input {entry.name}"):
+                        add_input(task, entry)
                 followers = [
                     Follower(stack.enter_context(closing(self._task(self._follower(i)))), entries)
                     for i, entries in enumerate(following)

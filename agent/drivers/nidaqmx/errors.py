@@ -143,8 +143,8 @@ def of_driver(code: int, text: str) -> AttemptError:
 
 
 @contextmanager
-def translated() -> Iterator[None]:
-    """Turn what nidaqmx raises into a word and a sentence."""
+def translated(about: str = "") -> Iterator[None]:
+    """Turn what nidaqmx raises into a word and a sentence, which begins with what it is ``about``."""
     try:
         yield
     except (DaqNotFoundError, DaqNotSupportedError) as error:
@@ -153,4 +153,6 @@ def translated() -> Iterator[None]:
     except RpcError as error:
         raise of_server(getattr(error.rpc_code, "name", str(error.rpc_code)), error.description) from error
     except DaqError as error:
-        raise of_driver(int(error.error_code), str(error)) from error
+        found = of_driver(int(error.error_code), str(error))
+        what = f"{about}: {found.what}" if about else found.what
+        raise AttemptError(found.code, what, remedy=found.remedy) from error

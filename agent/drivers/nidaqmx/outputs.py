@@ -125,7 +125,7 @@ def follow(
     if not np.isclose(got, rate, rtol=1e-9):
         raise AttemptError(
             "no_route",
-            f"outputs must have the {rate:g} samples/s of the inputs, they have {got:g}: ask for a rate that both modules have",
+            f"output {output.name} must have the {rate:g} samples/s of the inputs, it has {got:g}: ask for a rate that both modules have",
         )
 
 

@@ -220,6 +220,7 @@ def test_a_rate_that_no_module_has_is_told(lab) -> None:
     found = checking.check(settings(lab), rate=102_400, today=TODAY)
     failed = of(found, "fails")
     assert set(failed) == {"input loopback", "input position"}
+    assert failed["input position"].told.startswith("sample rate 102400 of position: NI-DAQmx -200077")
     assert "Maximum Value: 51200" in failed["input position"].told
     assert "no input fits" in of(found, "note")["output valve"].told
 
