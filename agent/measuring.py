@@ -339,7 +339,7 @@ def described(entry: InputSettings) -> dict[str, Any]:
         "quantity": entry.quantity or ("" if entry.kind == "voltage" else entry.kind),
         "unit": entry.unit,
         "scale": 1.0 / entry.overall_sensitivity,
-        "offset": entry.offset,
+        "offset": entry.overall_offset,
         "sensor": {
             "model": entry.model,
             "serial": entry.serial,

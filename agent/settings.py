@@ -100,7 +100,7 @@ class StageSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputSettings:
-    """An input with its sensor: physical value = (what is measured) / (sensitivity · gains of its chain) + offset, in ``unit``.
+    """An input with its sensor: physical value = (measured - zero) / (sensitivity · gains of its chain) + offset, in ``unit``.
 
     Measured are V; of a bridge V/V, of a current A, of a thermocouple K, of an encoder rad or, with ``distance``, m.
     ``wiring`` is rse, nrse, diff or pseudo (empty: what the module has); ``bridge`` full, half or quarter, its ``resistance``
@@ -113,6 +113,7 @@ class InputSettings:
     quantity: str = ""
     unit: str = "V"
     sensitivity: float = 1.0
+    zero: float = 0.0
     offset: float = 0.0
     range: float = 10.0
     excitation: float = 0.0
@@ -131,6 +132,11 @@ class InputSettings:
     def overall_sensitivity(self) -> float:
         """What is measured for one ``unit`` at the input, behind every stage."""
         return self.sensitivity * math.prod(stage.gain for stage in self.chain)
+
+    @property
+    def overall_offset(self) -> float:
+        """What is added to measured / ``overall_sensitivity``, in ``unit``."""
+        return self.offset - self.zero / self.overall_sensitivity
 
     @property
     def uncertainty_percent(self) -> float | None:
@@ -174,7 +180,9 @@ class Settings:
 
     def channels(self) -> dict[str, Any]:
         """Return inputs and outputs as the service has them."""
-        inputs = [_told(entry, leave=("excitation",)) for entry in self.inputs]
+        inputs = [
+            _told(entry, leave=("excitation", "zero")) | {"offset": entry.overall_offset} for entry in self.inputs
+        ]
         return {"inputs": inputs, "outputs": [_told(entry) for entry in self.outputs]}
 
     def key(self) -> str:

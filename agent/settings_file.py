@@ -143,7 +143,7 @@ def _section(kind: type[Section], table: Any, place: str) -> Section:
     if not isinstance(table, dict):
         raise SettingsError(f"{place} must be a table, got {table!r}")
     declared = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type] # they are all dataclasses
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = {"unit": ""} if kind is InputSettings and table.get("kind") == "digital" else {}
     for name, value in table.items():
         if name not in declared:
             raise SettingsError(f"{place}: setting must be one of {', '.join(declared)}, got {name!r}")
@@ -195,6 +195,11 @@ def _check_input(entry: InputSettings, kinds: tuple[str, ...]) -> None:
         raise SettingsError(f"{place}: kind must be one of {', '.join(kinds)}, got {entry.kind!r}")
     if entry.sensitivity == 0.0 or not math.isfinite(entry.sensitivity):
         raise SettingsError(f"{place}: sensitivity must be finite and not 0, got {entry.sensitivity:g}")
+    for name in ("zero", "offset"):
+        if not math.isfinite(getattr(entry, name)):
+            raise SettingsError(f"{place}: {name} must be finite, got {getattr(entry, name):g}")
+    if entry.kind == "digital" and entry.unit not in {"", "1"}:
+        raise SettingsError(f"{place}: unit must be left out for a digital input, which is 0 or 1, got {entry.unit!r}")
     if not 0.0 < entry.range < math.inf:
         raise SettingsError(f"{place}: range must be > 0 V, got {entry.range:g}")
     _check_kind(entry, place)

@@ -77,7 +77,7 @@ def preview(
     low, high = stretches.min(axis=2), stretches.max(axis=2)
     channels = {}
     for entry, a, b in zip(inputs, low, high, strict=True):
-        ends = np.sort(np.stack([a, b]) / entry.overall_sensitivity + entry.offset, axis=0)
+        ends = np.sort(np.stack([a, b]) / entry.overall_sensitivity + entry.overall_offset, axis=0)
         channels[entry.name] = ends.T.tolist()
     told = {"start": start, "step": width / rate, "channels": channels}
     return told if sweep is None else {**told, "sweep": sweep}

@@ -145,7 +145,7 @@ class Waiting:
         AttemptError
             `no_trigger`, when the time is over.
         """
-        values = block[self._row] / self._entry.overall_sensitivity + self._entry.offset
+        values = block[self._row] / self._entry.overall_sensitivity + self._entry.overall_offset
         self._blocks.append(block)
         self._kept += block.shape[1]
         self._taken += block.shape[1]

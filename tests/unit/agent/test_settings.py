@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agent.errors import SettingsError
+from agent.measuring import described
 from agent.settings_file import read
+from agent.sweeping import preview
+from agent.triggering import Trigger, Waiting
 
 GOOD = """
 [service]
@@ -142,3 +146,36 @@ def test_the_examples_of_the_manual_are_settings(tmp_path) -> None:
     assert agent is not None
     made = settings(tmp_path, agent[1])
     assert (made.rig.name, made.inputs[0].calibration.due, made.outputs[0].slew) == ("bench-1", "2027-03-02", 500.0)
+
+
+def test_a_sensor_of_4_to_20_ma_is_zero_at_4_ma(tmp_path) -> None:
+    """0 to 10 bar (IEC 60381-1): 12 mA are the middle, 5 bar; told to the service, triggers and previews alike."""
+    path = tmp_path / "agent.toml"
+    scaled = 'unit = "bar"\nkind = "current"\nrange = 0.02\nsensitivity = 0.0016\nzero = 0.004'
+    path.write_text(GOOD.replace("sensitivity = 2", scaled))
+    settings = read(path, {}, {})
+    (pressure,) = settings.inputs
+    milliamperes = np.array([[0.004, 0.012, 0.020]])
+    channel = described(pressure)
+    assert channel["scale"] * milliamperes + channel["offset"] == pytest.approx(np.array([[0.0, 5.0, 10.0]]), abs=1e-12)
+    (told,) = settings.channels()["inputs"]
+    assert told["offset"] == channel["offset"] == pytest.approx(-2.5)
+    assert "zero" not in told  # the service knows one number for both
+    shown = preview(settings.inputs, milliamperes, start=0.0, rate=1.0, width=1)
+    assert shown is not None
+    assert np.array(shown["channels"]["position"])[:, 0] == pytest.approx([0.0, 5.0, 10.0], abs=1e-12)
+    level = Trigger(channel="position", when="enters", low=5.0)
+    waiting = Waiting(level, settings.inputs, rate=1.0, before=0)
+    assert waiting.take(milliamperes)
+    assert waiting.at == 1
+
+
+def test_a_digital_input_has_no_unit(tmp_path) -> None:
+    path = tmp_path / "agent.toml"
+    line = GOOD.replace('channel = "Dev1/ai0"\nsensitivity = 2', 'channel = "Dev1/port0/line0"\nkind = "digital"')
+    path.write_text(line)
+    settings = read(path, {}, {})
+    assert described(settings.inputs[0])["unit"] == settings.channels()["inputs"][0]["unit"] == ""
+    path.write_text(line.replace('kind = "digital"', 'kind = "digital"\nunit = "V"'))
+    with pytest.raises(SettingsError, match="input position: unit must be left out for a digital input"):
+        read(path, {}, {})
