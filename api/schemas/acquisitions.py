@@ -152,6 +152,7 @@ class RigReply(Reply):
     name: str
     agent: str | None
     seen_at: datetime | None
+    present: bool = Field(description="whether its agent was heard of within a lease: nothing is measured without it")
     created_at: datetime
     document: dict[str, Any]
 

@@ -16,9 +16,10 @@ from api.problems.documents import invalid
 from api.schemas.acquisitions import AcquisitionBody, AcquisitionRequest
 from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
+from api.services.rigs.agents import LEASE, silence
 from api.services.rigs.chains import check_chain
 from storage.errors import NotFoundError
-from storage.models import Acquisition, AcquisitionAttempt, Rig
+from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, Rig
 from storage.models.base import utc_now
 from storage.repositories import (
     AcquisitionRepository,
@@ -152,7 +153,9 @@ def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisitio
         "document": document,
         "job": attempts[-1].job_id,
         "attempts": [_attempt(repository, attempt) for attempt in attempts],
-        "warnings": _due(document["channels"], rig.document) + _seen(document["channels"], attempts[-1].facts),
+        "warnings": _away(session, row, rig)
+        + _due(document["channels"], rig.document)
+        + _seen(document["channels"], attempts[-1].facts),
     }
 
 
@@ -186,6 +189,16 @@ def _attempt(repository: AcquisitionRepository, row: AcquisitionAttempt) -> dict
             for step in repository.follow_ups(row.acquisition_id, row.number)
         ],
     }
+
+
+def _away(session: Session, row: Acquisition, rig: Rig) -> list[dict[str, Any]]:
+    """Say of a measurement that waits that nobody is there to begin it."""
+    silent = silence(session, rig)
+    if row.status != AcquisitionStatus.QUEUED or (silent is not None and silent < LEASE):
+        return []
+    told = "no agent has it" if silent is None else f"it was not for {silent.total_seconds():.0f} s"
+    detail = f"the agent of {rig.name} must be heard of every {LEASE.total_seconds():g} s, {told}: the measurement waits until it is back"
+    return [{"pointer": "/rig", "level": "warning", "detail": detail}]
 
 
 def _due(channels: list[str], rig: Mapping[str, Any]) -> list[dict[str, Any]]:

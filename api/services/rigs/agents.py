@@ -15,6 +15,7 @@ from api.problems.pointers import Place
 from api.schemas.acquisitions import AgentRequest, RigInputDocument, RigOutputDocument
 from api.services.operation.app_context import Caller
 from api.units.conversion import UnitError, to_si
+from storage.clock import shared_now
 from storage.models import Agent, Rig
 from storage.models.base import utc_now
 from storage.repositories import AgentRepository
@@ -117,14 +118,14 @@ def page(session: Session, caller: Caller, *, cursor: str | None, limit: int) ->
 def get_rig(session: Session, caller: Caller, identifier: str) -> dict[str, Any]:
     """Return a rig."""
     repository = AgentRepository(session, caller.workspace)
-    return rig_to_wire(repository, repository.rig(identifier))
+    return rig_to_wire(session, repository.rig(identifier))
 
 
 def rigs(session: Session, caller: Caller, *, cursor: str | None, limit: int) -> dict[str, Any]:
     """Return one page of the rigs, newest first."""
     repository = AgentRepository(session, caller.workspace)
     found = repository.rigs(cursor=cursor, limit=limit)
-    return {"items": [rig_to_wire(repository, row) for row in found.items], "next_cursor": found.next_cursor}
+    return {"items": [rig_to_wire(session, row) for row in found.items], "next_cursor": found.next_cursor}
 
 
 def agent_to_wire(row: Agent, rig: Rig) -> dict[str, Any]:
@@ -143,14 +144,22 @@ def agent_to_wire(row: Agent, rig: Rig) -> dict[str, Any]:
     }
 
 
-def rig_to_wire(repository: AgentRepository, row: Rig) -> dict[str, Any]:
+def silence(session: Session, rig: Rig) -> timedelta | None:
+    """Return for how long nothing was heard of a rig's agent; None for a rig that no agent has."""
+    agent = session.get(Agent, rig.agent_id, populate_existing=True) if rig.agent_id else None
+    return None if agent is None else abs(shared_now(session) - agent.seen_at)
+
+
+def rig_to_wire(session: Session, row: Rig) -> dict[str, Any]:
     """Return a rig as it was registered last."""
-    agent = repository.get(row.agent_id) if row.agent_id else None
+    agent = session.get(Agent, row.agent_id, populate_existing=True) if row.agent_id else None
+    silent = silence(session, row)
     return {
         "id": row.id,
         "name": row.name,
         "agent": row.agent_id,
         "seen_at": agent.seen_at.isoformat() if agent else None,
+        "present": silent is not None and silent < LEASE,
         "created_at": row.created_at.isoformat(),
         "document": row.document,
     }

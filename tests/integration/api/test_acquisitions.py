@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from datetime import timedelta
 from typing import Any
@@ -279,6 +280,28 @@ def test_an_attempt_without_a_word_is_lost_and_never_repeated_by_itself(client, 
     done = client.get(here).json()
     assert [attempt["status"] for attempt in done["attempts"]] == ["lost", "done"]
     assert len({attempt["dataset"] for attempt in done["attempts"]}) == 2
+
+
+def test_a_rig_whose_agent_is_gone_says_so_and_a_measurement_that_waits_for_it(client, service, agent, request) -> None:
+    name = request.node.name
+    rig = f"/v1/rigs/{client.get(f'/v1/agents/{agent}').json()['rig_id']}"
+    first = _ask(client, name)
+    assert client.get(rig).json()["present"] is True
+    assert not [warning for warning in first["warnings"] if warning["pointer"] == "/rig"]
+    claim = _claim(client, agent)
+    _age(service, claim["acquisition"], seconds=60)
+    assert client.get(rig).json()["present"] is False
+    assert {entry["name"]: entry["present"] for entry in client.get("/v1/rigs").json()["items"]}[name] is False
+    asked = _ask(client, name)
+    (told,) = (warning for warning in asked["warnings"] if warning["pointer"] == "/rig")
+    assert told["level"] == "warning"
+    assert re.fullmatch(
+        rf"the agent of {re.escape(name)} must be heard of every 30 s, it was not for 9\d s: the measurement waits until it is back",
+        told["detail"],
+    )
+    assert client.post(f"/v1/agents/{agent}/claim").status_code == 200  # it is back
+    begun = client.get(f"/v1/acquisitions/{asked['id']}").json()
+    assert not [warning for warning in begun["warnings"] if warning["pointer"] == "/rig"]
 
 
 def test_a_cancelled_attempt_is_taken_from_its_agent(client, agent, request) -> None:

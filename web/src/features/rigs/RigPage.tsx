@@ -48,6 +48,11 @@ export function RigPage() {
       </PageHead>
       <Stack gap="lg">
         <ProblemAlert error={remove.error ?? acquisitions.error ?? templates.error} />
+        {agent && presence(agent) === "away" && (
+          <Text fz="sm" c="orange" data-testid="away">
+            {t("rigs.seen")}: <When at={agent.seen_at} />
+          </Text>
+        )}
         <Hardware document={document} />
         <section>
           <Title order={2} mb="xs">
