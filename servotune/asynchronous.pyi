@@ -8,6 +8,7 @@ from typing import Any, Generic, Literal, Self, type_check_only
 
 from servotune.access import Key, Workspace
 from servotune.acquisitions import Acquisition, Unset
+from servotune.comments import Comment
 from servotune.documents import Document, SystemLike
 from servotune.events import Event
 from servotune.jobs import ResultT
@@ -99,6 +100,13 @@ class AsyncCatalog:
     async def metrics(self) -> list[CatalogItem]: ...
     async def methods(self) -> list[CatalogItem]: ...
     async def signals(self) -> list[CatalogItem]: ...
+
+@type_check_only
+class AsyncComments:
+    async def create(self, about: str, text: str) -> Comment: ...
+    async def get(self, comment: str) -> Comment: ...
+    def list(self, *, about: str | None = ...) -> AsyncIterator[Comment]: ...
+    async def delete(self, comment: str) -> None: ...
 
 @type_check_only
 class AsyncDatasets:
@@ -227,6 +235,7 @@ class AsyncClient:
     systems: AsyncSystems
     datasets: AsyncDatasets
     jobs: AsyncJobs
+    comments: AsyncComments
     lineage: AsyncLineage
     schedules: AsyncSchedules
     acquisitions: AsyncAcquisitions

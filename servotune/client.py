@@ -11,6 +11,7 @@ from typing import Any, Self, cast
 from servotune.access import Keys, Workspaces
 from servotune.acquisitions import Acquisitions
 from servotune.catalog import Catalog
+from servotune.comments import Comments
 from servotune.datasets import Datasets
 from servotune.errors import ApiError, ServiceUnreachableError
 from servotune.jobs import Jobs
@@ -35,6 +36,8 @@ class Client(Studies, Measured, Searches):
         Recordings.
     jobs : Jobs
         Long work.
+    comments : Comments
+        What people write about systems, recordings and results.
     lineage : Lineage
         What was made from what; one file that repeats it elsewhere.
     acquisitions : Acquisitions
@@ -56,6 +59,7 @@ class Client(Studies, Measured, Searches):
         self.systems = Systems(transport)
         self.datasets = Datasets(transport)
         self.jobs = Jobs(transport)
+        self.comments = Comments(transport)
         self.lineage = Lineage(transport)
         self.schedules = Schedules(transport)
         self.acquisitions = Acquisitions(transport)

@@ -14,6 +14,7 @@ from storage.models.acquisition import (
 )
 from storage.models.base import Base
 from storage.models.blob import Blob, BlobChunk
+from storage.models.comment import Comment
 from storage.models.dataset import ChannelBlock, Dataset, DatasetSegment, DatasetStatus
 from storage.models.idempotency import Idempotency
 from storage.models.job import Elected, Job, JobEvent, JobState, JobStatus, JobTally, Priority, Worker
@@ -39,6 +40,7 @@ __all__ = [
     "Blob",
     "BlobChunk",
     "ChannelBlock",
+    "Comment",
     "Dataset",
     "DatasetSegment",
     "DatasetStatus",

@@ -7,6 +7,7 @@ from storage.repositories.acquisitions import AcquisitionRepository
 from storage.repositories.agents import AgentRepository
 from storage.repositories.alerts import AlertRepository
 from storage.repositories.api_keys import ApiKeyRepository, authenticate, note_uses
+from storage.repositories.comments import CommentRepository
 from storage.repositories.datasets import DatasetRepository
 from storage.repositories.idempotency import Answer, Claim, IdempotencyRepository
 from storage.repositories.jobs import JobRepository
@@ -28,6 +29,7 @@ __all__ = [
     "Answer",
     "ApiKeyRepository",
     "Claim",
+    "CommentRepository",
     "DatasetRepository",
     "IdempotencyRepository",
     "JobRepository",

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import and_, select, update
+from sqlalchemy import and_, delete, select, update
 from sqlalchemy.orm import Session
 
 from storage import quotas
@@ -14,7 +14,7 @@ from storage.audit import record
 from storage.errors import NotFoundError, RevisionConflictError
 from storage.ids import new_id
 from storage.lineage import model_key, remember
-from storage.models import System, SystemRevision
+from storage.models import Comment, System, SystemRevision
 from storage.models.base import MAX_INTEGER, Document, utc_now
 from storage.pagination import Page, paginate
 from storage.upcasting import CURRENT, upcast
@@ -116,8 +116,9 @@ class SystemRepository:
         return stored
 
     def delete(self, identifier: str, *, expected_revision: int) -> None:
-        """Hide a system; its revisions stay for the results that used them. Raises as `update` does."""
+        """Hide a system; its revisions stay for the results that used them, its comments go. Raises as `update` does."""
         self._move(identifier, expected_revision, deleted_at=utc_now())
+        self._session.execute(delete(Comment).where(Comment.system_id == identifier))
         record(self._session, self._workspace_id, "system.delete", identifier, revision=expected_revision)
 
     def page(self, *, cursor: str | None = None, limit: int = 100) -> Page[System]:

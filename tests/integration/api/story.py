@@ -176,6 +176,10 @@ def _studies(ask: Callable[..., Any]) -> None:
     )  # fmt: skip
     ask("GET /v1/results", query={"kind": "simulation"})
     ask("GET /v1/results/{identifier}", identifier=result["id"])
+    said = ask("POST /v1/comments", body={"about": result["id"], "text": "Overshoots with kp = 8: keep 4."})["id"]
+    ask("GET /v1/comments", query={"about": result["id"]})
+    ask("GET /v1/comments/{identifier}", identifier=said)
+    ask("DELETE /v1/comments/{identifier}", headers={"If-Match": '"1"'}, identifier=said)
 
 
 def _functions(story: Story, wait: Callable[[dict[str, Any]], Any]) -> None:

@@ -40,7 +40,9 @@ def things(client, service) -> Iterator[Things]:
     template = client.post("/v1/acquisition-templates", json=measurement).json()
     acquisition = client.post("/v1/acquisitions", json=measurement).json()
     webhook = client.post("/v1/webhooks", json=WEBHOOK | {"name": MARK}).json()
+    comment = client.post("/v1/comments", json={"about": system, "text": MARK}).json()
     yield {
+        "comments": comment["id"],
         "webhooks": webhook["id"],
         "alerts": _alert(service.database_url),
         "agents": agent["id"],
@@ -172,6 +174,12 @@ REFERRING: dict[str, list[Any]] = {
     "POST /v1/acquisitions": [
         lambda _: MEASUREMENT | {"rig": MARK},
         lambda t: {"template": t["acquisition-templates"]},
+    ],
+    "POST /v1/comments": [
+        lambda t: {"about": t["systems"], "text": "mine"},
+        lambda t: {"about": t["datasets"], "text": "mine"},
+        lambda t: {"about": t["jobs"], "text": "mine"},
+        lambda t: {"about": t["results"], "text": "mine"},
     ],
     "POST /v1/keys": [lambda t: {"name": "x", "scopes": ["admin"], "workspace": t["workspaces"]}],
 }

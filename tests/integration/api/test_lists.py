@@ -68,6 +68,7 @@ ADD: dict[str, Callable[[Room, int], Any]] = {
     "/v1/agents": lambda room, n: room.post("/v1/agents", AGENT | {"name": f"agent {n}", "rig": f"bench-of-{n}"}),
     "/v1/alerts": Room.raise_alert,
     "/v1/audit": Room.revise,
+    "/v1/comments": lambda room, n: room.post("/v1/comments", {"about": room.ids["systems"], "text": f"comment {n}"}),
     "/v1/datasets": lambda room, n: room.post("/v1/datasets", RAW),
     "/v1/datasets/{identifier}/segments": Room.send,
     "/v1/jobs": lambda room, n: room.post("/v1/optimizations", OPTIMIZATION | {"system": LAG}),

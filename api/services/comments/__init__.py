@@ -1,0 +1,1 @@
+"""Comments on what is stored and computed."""
