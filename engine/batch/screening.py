@@ -1,10 +1,10 @@
 """Fast metrics of many candidates of one diagram: what an optimiser looks at, never what a user is shown.
 
-Of linear systems without delays the compiled kernels answer steps, loops and paths, and `engine.batch.linear` responses to every other
-command, integrals and poles; of nonlinear ones responses to any command are marched, where their laws are formulas of the instant. Each
-metric is evaluated by its own evaluator, so that none waits for another. Everything else, and every candidate for which the kernels cannot
-vouch, goes to the batched collocation of `engine.batch.collocation.screening`; what that cannot vouch for either is flagged doubtful and belongs
-to the exact path.
+Of linear systems without delays the compiled kernels answer steps, loops and paths; `engine.batch.linear` answers responses with delays, to
+every other command, integrals and poles. Of nonlinear systems responses to any command are marched, where their laws are formulas of the
+instant. Each metric is evaluated by its own evaluator, so that none waits for another. Everything else, and every candidate for which these
+cannot vouch, goes to the batched collocation of `engine.batch.collocation.screening`; what that cannot vouch for either is flagged doubtful and
+belongs to the exact path.
 """
 
 from __future__ import annotations
