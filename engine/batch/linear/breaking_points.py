@@ -29,9 +29,9 @@ def announce(channels: Channels, instant: Any, round_: Whole, inflow: int, order
     while place > 0 and channels.kinks[place - 1].real > instant.real - near:
         place -= 1
     if place < count and abs(channels.kinks[place].real - instant.real) <= near:
-        rough = order == 0
+        rough = order <= 1
         for k in range(own):
-            rough = rough or channels.jumps[place, 1, k] == 0
+            rough = rough or channels.jumps[place, 1, k] <= 1
         if rough and channels.kinks[place].imag != instant.imag:
             return False  # two jumps at one instant that move apart
         for k in range(own):
@@ -73,6 +73,15 @@ def _went_in(times: Real, series: Series, base: Series, count: int, instant: flo
     piece = piece_at(times, count, first_at(times, count, instant - near), instant, near, right)
     u = 2.0 * (instant - times[piece]) / (times[piece + 1] - times[piece]) - 1.0
     return (value_at(series[piece], SIZE, u) + base[piece]).real  # type: ignore[no-any-return]
+
+
+@compiled
+def bends(channels: Channels) -> bool:
+    """Whether a slope of what is watched may jump at the earliest instant."""
+    found = False
+    for k in range(channels.delays.shape[0]):
+        found = found or channels.jumps[0, 1, k] <= 1
+    return found
 
 
 @compiled

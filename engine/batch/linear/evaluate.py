@@ -233,11 +233,11 @@ def _climbing(
 
 @compiled
 def _shared(unit: float, channels: Channels) -> float:
-    """Return a unit, no longer, in pieces of which the first delay is whole: it ends where a piece does."""
-    if channels.delays.shape[0] == 0 or not 0.0 < unit < math.inf:
-        return unit
-    own = float(channels.delays[0].real) / PARTS
-    if own < unit:
+    """Return a unit, no longer, in pieces of which the shortest delay is whole: jumps come back at every one, and a wider piece holds none."""
+    own = math.inf
+    for j in range(channels.delays.shape[0]):
+        own = min(own, channels.delays[j].real / PARTS)
+    if own == math.inf or not 0.0 < unit < math.inf:
         return unit
     while own > unit:
         own *= 0.5
@@ -274,7 +274,7 @@ def evaluate(
         np.zeros((LEVELS, count, SIZE, size), kind), np.zeros((4, size, size), kind), np.zeros((SIZE, size), kind),
     )  # fmt: skip
     pieces = Pieces(
-        np.zeros(MOST_PIECES + 1), np.zeros((count, MOST_PIECES, SIZE), kind), np.zeros((count, MOST_PIECES), kind),
+        np.zeros(MOST_PIECES + 1), np.zeros(MOST_PIECES + 1, kind), np.zeros((count, MOST_PIECES, SIZE), kind), np.zeros((count, MOST_PIECES), kind),
         np.zeros(corners + 1, np.int64), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros((count, SIZE), kind),
         np.zeros(size, kind), np.zeros(size + count + 32, kind), np.zeros((32, size), kind), np.zeros(3, np.int64),
         np.zeros(1),

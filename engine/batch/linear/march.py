@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from engine.batch.linear.breaking_points import go_on, strike
+from engine.batch.linear.breaking_points import bends, go_on, strike
 from engine.batch.linear.channel_maps import prepare, widen
 from engine.batch.linear.channels import Channels, arrive, join
 from engine.batch.linear.compiled import compiled
@@ -79,6 +79,7 @@ def follow(
     for r in range(rows.shape[0]):
         pieces.scale[r] = 0.0
     pieces.times[0] = pieces.moving[0] = plan.times[0]
+    pieces.shifts[0] = 0.0 * x0[0]
     for corner in range(corners):
         now = plan.times[corner]
         pieces.marks[corner] = pieces.progress[2]
@@ -99,6 +100,8 @@ def follow(
             struck = 1 if corner == 0 and plan.impulses[k] != 0.0 else struck
         for k in range(jumps.shape[1]):
             jumped = jumped or jumps[corner, k] != 0.0
+        if jumped and pieces.shifts[pieces.progress[2]] != 0.0:
+            return -1  # two kinks at one instant that move apart
         if delayed and (struck > 0 or jumped):
             for k in range(channels.first.shape[0]):
                 channels.steps[0, k] = max(channels.first[k] - struck, 0)
@@ -115,7 +118,13 @@ def follow(
                 break
             now = target
             count = pieces.progress[2]
+            kinked = False
             while delayed and channels.waiting[0] > 0 and channels.kinks[0].real <= now * (1.0 + _NOTHING):
+                if bends(channels):
+                    shift = channels.kinks[0] - channels.kinks[0].real
+                    if kinked and pieces.shifts[count] != shift:
+                        return -1
+                    pieces.shifts[count], kinked = shift, True
                 if not strike(channels, pieces.times, pieces.series, pieces.base, count, z, pieces.scale):
                     return -1
     pieces.marks[corners] = pieces.progress[2]
@@ -189,9 +198,9 @@ def _stretch(
         if finish < math.inf and left <= _NOTHING * finish:
             left, now = 0.0, finish
         count += 1
-        pieces.times[count] = now
+        pieces.times[count], pieces.shifts[count] = now, 0.0 * z[0]
     if left > 0.0 and finish < math.inf:
-        pieces.times[count] = finish
+        pieces.times[count], pieces.shifts[count] = finish, 0.0 * z[0]
     pieces.progress[0], pieces.progress[1], pieces.progress[2] = level, top, count
     return 1
 

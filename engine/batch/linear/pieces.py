@@ -24,10 +24,12 @@ class Plan(NamedTuple):
 class Pieces(NamedTuple):
     """``times`` (P + 1,), ``series`` (R, P, 17) and ``base`` (R, P) that is added to them; ``marks`` (corners + 1,): first piece behind each.
 
+    ``shifts`` (P + 1,) are the infinitesimals of those times at which a slope may jump; series are those at real times all the same.
     ``progress`` (3,) are level, highest level made and number of pieces, ``moving`` (1,) when anything moved last, s.
     """
 
     times: Real
+    shifts: Series
     series: Series
     base: Series
     marks: Whole

@@ -60,6 +60,18 @@ def instant_of(pieces: Pieces, p: int, u: Any) -> Any:
 
 
 @compiled
+def end_of(pieces: Pieces, series: Series, p: int, side: int) -> Any:
+    """Return a series of piece ``p`` at an end of the piece, which may move with a parameter."""
+    value, shift = right_end(series) if side else left_end(series), pieces.shifts[p + side]
+    if shift != 0.0:
+        slope = 0.0 * value
+        for k in range(1, SIZE):
+            slope = slope + k * k * (series[k] if side == 1 or k % 2 == 1 else -series[k])
+        value = value + slope * shift * (2.0 / (pieces.times[p + 1] - pieces.times[p]))
+    return value
+
+
+@compiled
 def extreme(pieces: Pieces, room: Room, r: int, first: int, stop: int, sign: float) -> Any:
     """Return (largest of sign y, piece, u) over pieces; the earliest among equals. u is 2 where roots cannot be told."""
     best, piece, place = -math.inf, first, -1.0
@@ -68,7 +80,7 @@ def extreme(pieces: Pieces, room: Room, r: int, first: int, stop: int, sign: flo
     for p in range(first, stop):
         series, base = pieces.series[r, p], pieces.base[r, p]
         for side in range(2):
-            end = sign * (base + (right_end(series) if side else left_end(series)))
+            end = sign * (base + end_of(pieces, series, p, side))
             if end.real > best + least:
                 best, value, piece, place = end.real, end, p, (1.0 if side else -1.0)
     for p in range(first, stop):

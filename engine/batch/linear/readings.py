@@ -17,6 +17,7 @@ from engine.batch.linear.primitives import (
     ROUNDING,
     Room,
     absolute,
+    end_of,
     extreme,
     first_crossing,
     instant_of,
@@ -29,7 +30,6 @@ from engine.batch.linear.series import (
     SIZE,
     differentiate,
     integral_of_square,
-    left_end,
     right_end,
     roots,
     spread_of,
@@ -295,7 +295,7 @@ def _beside_lines(wanted: Wanted, pieces: Pieces, room: Room, k: int) -> Any:
                 total = total + integral_of_square(room.series) * half
                 continue
             for end in range(2):
-                here = line[6] * (right_end(room.series) if end else left_end(room.series))
+                here = line[6] * end_of(pieces, room.series, p, end)
                 if here.real > worst.real:
                     worst = here
             if line[6] * room.series[0].real + spread_of(room.series) <= worst.real:

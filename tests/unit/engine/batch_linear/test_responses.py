@@ -232,6 +232,21 @@ def test_a_goal_does_not_change_another_ones_value() -> None:
     np.testing.assert_allclose(moved.values, found.values, rtol=1e-11)
 
 
+def test_a_peak_at_the_instant_at_which_a_delay_comes_back_moves_with_it() -> None:
+    """The controller sees an error of 1 up to tau, so that it gives 1 + t, and less from there on: its peak is 1 + tau."""
+    delayed = system(
+        {"u": block("input"), "e": block("sum", signs="+-"), "pi": block("pi", kp=1.0, ki=1.0), "wait": block("delay", time="=tau"),
+         "plant": block("integrator", gain=3.0)},
+        ["u -> e.in1", "e -> pi", "pi -> wait", "wait -> plant", "plant -> e.in2"], {"control": "pi"}, {"tau": 0.1},
+    )  # fmt: skip
+    request = MetricRequest(metric="peak", signals={"u": make("step", {})}, output="control")
+    tau = np.array([0.08, 0.1])
+    found = Responses(delayed, [request], ["tau"])({"tau": tau * (1.0 + 1e-30j)})
+    assert not found.doubtful.any()
+    np.testing.assert_allclose(found.values[:, 0].real, 1.0 + tau, rtol=1e-13)
+    np.testing.assert_allclose(found.values[:, 0].imag / 1e-30, tau, rtol=1e-12)
+
+
 def test_a_delay_that_comes_in_is_followed() -> None:
     """y = 1 - e^-(t - tau) behind the delay, so that the integral of |1 - y| within 1 s is tau + 1 - e^-(1 - tau)."""
     delayed = system(
