@@ -88,6 +88,7 @@ ALLOWED = {
     "* /v1/session": {"read", "write", "run", "acquire"},
     "* /v1/tickets": {"read", "write", "run", "acquire"},
     "* /v1/systems": {"write"},
+    "* /v1/comments": {"write"},
     "DELETE /v1/datasets": {"write"},
     "* /v1/datasets": {"write", "acquire"},
     "POST /v1/agents": {"acquire"},

@@ -1,4 +1,4 @@
-import { Badge, Button, Group, Stack, Table, Text, Title } from "@mantine/core";
+import { Alert, Badge, Button, Group, Stack, Table, Text, Title } from "@mantine/core";
 import { useInfiniteQuery, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { Link, useParams } from "react-router";
@@ -49,9 +49,9 @@ export function RigPage() {
       <Stack gap="lg">
         <ProblemAlert error={remove.error ?? acquisitions.error ?? templates.error} />
         {agent && presence(agent) === "away" && (
-          <Text fz="sm" c="orange" data-testid="away">
+          <Alert color="orange" variant="outline" role="status" data-testid="away">
             {t("rigs.seen")}: <When at={agent.seen_at} />
-          </Text>
+          </Alert>
         )}
         <Hardware document={document} />
         <section>
