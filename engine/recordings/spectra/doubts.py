@@ -1,7 +1,8 @@
 """Systematic errors of an averaged frequency response function that its data give away.
 
 A resonance needs at least eight lines within its half-power width B = 2 ζ ω0, or its peak is read too low; a record that is
-neither periodic nor at rest at its ends needs a window; a delay τ between the channels costs the part τ/T of a segment.
+neither periodic nor at rest at its ends needs a window; a delay τ between the channels costs the part τ/T of a segment; periods
+that are not like those between them (a response that has not settled) move the mean of all.
 
 References
 ----------
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.exact.frequency.fourier import Real
+from engine.exact.frequency.fourier import Complex, Real
 from engine.recordings.spectra.crossed import Crossed
 from engine.recordings.spectra.frf import Doubt, Frf
 from engine.recordings.spectra.stretches import Samples, stretches
@@ -28,6 +29,12 @@ _REPEATS = 0.02  # relative difference of segments of a periodic input
 _REST = 1e-3  # of the largest value: an end that is at rest
 _LOST = 0.05  # of a segment
 _MOST = 10
+_OFF = 0.001  # of H, by the first and the last period: less does not matter
+_OFF_PERHAPS = 0.005  # the same, where too few periods tell it from noise
+_CERTAINLY = 0.999  # probability of ends that are like what is between them
+_TOLD_APART = 4  # periods of which two are neither the first nor the last
+_BANDS, _OF_BAND = 8, 8  # bands that are looked at by themselves, and lines that one has at least
+_MEDIAN = float(np.log(2))  # of the square of a complex normal number, over its mean
 
 
 def resonance_doubts(frf: Frf) -> list[Doubt]:
@@ -119,3 +126,52 @@ def delay_doubts(found: Crossed, length: float) -> list[Doubt]:
         "that part: take longer segments, or shift one channel"
     )
     return [Doubt(kind="delay", detail=detail)]
+
+
+def fading_doubts(x: Complex, y: Complex) -> list[Doubt]:
+    """Return a doubt where the first or the last of some periods moves the response function: no steady state is there.
+
+    It is held against that of the periods between them, whose scatter tells the noise. A drive that fades in and out costs
+    nothing by itself: a record that begins and ends at rest holds the whole response to the whole input.
+
+    Parameters
+    ----------
+    x, y : ndarray of complex, shape (periods, lines)
+        Lines of each period, of the input and of the response.
+    """
+    count, lines = x.shape
+    if count < 2:
+        return []
+    told_apart = count >= _TOLD_APART
+    inner = slice(1, -1 if told_apart else 2)
+    left = (y - y[inner].mean(axis=0) / x[inner].mean(axis=0) * x) / np.abs(y.mean(axis=0))
+    # a transient is smooth over frequency, and largest near a resonance
+    bands = np.array_split(left, max(1, min(lines // _OF_BAND, _BANDS)), axis=1)
+    sizes = [_moved(band, band[inner] if told_apart else None, chance=(1 - _CERTAINLY) / len(bands)) for band in bands]
+    size, left = max(sizes), bands[int(np.argmax(sizes))]
+    if size < (_OFF if told_apart else _OFF_PERHAPS):
+        return []
+    end, remedy = ("last", "the end of `part`") if _typical(left[-1]) > _typical(left[0]) else ("first", "`settle`")
+    doubt = "" if told_apart else f", or it is noise, which {count} periods cannot tell"
+    detail = (
+        f"the {end} of {count} periods moves the response by some {size:.1%}: it had not settled, or the drive fades "
+        f"there{doubt}; leave it out by {remedy}"
+    )
+    return [Doubt(kind="not_settled", detail=detail)]
+
+
+def _moved(left: Complex, inner: Complex | None, *, chance: float) -> float:
+    """Return how far the mean of all periods lies from that of the inner ones, relative; 0 where their scatter explains it."""
+    off = _typical(left.mean(axis=0))
+    if inner is None:
+        return float(np.sqrt(off))
+    from scipy.stats import f  # noqa: PLC0415 - a third of a second
+
+    lines = left.shape[1]
+    noise = float(np.median(inner.var(axis=0, ddof=1))) / _MEDIAN * (1 / len(inner) - 1 / len(left))
+    return float(np.sqrt(off - noise)) if off > float(f.isf(chance, lines, lines)) * noise else 0.0
+
+
+def _typical(values: Complex) -> float:
+    """Return the mean square of lines, told by their median: a few weak ones say nothing of the others."""
+    return float(np.median(np.abs(values) ** 2)) / _MEDIAN

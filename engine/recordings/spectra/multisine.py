@@ -9,6 +9,7 @@ import numpy as np
 
 from engine.exact.frequency.fourier import Real
 from engine.model.errors import SpectrumError
+from engine.recordings.spectra.doubts import fading_doubts
 from engine.recordings.spectra.frf import Doubt, Frf, check_pair
 from engine.recordings.spectra.periodic import repeated
 
@@ -68,6 +69,7 @@ def multisine_frf(x: Real, y: Real, rate: float, *, period: float, settle: float
                 "not settled (leave more out by `settle`), or the system changes"
             )
             doubts = (Doubt(kind="not_settled", detail=detail),)
+    doubts = doubts or tuple(fading_doubts(left[:, lines], right[:, lines]))
     return Frf(
         frequency=2 * np.pi * rate / length * lines.astype(np.float64),
         value=found.value,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -215,6 +216,60 @@ def test_a_multisine_that_has_not_settled_is_doubted() -> None:
     x = np.tile(multisine(19, int(RATE) * 4), 5)
     late = multisine_frf(x, plant.drive(x), RATE, period=4.0)
     assert [doubt.kind for doubt in late.doubts] == ["not_settled"]
+
+
+def faded(x: np.ndarray, period: int, *, begin: float, end: float) -> np.ndarray:
+    """Return a drive with half cosines over some periods at its ends, as the agent plays it (agent/safety.py)."""
+    k = np.arange(x.size)
+    for periods, place in ((begin, k), (end, x.size - 1 - k)):
+        if periods:
+            x = x * (0.5 - 0.5 * np.cos(np.pi * np.clip(place / (periods * period), 0, 1)))
+    return x
+
+
+@pytest.mark.parametrize("noisy", [0.0, 0.001])
+@pytest.mark.parametrize(
+    ("periods", "begin", "end", "says"),
+    [
+        (
+            2,
+            0.0,
+            0.0,
+            "the first of 2 periods .* or it is noise, which 2 periods cannot tell; leave it out by `settle`",
+        ),
+        (3, 0.0, 0.0, "the first of 3 periods"),
+        (3, 0.15, 0.0, "the first of 3 periods"),
+        (6, 0.0, 0.15, "(first|last) of 6 periods"),
+        (12, 0.0, 0.0, "12 periods|the lines change"),
+    ],
+)
+def test_periods_in_which_nothing_has_settled_are_told(periods, begin, end, says, noisy) -> None:
+    """Against H(z) of the plant: they cost half a percent and more, which no band shows; without them nothing is told."""
+    period, plant = int(RATE), Plant(frequency=24.0, damping=0.01)  # dies away with 0.66 s
+    x = faded(np.tile(multisine(24, period), periods), period, begin=begin, end=end)
+    y = plant.drive(x)
+    y += noise(25, y.size, noisy * y.std())
+    whole = multisine_frf(x, y, RATE, period=1.0)
+    assert np.abs(whole.value / plant.response(whole.frequency) - 1).max() > 0.005
+    (doubt,) = whole.doubts
+    assert doubt.kind == "not_settled"
+    assert re.search(says, doubt.detail), doubt.detail
+
+
+def test_a_drive_that_fades_in_and_out_costs_nothing_by_itself() -> None:
+    """A record that begins and ends at rest holds the whole response to the whole input: Y = H X without a window."""
+    period, rest, plant = int(RATE), int(RATE) // 10, Plant(frequency=100.0, damping=0.3)  # dies away with 5 ms
+    x = faded(np.tile(multisine(27, period), 8)[:-rest], period, begin=0.1, end=0.1)
+    x = np.concatenate([x, np.zeros(rest)])
+    found = multisine_frf(x, plant.drive(x), RATE, period=1.0)
+    assert np.abs(found.value / plant.response(found.frequency) - 1).max() < 1e-6
+    assert found.doubts == ()
+
+
+def test_noise_alone_is_not_taken_for_something_that_fades() -> None:
+    x = np.tile(multisine(26, int(RATE)), 5)
+    told = [multisine_frf(x, 2 * x + noise(seed, x.size, 2.0), RATE, period=1.0).doubts for seed in range(20)]
+    assert told == [()] * 20
 
 
 def stepped(hertz: list[float], seconds: float) -> tuple[np.ndarray, list[SineStep]]:
