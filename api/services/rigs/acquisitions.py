@@ -18,6 +18,7 @@ from api.services.operation.app_context import Caller, Installation
 from api.services.recordings.datasets import channel_reader
 from api.services.rigs.agents import LEASE, silence
 from api.services.rigs.chains import check_chain
+from api.services.rigs.repetitions import joints
 from storage.errors import NotFoundError
 from storage.models import Acquisition, AcquisitionAttempt, AcquisitionStatus, Rig
 from storage.models.base import utc_now
@@ -43,6 +44,8 @@ class Prepared:
     document: dict[str, Any]
     request: dict[str, Any]
     rig: Rig
+    periodic: dict[str, float] | None
+    """Of a drive that repeats by itself: its `period`, s, and the `fastest` of its sines, rad/s."""
 
 
 def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) -> Prepared:
@@ -64,8 +67,8 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
             rig = AgentRepository(session, caller.workspace).rig_named(body.rig)
         except NotFoundError as error:
             raise invalid(f"rig must be one that an agent has registered, got {body.rig!r}", "rig") from error
-    told = agent_request(body, rig.document, read_channel=channel_reader(service, caller))
-    check_against_rig(body, told, rig.document)
+    told, wish = agent_request(body, rig.document, read_channel=channel_reader(service, caller))
+    check_against_rig(body, told, rig.document, wish=wish)
     told["trigger"] = agent_trigger(body, told, rig.document)
     for name in unknown_to_agent(told, rig.document):
         raise invalid(
@@ -73,7 +76,10 @@ def prepare(service: Installation, caller: Caller, request: AcquisitionRequest) 
             "channels" if name == "commanded" else name,
         )
     check_chain(service, caller, body, rig.document)
-    return Prepared(body=body, document=document, request=told, rig=rig)
+    periodic = None
+    if wish is not None and wish.period is not None:
+        periodic = {"period": wish.period, "fastest": wish.fastest}
+    return Prepared(body=body, document=document, request=told, rig=rig, periodic=periodic)
 
 
 def _complete(session: Session, caller: Caller, request: AcquisitionRequest) -> dict[str, Any]:
@@ -94,7 +100,7 @@ def submit(session: Session, caller: Caller, prepared: Prepared) -> dict[str, An
     row = repository.create(
         prepared.rig,
         name=prepared.body.name,
-        document={"request": prepared.document, "told": prepared.request},
+        document={"request": prepared.document, "told": prepared.request, "periodic": prepared.periodic},
         follow_ups=[{"kind": step.kind, "body": step.body} for step in prepared.body.then],
     )
     return to_wire(session, repository, repository.get(row.id))
@@ -154,6 +160,7 @@ def to_wire(session: Session, repository: AcquisitionRepository, row: Acquisitio
         "job": attempts[-1].job_id,
         "attempts": [_attempt(repository, attempt) for attempt in attempts],
         "warnings": _away(session, row, rig)
+        + joints(row.document, attempts[-1].facts)
         + _due(document["channels"], rig.document)
         + _seen(document["channels"], attempts[-1].facts),
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from api.convert.acquisitions import UNITS
+from api.convert.drives import UNITS
 from api.convert.values import check_unit
 from api.problems.documents import Fault, Problem, invalid, invalid_document
 from api.problems.pointers import Place

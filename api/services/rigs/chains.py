@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from api.convert.acquisitions import UNITS
+from api.convert.drives import UNITS
 from api.convert.signals import check_name
 from api.convert.values import overrides_from_wire
 from api.problems.documents import at, invalid

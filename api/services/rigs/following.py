@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Iterator, Mapping
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -141,7 +142,10 @@ def _average(session: Session, caller: Caller, attempt: AcquisitionAttempt) -> s
     request = DatasetRequest(
         name=f"{row.name}, mean of {count}",
         format="raw",
-        start_time=row.start_time,
+        # that of the first sample of the first repetition that is in it
+        start_time=row.start_time + timedelta(seconds=first / row.sample_rate)
+        if row.start_time and row.sample_rate
+        else None,
         sample_rate=row.sample_rate,
         channels=(row.description or {})["channels"],
         origin={

@@ -184,11 +184,11 @@ def test_a_trigger_that_makes_no_sense_is_refused(client, change, pointer, says)
 
 
 def test_a_signal_that_no_agent_knows_is_told_as_its_points(client, agent, request) -> None:
-    profile = {"kind": "s_curve", "distance": 2, "max_velocity": 10, "max_acceleration": 100, "max_jerk": 5000}
+    profile = {"kind": "s_curve", "distance": 0.9, "max_velocity": 10, "max_acceleration": 100, "max_jerk": 5000}
     _ask(client, request.node.name, drive={"output": "valve", "signal": profile})
     told = _claim(client, agent)["request"]["drive"]["signal"]
     assert told["kind"] == "sampled"
-    assert told["values"][-1] == pytest.approx(2, rel=1e-12)  # it arrives at its distance
+    assert told["values"][-1] == pytest.approx(0.9, rel=1e-12)  # it arrives at its distance
     assert len(told["time"]) >= 501
 
 
@@ -366,9 +366,9 @@ def test_a_template_is_asked_for_with_what_differs(client, agent, request) -> No
     made = client.post("/v1/acquisition-templates", json=MEASUREMENT | {"rig": rig})
     assert made.status_code == 201, made.text
     where = made.headers["Location"]
-    asked = client.post("/v1/acquisitions", json={"template": made.json()["id"], "duration": 0.25})
+    asked = client.post("/v1/acquisitions", json={"template": made.json()["id"], "duration": 0.2})
     assert asked.status_code == 202, asked.text
-    assert asked.json()["document"] == MEASUREMENT | {"rig": rig, "duration": 0.25}
+    assert asked.json()["document"] == MEASUREMENT | {"rig": rig, "duration": 0.2}
     open_ended = {"name": "any rig", "sample_rate": 500}
     assert client.put(where, json=open_ended, headers={"If-Match": '"1"'}).json()["revision"] == 2
     missing = client.post("/v1/acquisitions", json={"template": made.json()["id"], "rig": rig})
@@ -481,7 +481,7 @@ def test_an_amplitude_has_the_unit_of_its_output(client, request) -> None:
     rig = request.node.name
     outputs = [RIG["outputs"][0], RIG["outputs"][0] | {"name": "coil", "kind": "current", "amplitude": 0.02}]
     _register(client, rig=rig, document=RIG | {"outputs": outputs})
-    for output, amplitude in (("valve", "3000 mV"), ("coil", "8 mA")):
+    for output, amplitude in (("valve", "900 mV"), ("coil", "8 mA")):
         drive = {"output": output, "signal": {"kind": "step", "amplitude": amplitude}}
         asked = client.post("/v1/acquisitions", json=MEASUREMENT | {"rig": rig, "drive": drive})
         assert asked.status_code == 202, asked.text
