@@ -1,4 +1,4 @@
-"""Which channels the arrays of a container file (MATLAB, HDF5) are: vectors, and the long direction of matrices."""
+"""Which channels the arrays of a container file (MATLAB, HDF5) are: vectors, and the long direction of matrices; when they began."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -168,3 +169,16 @@ def stated_rate(scalars: dict[str, float]) -> tuple[float | None, list[str]]:
             rate = 1.0 / value if plain in _STEP else value
             return rate, [f"{name} = {value:g} is taken for the sample rate, {rate:.12g} samples/s"]
     return None, []
+
+
+def started(text: str, first: float) -> datetime | None:
+    """Return when the first sample of a file was taken, ``first`` s after the start that the file tells; None where it tells none.
+
+    >>> started("2026-11-28T05:00:00+00:00", 1.5)
+    datetime.datetime(2026, 11, 28, 5, 0, 1, 500000, tzinfo=datetime.timezone.utc)
+    >>> started("in the morning", 0.0)
+    """
+    try:
+        return datetime.fromisoformat(text) + timedelta(seconds=first)
+    except (ValueError, OverflowError):
+        return None

@@ -25,7 +25,7 @@ from api.formats import (
     by_channel,
     text_reason,
 )
-from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
+from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, started, stated_rate
 
 _LARGEST_CHUNK, _LARGEST_DENSE = 256 << 20, 32 << 20
 """Bytes of a chunk, which is unpacked as a whole: of any, and of one that is packed as densely as no measurement is."""
@@ -119,8 +119,10 @@ def _recording(
         _text(array.attrs, _UNIT) or frequency_unit(name, names, texts)
         for array, name in zip(arrays, names, strict=True)
     ]
+    start = started(_text(attributes, ("start_time",)), _first(attributes))
     series = [
-        replace(one, sample_rate=rates[part.array]) for one, part in zip(series_of(parts, units), parts, strict=True)
+        replace(one, sample_rate=rates[part.array], start_time=start)
+        for one, part in zip(series_of(parts, units), parts, strict=True)
     ]
 
     def part(channel: int, start: int, stop: int) -> npt.NDArray[Any]:
@@ -142,6 +144,12 @@ def _recording(
         layout={"sample_rate": rate} if rate else {},
         remarks=remarks,
     )
+
+
+def _first(attributes: Mapping[str, Any]) -> float:
+    """Return the instant of the first sample, s, which an export of a stretch has beside the start of the whole recording."""
+    first = attributes.get("t0")
+    return float(first) if isinstance(first, float) and math.isfinite(first) else 0.0
 
 
 def _short_text(item: Any) -> str:

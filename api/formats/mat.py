@@ -14,7 +14,8 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from datetime import datetime
 from typing import BinaryIO
 
 import numpy as np
@@ -32,7 +33,8 @@ from api.formats import (
     proportionate,
     text_reason,
 )
-from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, stated_rate
+from api.formats.arrays import Part, frequency_unit, line_counts, parts_of, series_of, started, stated_rate
+from api.formats.writing.mat import HEADER, UNITS
 
 _HEAD = 128
 _CHUNK = 1 << 20
@@ -65,6 +67,8 @@ class _Found:
     texts: dict[str, str] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     unpacked: int = 0
+    own: bool = False
+    """Whether it is an export of this program."""
 
 
 def open_file(file: BinaryIO) -> Recording:
@@ -85,6 +89,7 @@ def open_file(file: BinaryIO) -> Recording:
     order = "<" if head[126:128] == b"IM" else ">"
     with ExitStack() as undo:
         found = _found(file, size, order, undo)
+        found.own = head.startswith(HEADER)
         return _recording(found, undo.pop_all().close)
 
 
@@ -142,8 +147,12 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
         )
 
     rate, remarks = stated_rate(scalars)
+    start = _start_of(found)
+    units = [found.texts.get(f"{UNITS}.{name}", "") or frequency_unit(name, names, found.texts) for name in names]
+    for told in ("start_time",) * (start is not None) + tuple(f"{UNITS}.{name}" for name in names):
+        found.refused.pop(told, None)
     return Recording(
-        series=series_of(parts, [frequency_unit(name, names, found.texts) for name in names]),
+        series=[replace(one, start_time=start) for one in series_of(parts, units)],
         read=by_channel([one.count for one in parts], part),
         refused=found.refused,
         scalars=scalars,
@@ -151,6 +160,13 @@ def _recording(found: _Found, close: Callable[[], None]) -> Recording:
         remarks=remarks,
         close=close,
     )
+
+
+def _start_of(found: _Found) -> datetime | None:
+    """Return when the first sample was taken; in an export the time t counts from the start of the whole recording."""
+    time = next((array for array in found.arrays if array.name == "t"), None)
+    first = float(_values(time, 0, 1)[0]) if found.own and time is not None else 0.0
+    return started(found.texts.get("start_time", ""), first)
 
 
 def _values(array: _Array, start: int, stop: int, *, imaginary: bool = False) -> npt.NDArray[np.float64]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from api.formats import PIECE, FormatError, Recording, Series, Values, bounded, proportionate
-from api.formats.arrays import is_time
+from api.formats.arrays import is_time, started
 
 _ROWS = PIECE // 2
 
@@ -62,6 +63,11 @@ def open_file(file: BinaryIO) -> Recording:
             for position, name in enumerate(names):
                 yield position, _values(batch.column(name), first, name)
 
+    start_text = metadata.get("start_time", b"").decode(errors="replace")
+    if start_text:  # that of the whole recording, of which an export may be a stretch
+        time = next((one for one in series if one.role == "time"), None)
+        first = float(next(read([time.index]))[1][0]) if time is not None and count else 0.0
+        series = [replace(one, start_time=started(start_text, first)) for one in series]
     layout = {"sample_rate": rate} if rate else {}
     return Recording(series=series, read=read, refused=refused, layout=layout, close=source.close)
 

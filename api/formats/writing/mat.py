@@ -1,4 +1,4 @@
-"""MATLAB version 5: a column vector for each channel, the time t in s, the sample rate, and a text of names and units.
+"""MATLAB version 5: a column vector for each channel, the time t in s, the sample rate, names, units and the start as texts.
 
 Written element by element without compression, so that nothing has to be in memory at once.
 """
@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from api.formats import FormatError
 from api.formats.writing import PIECE, Outgoing
 
+HEADER = b"MATLAB 5.0 MAT-file, a recording of Servotune"
+UNITS = "units"
+"""The structure that has a text for each channel that has a unit."""
 _MATRIX, _INT8, _UINT16, _INT32, _UINT32, _DOUBLE = 14, 1, 4, 5, 6, 9
-_CLASS_DOUBLE, _CLASS_CHAR = 6, 4
+_CLASS_STRUCT, _CLASS_DOUBLE, _CLASS_CHAR = 2, 6, 4
 _MOST_SAMPLES = (2**31 - 4096) // 8
 _LONGEST_NAME = 63
 
@@ -31,11 +34,13 @@ def write(recording: Outgoing) -> Iterator[bytes]:
             f"a MATLAB file of version 5 must have at most {_MOST_SAMPLES} samples, got {recording.count}: "
             "export a shorter stretch, or as hdf5"
         )
-    text = b"MATLAB 5.0 MAT-file, a recording of Servotune"
-    yield text.ljust(124) + struct.pack("<H2s", 0x0100, b"IM")
+    yield HEADER.ljust(124) + struct.pack("<H2s", 0x0100, b"IM")
     names = variables([column.name for column in recording.columns])
     listed = "\n".join(f"{name}: {label}" for name, label in zip(names, recording.labels(), strict=True))
     yield _text("channels", listed)
+    units = {name: column.unit for name, column in zip(names, recording.columns, strict=True) if column.unit}
+    if units:
+        yield _structure(UNITS, units)
     yield _text("start_time", recording.start_time)
     if recording.sample_rate is not None:
         yield _head("sample_rate", 1) + struct.pack("<d", recording.sample_rate)
@@ -55,7 +60,7 @@ def variables(names: Sequence[str]) -> list[str]:
     >>> variables(["force 1", "2nd", "t"])
     ['force_1', 'x2nd', 't_1']
     """
-    taken = {"t", "sample_rate", "channels", "start_time"}
+    taken = {"t", "sample_rate", "channels", "start_time", UNITS}
     found = []
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "x"
@@ -91,4 +96,13 @@ def _head(name: str, count: int) -> bytes:
 def _text(name: str, text: str) -> bytes:
     data = text.encode("utf-16-le", errors="replace")
     body = _start(name, _CLASS_CHAR, (min(len(text), 1), len(data) // 2)) + _element(_UINT16, data)
+    return struct.pack("<II", _MATRIX, len(body)) + body
+
+
+def _structure(name: str, texts: Mapping[str, str]) -> bytes:
+    """Return a structure of one element, whose fields are texts."""
+    width = _LONGEST_NAME + 1
+    names = b"".join(field.encode("ascii").ljust(width, b"\0") for field in texts)
+    start = _start(name, _CLASS_STRUCT, (1, 1)) + _element(_INT32, struct.pack("<i", width)) + _element(_INT8, names)
+    body = start + b"".join(_text("", text) for text in texts.values())
     return struct.pack("<II", _MATRIX, len(body)) + body

@@ -226,6 +226,33 @@ def test_a_binary_file_and_its_exports(client, tmp_path):
     assert client.get(where, params={"format": "wav"}).status_code == 422
 
 
+@pytest.mark.parametrize("format_", ["mat", "parquet", "hdf5"])
+def test_what_leaves_comes_back_with_its_units_and_its_start(client, format_):
+    """A stretch from 0.4 s on: its first sample was taken 0.4 s after the start of the whole."""
+    described = [{"name": "force/left", "unit": "N"}, {"name": "units", "unit": "mm"}, {"name": "plain"}]
+    body = {"name": "whole", "format": "raw", "sample_rate": 1000, "start_time": "2026-11-28T05:00:00.25+00:00"}
+    data = RNG.normal(size=(1000, 3)).astype("<f8")
+    reply = upload(client, body | {"channels": described}, data.tobytes())
+    where = f"/v1/datasets/{reply.json()['id']}/export"
+    for start, began in ((None, "05:00:00.250000"), (0.4, "05:00:00.650000")):
+        asked = {"format": format_} | ({} if start is None else {"start": start})
+        again = imported(client, format_, client.get(where, params=asked).content)
+        assert again["start_time"] == f"2026-11-28T{began}+00:00"
+        named = {one["unit"]: one["name"] for one in again["channels"]}  # HDF5 sorts channels, MATLAB changes names
+        first = 0 if start is None else 400
+        for unit, column in zip(("N", "mm", ""), data.T, strict=True):
+            np.testing.assert_array_equal(values(client, again, named[unit]), column[first:])
+
+
+def test_matlab_reads_the_units_of_an_export_as_a_structure(client):
+    channels = [{"name": "a long name that is no variable, " * 3, "unit": "m/s**2"}, {"name": "b"}]
+    reply = upload(client, {"name": "r", "format": "raw", "sample_rate": 10, "channels": channels}, bytes(160))
+    found = client.get(f"/v1/datasets/{reply.json()['id']}/export", params={"format": "mat"})
+    read = scipy.io.loadmat(io.BytesIO(found.content), simplify_cells=True)
+    (name,) = read["units"]
+    assert (read["units"], len(read[name])) == ({name: "m/s**2"}, 10)
+
+
 def matlab(**variables):
     target = io.BytesIO()
     scipy.io.savemat(target, variables)
