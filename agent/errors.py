@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class SettingsError(ValueError):
     """The settings of the agent make no sense; the message names the place, the rule and the value."""
@@ -24,3 +27,14 @@ class AttemptError(Exception):
         self.code, self.what, self.remedy = code, what, remedy
         self.detail = f"{what} - {remedy}" if remedy else what
         super().__init__(self.detail)
+
+
+@contextmanager
+def about(what: str) -> Iterator[None]:
+    """Let the refusal of a setting begin with what it is about."""
+    try:
+        yield
+    except AttemptError as error:
+        if error.code != "unsupported_setting":
+            raise
+        raise AttemptError(error.code, f"{what}: {error.what}", remedy=error.remedy) from error

@@ -15,7 +15,8 @@ import numpy as np
 from agent.drivers.file.exchange import complain, load, put, remove, save, wait
 from agent.drivers.file.settings import FileSettings
 from agent.drivers.interface import Channel, Driver, Running, Samples
-from agent.errors import AttemptError
+from agent.drivers.synchronisation import listed
+from agent.errors import AttemptError, about
 from agent.safety import Drive, way_home
 from agent.settings import InputSettings, OutputSettings
 
@@ -99,7 +100,9 @@ class Files(Driver):
         place = self._ask("run", asked)
         running = FileRunning(place, self._settings, columns=len(inputs))
         try:
-            ready = wait(place / "ready.json", within=self._settings.deadline)
+            told = listed([entry.name for entry in inputs])
+            with about(f"sample rate {rate:g} of {told} ({self._folder})"):
+                ready = wait(place / "ready.json", within=self._settings.deadline)
             running.rate = _positive(ready.get("rate"), place / "ready.json")
             yield running
         finally:

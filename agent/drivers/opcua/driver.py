@@ -15,7 +15,8 @@ from asyncua.client import Client
 from agent.drivers.interface import Channel, Driver, Running, Samples
 from agent.drivers.opcua.controller import ARM, FAILED, IDLE, PREPARE, REST, START, STOP, Controller
 from agent.drivers.opcua.settings import OpcuaSettings
-from agent.errors import AttemptError
+from agent.drivers.synchronisation import listed
+from agent.errors import AttemptError, about
 from agent.safety import Drive, way_home
 from agent.settings import InputSettings, OutputSettings
 
@@ -81,7 +82,9 @@ class Opcua(Driver):
         (size,) = self._controller.read("BlockSize")
         block = int(min(max(rate * self._settings.chunk, 1), (size - _HEADER) // len(names)))
         asked = {"Rate": rate, "BlockSamples": block}
-        self._controller.obey(PREPARE, asked, within=self._settings.deadline)
+        told = listed([entry.name for entry in inputs])
+        with about(f"sample rate {rate:g} of {told} ({self._settings.server})"):
+            self._controller.obey(PREPARE, asked, within=self._settings.deadline)
         (actual,) = self._controller.read("ActualRate")
         columns = [names.index(entry.channel) for entry in inputs]
         running = OpcuaRunning(

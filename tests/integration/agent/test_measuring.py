@@ -172,18 +172,3 @@ def test_a_long_run_is_streamed_both_ways(lab) -> None:
     assert values.shape == (round(20.1 * 51200), 2)
     k = np.arange(5120, 5120 + 19 * 51200)
     assert np.abs(values[k, 0] - 2 * np.sin(2 * np.pi * 5 * (k - 5120) / 51200)).max() < 2e-6
-
-
-@pytest.mark.parametrize("segment", [0.1, 0.03])
-def test_what_an_output_was_told_to_play_is_a_channel_beside_what_was_measured(lab, segment) -> None:
-    settings = lab.settings()
-    with lab.agent(replace(settings, spool=replace(settings.spool, segment=segment))):
-        done = lab.wait(lab.ask(channels=["valve", "loopback"], averages=2))
-    assert (done["status"], done["attempts"][0]["error"]) == ("done", None)
-    values = lab.samples(done["dataset"])
-    assert np.abs(values[:, 1] - values[:, 0]).max() < 2e-6  # in every sample; the converter's step is 1.2e-6 V
-    assert np.ptp(values[:, 1]) > 3.9
-    channels = lab.client.get(f"/v1/datasets/{done['dataset']}").json()["channels"]
-    assert [(entry["name"], entry["unit"]) for entry in channels] == [("loopback", "V"), ("valve", "V")]
-    assert channels[1]["quantity"] == "commanded voltage"
-    assert lab.get(done["id"])["document"]["channels"] == ["valve", "loopback"]
